@@ -5,7 +5,8 @@ white, covariance phi W^-1, F z the summed deformation (summed_deformation). The
 
     c errs by  -A z + noise,      A = N_cc^-1 N_cz,      noise: phi N_cc^-1, with control by its own standard deviations
 
-N of deformed_normals; the rest, F z - D A z, remains in the points. Ground points are weighted means over the strips:
+N of deformed_normals; the rest, F z - D A z, remains in the points. Where a strip keeps its similarity F z is what that
+has left of the deformation, F z + S s (taken_up). Ground points are weighted means over the strips:
 
     C_X = B C_(c, z) B' + phi (sum W)^-1,      B = (sum W)^-1 W (D, F)
 
@@ -26,7 +27,7 @@ import numpy as np
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import thread_control
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
@@ -45,14 +46,13 @@ from aatri.orientation.bodies.deformed_normals import (
 from aatri.orientation.bodies.determined_degrees import kept_coefficients
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials
 from aatri.orientation.bodies.summed_deformation import (
-    AXIS,
     COMPONENT,
     COMPONENTS,
     COMPONENTS_TOGETHER,
-    HELD,
-    SUMMED,
+    HIGHEST,
     TOGETHER,
 )
+from aatri.orientation.bodies.taken_up import SIZE, similarities, taken_up
 
 MOST_STRIPS = 200
 """Deformations of all strips hang together: their matrices grow with the square of the strips, to 1 GB at 500."""
@@ -72,7 +72,7 @@ class DeformedCovariances:
     coefficient_sigma_m : (n_strips, K) float64, m
         The same.
     sigma, redundancy : dict of str to float
-        Standard deviations of the components, rad (joints) or m (similarities), and their redundancies.
+        Standard deviations of the components, rad, and their redundancies.
     missing : str
         Why there are none.
     """
@@ -127,7 +127,6 @@ def _deformed_covariances(
         return DeformedCovariances(*nothing, {}, {}, "the deformation of the strips is not estimable (no redundancy)")
     if n_strips > MOST_STRIPS:
         return DeformedCovariances(*nothing, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
-    used = SUMMED if int(result.degree.min()) >= 1 else np.arange(len(AXIS))
     active, T_ties = tied.active[: len(points.strip)], tie_whitener(spread, tied.tau_m)
     ties = deformed_ties(points, axes, active, T_ties, wide=is_wide(result.basis))
     typical = typical_variance(spread, tied.tau_m)
@@ -136,21 +135,33 @@ def _deformed_covariances(
     total = _sums(T_ties[active], points.point[active], n_points)
     often = np.bincount(ties.point, minlength=n_points) + np.bincount(control.point, minlength=n_points)
     inverse = _inverses(total + _sums(T, control.point, n_points))
-    made = by_functions(axes, models, result.basis)[:, :, np.concatenate([np.arange(K), K + used])]
-    N = _joined(made.swapaxes(1, 2)[:, None] @ normals(ties, n_strips, inverse, often < 2) @ made)
-    free = np.concatenate([kept, np.ones((n_strips, len(used)), dtype=bool)], axis=1)
-    is_c = free & (np.arange(free.shape[1]) < K)
-    c, z = np.flatnonzero(is_c), np.flatnonzero(free & ~is_c)
+    made = by_functions(axes, models, result.basis)
+    held = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
+    S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :held]
+    made = np.concatenate([made[:, :, :K], S, made[:, :, K:]], axis=2)
+
+    def normal_matrix(inverse: Float, single: Bool) -> Float:
+        return _joined(made.swapaxes(1, 2)[:, None] @ normals(ties, n_strips, inverse, single) @ made)
+
+    N, place = normal_matrix(inverse, often < 2), np.tile(np.arange(made.shape[2]), n_strips)
+    c = np.flatnonzero(np.pad(kept, ((0, 0), (0, made.shape[2] - K))).ravel())
+    s, z = np.flatnonzero((place >= K) & (place < K + held)), np.flatnonzero(place >= K + held)
+    err = np.zeros((len(s), len(z)))  # of the similarities, for deformations of one
+    if held:
+        by_ties = normal_matrix(_inverses(total), np.bincount(ties.point, minlength=n_points) < 2)
+        err = taken_up(by_ties, N if T.any() else normal_matrix(0.0 * inverse, often < 0), s, z, axes)
     Q = np.linalg.inv(N[np.ix_(c, c)])
-    A = Q @ N[np.ix_(c, z)]
-    S = N[np.ix_(z, z)] - N[np.ix_(z, c)] @ A
-    left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)
-    z, A, S = z[left], A[:, left], S[np.ix_(left, left)]
-    g = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()[z]
+    brought = N[:, z] + N[:, s] @ err
+    A, whole = Q @ brought[c], brought[z] + err.T @ brought[s]
+    S = whole - brought[c].T @ A
+    left = S.diagonal() > ABSORBED * np.maximum(whole.diagonal(), 1e-300)
+    z, A, S, err = z[left], A[:, left], S[np.ix_(left, left)], err[:, left]
+    of_misfit = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()
     squares = tied.weighted_sigma0**2 * redundancy
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
+    g, kind = of_misfit[z] + err.T @ of_misfit[s], np.tile(COMPONENT, n_strips)[left]
     for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, np.array(TOGETHER))):
-        component = of[COMPONENT[used][z % free.shape[1] - K]]
+        component = of[kind]
         found = deformation_components(S, g, component, squares, redundancy, least)
         present = np.unique(component).tolist()
         few = [f"{names[k]} ({found.redundancy[k]:.1f})" for k in present if found.redundancy[k] < ESTIMABLE]
@@ -162,12 +173,12 @@ def _deformed_covariances(
         why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
         why = f"the deformation of the strips is not estimable ({why})"
         return DeformedCovariances(*nothing, sigma, of_component, why)
-    brought = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
-    noise = Q @ brought.reshape(len(N), 3 * len(control.point))[c]
-    theta, C = found.variance[component], np.zeros_like(N)
-    C[np.ix_(c, c)] = found.phi * Q + (A * theta) @ A.T + (1 - found.phi) * noise @ noise.T
-    C[np.ix_(c, z)], C[np.ix_(z, c)] = -A * theta, -(A * theta).T
+    by_control = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
+    noise = Q @ by_control.reshape(len(N), 3 * len(control.point))[c]
+    theta, C, r, R = found.variance[component], np.zeros_like(N), np.concatenate([c, s]), np.concatenate([-A, err])
+    C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = (R * theta) @ R.T, R * theta, (R * theta).T
     C[z, z] = theta
+    C[np.ix_(c, c)] += found.phi * Q + (1 - found.phi) * noise @ noise.T
     sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
     return DeformedCovariances(
         _of_points(ties, C, made, total, found.phi), np.where(kept, sigmas, np.nan), sigma, of_component
@@ -178,11 +189,7 @@ def covariance_notes(found: DeformedCovariances) -> list[Note]:
     """How far the joints of the strips err, or why there are no standard deviations."""
     if found.missing:
         return [Note("note", f"no standard deviations of points and coefficients: {found.missing}")]
-    parts = [
-        f"{name} {sigma:.3f} m" if name in HELD else f"{name} {1e6 * sigma:.3g} urad"
-        for name, sigma in found.sigma.items()
-    ]
-    of = ", ".join(parts)
+    of = ", ".join(f"{name} {1e6 * sigma:.3g} urad" for name, sigma in found.sigma.items())
     return [Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {of}")]
 
 

@@ -20,7 +20,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes, StripBasis
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.polynomial_ties import in_axes
-from aatri.orientation.bodies.summed_deformation import causes, functions
+from aatri.orientation.bodies.summed_deformation import HIGHEST, causes, functions
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def deformed_ties(
 def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> Float:
     """Coefficients and causes by the functions, (n_strips, 3 m, K + L)."""
     half_m, wide = np.stack([a.half_range_m for a in axes]), is_wide(basis)
-    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 5)))
+    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, HIGHEST + 2), np.linspace(-1, 1, 5)))
     f = functions(u, v, wide=wide)
     # The coefficients' terms are sums of the functions: at a few places they say which.
     made = np.linalg.pinv(f)

@@ -12,9 +12,8 @@ polynomials, h of degree 2 to `HIGHEST`, w of degree 1 to `HIGHEST` - 1. With w 
     c_a = (2a + 1) / 2 int P_a w du = (2a + 1) / 2 int J_a dB,     J_a(s) = int_s^1 P_a,     for h once more,
 
 so that the covariances of the coefficients are integrals of products of polynomials, exact. Higher degrees have
-variances that fall with the fourth (h) and the second (w) power of the degree. Lower ones a similarity takes away:
-what that of an earlier stage has left, 1, u and v in every direction, is not summed along the strip and has a standard
-deviation of its own, m at the edges of the strip.
+variances that fall with the fourth (h) and the second (w) power of the degree. Lower ones a similarity takes away
+(taken_up).
 
 Source: Vermeir 1954; Ackermann 1965 (errors of joints add up twice); aatri/orientation/bodies/deformation.py.
 """
@@ -28,42 +27,31 @@ from numpy.polynomial import legendre
 
 from aatri.arrays import Float, Int
 
-HIGHEST = 4
-"""Highest degree along the strip."""
+HIGHEST = 6
+"""Highest degree along the strip. What is left out looks like joints that err more: with 4 the standard deviations of
+dense blocks were a fifth too large."""
 
-SCALE, AZIMUTH, PITCH, ROLL, HELD_PLAN, HELD_HEIGHT = range(6)
+SCALE, AZIMUTH, PITCH, ROLL = range(4)
 """Variance components: of the joints' scale, azimuth and two tilts, which relative orientation determines differently
-well; of similarities that are held."""
+well."""
 
-COMPONENTS = (
-    "joints, scale",
-    "joints, azimuth",
-    "joints, tilt along",
-    "joints, tilt across",
-    "held similarities, in plan",
-    "held similarities, in height",
-)
+COMPONENTS = ("joints, scale", "joints, azimuth", "joints, tilt along", "joints, tilt across")
 
-TOGETHER = (SCALE, SCALE, PITCH, PITCH, HELD_PLAN, HELD_HEIGHT)
+TOGETHER = (SCALE, SCALE, PITCH, PITCH)
 """Plan and height alone, where a block tells not more."""
 
-COMPONENTS_TOGETHER = ("joints, in plan", "", "joints, in height", "", *COMPONENTS[HELD_PLAN:])
-
-HELD = COMPONENTS[HELD_PLAN:]
+COMPONENTS_TOGETHER = ("joints, in plan", "", "joints, in height", "")
 
 _COUNT = HIGHEST - 1
-AXIS: Int = np.repeat([0, 1, 2, 0, 1, 2, 0, 1, 2], [_COUNT] * 6 + [3] * 3)
-"""Direction of every cause, U, V or W: h, then w; the last nine are those of a similarity: 1, u, v."""
+AXIS: Int = np.repeat([0, 1, 2, 0, 1, 2], _COUNT)
+"""Direction of every cause, U, V or W: h, then w."""
 
-_OF_AXES = np.array([[SCALE, AZIMUTH, PITCH], [AZIMUTH, SCALE, ROLL], [HELD_PLAN, HELD_PLAN, HELD_HEIGHT]])
-COMPONENT: Int = _OF_AXES[np.repeat(range(3), 9), AXIS]
-
-SUMMED: Int = np.flatnonzero(COMPONENT < HELD_PLAN)
-"""Causes that are joints."""
+_OF_AXES = np.array([[SCALE, AZIMUTH, PITCH], [AZIMUTH, SCALE, ROLL]])
+COMPONENT: Int = _OF_AXES[np.repeat(range(2), 3 * _COUNT), AXIS]
 
 
 def functions(u: Float, v: Float, *, wide: bool) -> Float:
-    """Functions of which all deformations are made: P_0 to P_4 of u, v times P_0 to P_3; wide: v^2, u v^2, v^3 too.
+    """Functions of which all deformations are made: P_0 to P_6 of u, v times P_0 to P_5; wide: v^2, u v^2, v^3 too.
 
     Parameters
     ----------
@@ -101,12 +89,10 @@ def causes(half_range_m: Float, models: Int, count: int) -> Float:
     sums, walks = _roots()
     first = HIGHEST + 1
     for axis in range(3):
-        h, w = np.flatnonzero((axis == AXIS) & (COMPONENT < HELD_PLAN)).reshape(2, _COUNT)
+        h, w = np.flatnonzero(axis == AXIS).reshape(2, _COUNT)
         root = np.sqrt(models)[:, None, None]
         found[:, axis, 2:first, h] = (2 * half_range_m[:, :1, None] * root * sums).transpose(2, 0, 1)
         found[:, axis, first + 1 : first + HIGHEST, w] = (half_range_m[:, 1:, None] * root * walks).transpose(2, 0, 1)
-        held = np.flatnonzero((axis == AXIS) & (COMPONENT >= HELD_PLAN))
-        found[:, axis, [0, 1, first], held] = 1.0
     return found
 
 

@@ -12,7 +12,7 @@ from aatri.orientation.bodies.deformation_components import deformation_componen
 from aatri.orientation.bodies.deformed_covariances import _inverses, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.deformed_normals import DeformedTies, of_control
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials
-from aatri.orientation.bodies.summed_deformation import covariances
+from aatri.orientation.bodies.summed_deformation import COMPONENTS, covariances
 
 MODELS, BASE_M, WIDTH_M = 20, 100.0, 360.0
 
@@ -144,8 +144,8 @@ def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_
 def test_how_far_joints_err_is_told():
     _, deformed = _errors_and_variances(1)
     (note,) = covariance_notes(deformed)
-    assert "joints, in plan" in note.text
-    assert 2e-5 < deformed.sigma["joints, in height"] < 8e-5
+    assert "joints, tilt across" in note.text
+    assert deformed.sigma == pytest.approx(dict.fromkeys(COMPONENTS, 4e-5), rel=0.3)
 
 
 def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone():
