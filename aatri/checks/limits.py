@@ -129,6 +129,16 @@ WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.rad
 found that scatters by this share of it; readings that agree up to the factor are one: some are the same rotations by
 other names, and the simplest is told. Fewer images say nothing of a convention."""
 
+# --- after: film, photo coordinates
+
+TOO_SIMPLE, LARGEST_SHEAR = 1.5, 1e-3
+"""A similarity whose sigma0 is so many times that of an affine transformation leaves out what the film has done;
+affine deformation of film beyond the second is unusual."""
+
+PHOTO_MARGIN, LARGE_PRINCIPAL_POINT = 0.01, 0.05
+"""Shares of the format: so far beyond its edge a point still counts as inside; a principal point so far off its centre
+may count from another origin."""
+
 # --- after: parameters, correlations
 
 CALIBRATION_CHANGED = 1e-3

@@ -6,14 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.interior.film_checks import check_film, film_suspects
 from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks, film_residuals
 from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
+from aatri.adapters.interior.usable_film import film_suspects, unusable_film
 from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.notes import Note, tell
+from aatri.checks.after.film import film as film_findings
+from aatri.checks.after.outside_format import outside_format
+from aatri.checks.at_start.mark_numbers import mark_numbers
+from aatri.checks.finding import report
+from aatri.checks.limits import PHOTO_MARGIN
 from aatri.orientation.interior.fiducial_fit import snooped_fiducials
 from aatri.orientation.interior.film_deformation import without_deformation
 from aatri.plugin import Context, Field, Options
@@ -38,14 +42,16 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
     """
     film = film_images(block)
     if not film.any():
-        text = "no film image with comparator or pixel coordinates: no fiducial marks are needed"
-        tell([Note("note", text)], context)
+        context.log("no film image with comparator or pixel coordinates: no fiducial marks are needed")
     marks = film_marks(block, np.flatnonzero(film))
+    report(mark_numbers(block, marks), context)
     nominal = np.einsum("nii->ni", marks.nominal)
     fit = snooped_fiducials(
         model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal, limit=options.test_limit
     )
-    usable, of_marks = check_film(block, marks, fit, options.max_sigma0)
+    unusable = unusable_film(marks, fit, options.max_sigma0)
+    report(film_findings(block, marks, fit, unusable), context)
+    usable = fit.determined & ~np.isin(np.arange(len(marks.image)), list(unusable))
     fit = replace(fit, determined=usable)
     calibrated = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))
     interior = stacked([calibrated, film_interior(marks, fit)])
@@ -55,12 +61,13 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         undeformed[marks.image[usable]] = without_deformation(
             model, fit.matrix[usable], fit.terms[usable], fit.photo_from_nominal[usable], nominal[usable]
         )
-    made, of_points = image_points_of(
+    made = image_points_of(
         block,
         interior.take(np.argsort(interior.image, kind="stable")),
         fiducial_residuals=film_residuals(block, marks, fit),
         suspects=film_suspects(block, marks, fit),
+        margin=PHOTO_MARGIN,
         film_deformation=undeformed,
     )
-    tell([*of_marks, *of_points], context)
+    report(outside_format(block, made), context)
     return made

@@ -17,7 +17,9 @@ from aatri.adapters.interior.photo_coordinates import calibrated_interior, image
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import FiducialResiduals, ImagePoints
 from aatri.artifacts.suspects import Suspects
-from aatri.notes import tell
+from aatri.checks.after.outside_format import outside_format
+from aatri.checks.finding import report
+from aatri.checks.limits import PHOTO_MARGIN
 from aatri.plugin import SILENT, Context, stage
 
 
@@ -25,8 +27,12 @@ from aatri.plugin import SILENT, Context, stage
 def calibrated(block: Block, *, context: Context = SILENT) -> ImagePoints:
     """Photo coordinates from pixels or given photo coordinates, reduced to the principal point."""
     interior = calibrated_interior(block, np.flatnonzero(block.images.active))
-    made, notes = image_points_of(
-        block, interior, fiducial_residuals=FiducialResiduals.empty(), suspects=Suspects.empty()
+    made = image_points_of(
+        block,
+        interior,
+        fiducial_residuals=FiducialResiduals.empty(),
+        suspects=Suspects.empty(),
+        margin=PHOTO_MARGIN,
     )
-    tell(notes, context)
+    report(outside_format(block, made), context)
     return made

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -23,17 +20,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
 from aatri.geometry.plane_transformations import MOST_PARAMETERS, transform_plane
-from aatri.ids import shown
-from aatri.notes import Note
-
-MOST_OUTSIDE = 0.05
-"""More points than this share outside the format of the image mean a wrong unit or origin."""
-
-LARGE_PRINCIPAL_POINT = 0.05
-"""A principal point this share of the format off its centre may count from another origin."""
-
-FORMAT_TOLERANCE = 0.01
-"""A point this share of the format beyond its edge still counts as inside."""
 
 
 def image_points_of(
@@ -42,19 +28,17 @@ def image_points_of(
     *,
     fiducial_residuals: FiducialResiduals,
     suspects: Suspects,
+    margin: float,
     film_deformation: Float | None = None,
-) -> tuple[ImagePoints, tuple[Note, ...]]:
+) -> ImagePoints:
     """Transform all image points, subtract the principal point, and set aside what lies outside the format.
 
     Parameters
     ----------
+    margin : float
+        Share of the format by which a point may lie beyond its edge.
     film_deformation : (n, 2, 3) float64, optional
         Per image of measured film the transformation without deformation, a turn at nominal scale; NaN for others.
-
-    Raises
-    ------
-    InputError
-        If more than 5 % of the image points lie outside the format.
     """
     measured = block.image_points
     camera, row = block.images.camera[measured.image], np.full(len(block.images), -1)
@@ -62,8 +46,7 @@ def image_points_of(
     photo = _transformed(interior, row[measured.image], measured.xy)
     matrix = np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row[measured.image]]
     active = measured.active & np.isfinite(photo).all(axis=1)
-    outside = active & ~_inside_format(block, photo, camera)
-    _refuse_mostly_outside(block, active, outside)
+    outside = active & ~_inside_format(block, photo, camera, margin)
     principal_point = block.cameras.principal_point_mm[camera]
     active &= ~outside
     corrections = {}
@@ -72,7 +55,7 @@ def image_points_of(
         undeformed = np.einsum("nij,nj->ni", rigid[:, :, :2], measured.xy) + rigid[:, :, 2]
         corrections["film_deformation"] = _largest(np.nan_to_num(photo - undeformed), active)
     corrections["principal_point"] = _largest(principal_point, active)
-    made = ImagePoints(
+    return ImagePoints(
         images=ImageIds(id=block.images.id),
         points=PointIds(id=block.points.id),
         measurements=Measurements(
@@ -87,7 +70,6 @@ def image_points_of(
         corrections=Corrections(name=np.array(list(corrections)), largest_mm=np.array(list(corrections.values()))),
         suspects=stacked([suspects, _outside_suspects(block, photo, camera, outside)]),
     )
-    return made, tuple(_notes(block, outside))
 
 
 def calibrated_interior(block: Block, images: Int) -> Interior:
@@ -149,46 +131,15 @@ def _calibrated_matrix(block: Block, camera: int) -> Float:
         raise InputError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _half_format(block: Block) -> Float:
+def half_format_of(block: Block) -> Float:
+    """Half of the format of every camera, (n, 2) mm."""
     cameras = block.cameras
     return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
 
 
-def _inside_format(block: Block, photo: Float, camera: Int) -> Bool:
-    allowed = _half_format(block)[camera] * (1 + FORMAT_TOLERANCE)
+def _inside_format(block: Block, photo: Float, camera: Int, margin: float) -> Bool:
+    allowed = half_format_of(block)[camera] * (1 + margin)
     return np.asarray(~((np.abs(photo[:, 0]) > allowed[:, 0]) | (np.abs(photo[:, 1]) > allowed[:, 1])))
-
-
-def _notes(block: Block, outside: Bool) -> Iterator[Note]:
-    if outside.any():
-        text = f"{int(outside.sum())} image points outside the format are not used"
-        yield Note("warning", text, tuple(_names(block, outside)))
-    cameras = block.cameras
-    far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * _half_format(block)).any(axis=1)
-    if far.any():
-        text = (
-            "principal point more than 5 % of the format off the image centre (it counts from there, in mm, "
-            "x right, y up)"
-        )
-        yield Note("warning", f"{text}: camera", tuple(cameras.id[far].tolist()))
-
-
-def _refuse_mostly_outside(block: Block, active: Bool, outside: Bool) -> None:
-    if outside.sum() <= MOST_OUTSIDE * active.sum():
-        return
-    first = int(np.flatnonzero(outside)[0])
-    raise InputError(
-        f"{int(outside.sum())} of {int(active.sum())} image points lie outside the format: "
-        f"{shown(_names(block, outside))}",
-        where=read_at(block, block.image_points, first),
-        remedy="check the camera's format, image_coordinates, pixel size and pixel origin",
-    )
-
-
-def _names(block: Block, rows: Bool) -> list[str]:
-    image = block.images.id[block.image_points.image[rows]]
-    point = block.points.id[block.image_points.point[rows]]
-    return [f"{i}/{p}" for i, p in zip(image, point)]
 
 
 def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
@@ -203,7 +154,7 @@ def _largest(correction: Float, active: Bool) -> float:
 
 def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) -> Suspects:
     rows = np.flatnonzero(outside)
-    beyond = np.abs(photo[rows]) - _half_format(block)[camera[rows]]
+    beyond = np.abs(photo[rows]) - half_format_of(block)[camera[rows]]
     measured = block.image_points
     return suspect_rows(
         "interior_orientation",

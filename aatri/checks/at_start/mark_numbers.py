@@ -1,8 +1,10 @@
 """Numbering, mirroring and scale of the fiducial marks of film images, by a similarity of each image.
 
 Film is deformed by some parts in a thousand: marks that are the right ones fit a similarity to far better than 2 % of
-their extent, whatever transformation is asked for. Those that do not are tried mirrored, and with their numbers
-exchanged; what fits is proposed.
+their extent, whatever transformation is asked for.
+
+Seen: marks whose numbers are exchanged, that are mirrored, or measured in another unit.
+Test: marks that fit no similarity are tried mirrored, and with their numbers exchanged; what fits is proposed.
 """
 
 from __future__ import annotations
@@ -13,22 +15,23 @@ from aatri.adapters.imported import read_at
 from aatri.adapters.interior.film_marks import FilmMarks
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
-from aatri.errors import InputError
+from aatri.checks.finding import Finding
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fit_fiducials
 from aatri.orientation.interior.fiducial_numbering import is_misfit, renumbering, scale_problem
 
 MIRROR = np.array([1.0, -1.0])
 
 
-def wrong_marks(block: Block, marks: FilmMarks) -> list[InputError | None]:
-    """Per film image what is wrong with its marks as a whole; None where nothing is, or nothing that has a remedy."""
+def mark_numbers(block: Block, marks: FilmMarks) -> list[Finding]:
+    """What is wrong with the marks of film images as a whole, as far as there is a remedy."""
     size = np.einsum("nii->ni", marks.nominal)
     given = (marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present)
     upright, mirrored = (fit_fiducials("similarity", *given, size * way) for way in (np.ones(2), MIRROR))
-    return [_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image))]
+    wrong = (_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image)))
+    return [finding for finding in wrong if finding is not None]
 
 
-def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: FiducialFit, k: int) -> InputError | None:
+def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: FiducialFit, k: int) -> Finding | None:
     if not upright.determined[k]:
         return None
     present = marks.present[k]
@@ -38,7 +41,7 @@ def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: Fiduc
     if not is_misfit(upright.residual_mm[k, present], calibrated):
         scale = scale_problem(upright.photo_from_nominal[k])
         remedy = "check the pixel size and the unit of the fiducial coordinates of the camera"
-        return InputError(f"{image}: {scale}", where=where, remedy=remedy) if scale else None
+        return _error(f"{image}: {scale}", remedy, where) if scale else None
     nominal = marks.measured[k, present] @ marks.nominal[k].T
     names = block.fiducials.id[marked.fiducial[rows]]
 
@@ -49,15 +52,15 @@ def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: Fiduc
     exchanged, direction = mapping(np.ones(2)), "check pixel: {y: down} or {y: up} of the camera"
     if not is_misfit(mirrored.residual_mm[k, present], calibrated):
         also = f", or exchange numbers: {exchanged}" if exchanged else ""
-        return InputError(
-            f"{image}: its fiducial marks fit only as a mirror image",
-            where=where,
-            remedy=f"{direction} (a comparator counts y up){also}",
-        )
+        remedy = f"{direction} (a comparator counts y up){also}"
+        return _error(f"{image}: its fiducial marks fit only as a mirror image", remedy, where)
     if exchanged:
-        return InputError(f"{image}: the numbers of its fiducial marks are exchanged", where=where, remedy=exchanged)
-    both = mapping(MIRROR)
-    if both:
+        return _error(f"{image}: the numbers of its fiducial marks are exchanged", exchanged, where)
+    if both := mapping(MIRROR):
         what = f"{image}: its fiducial marks fit only as a mirror image, and with their numbers exchanged"
-        return InputError(what, where=where, remedy=f"{both}; and {direction}")
+        return _error(what, f"{both}; and {direction}", where)
     return None
+
+
+def _error(what: str, remedy: str, where: str) -> Finding:
+    return Finding("mark_numbers", "error", what, remedy, where=where)

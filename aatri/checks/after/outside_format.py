@@ -1,0 +1,42 @@
+"""Photo coordinates against the format of the image.
+
+Seen: points outside the format, which were set aside; a principal point that counts from another origin.
+Test: a share of the points and of the format; more points outside than that is a wrong unit or origin, an error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.adapters.imported import read_at
+from aatri.adapters.interior.photo_coordinates import half_format_of
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.checks.as_read.rejects import name_of_image_point
+from aatri.checks.finding import Finding
+from aatri.checks.limits import LARGE_PRINCIPAL_POINT, MAX_REJECT_SHARE
+from aatri.ids import shown
+
+
+def outside_format(block: Block, made: ImagePoints) -> list[Finding]:
+    """Image points outside the format, and principal points far from its middle."""
+    cameras, suspects = block.cameras, made.suspects
+    rows = suspects.row[suspects.kind == "image_point"].tolist()
+    names, whole = [name_of_image_point(block, row) for row in rows], len(rows) + int(made.measurements.active.sum())
+    if len(rows) > MAX_REJECT_SHARE * whole:
+        text = f"{len(rows)} of {whole} image points lie outside the format: {shown(names)}"
+        remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
+        where = read_at(block, block.image_points, rows[0])
+        return [Finding("outside_format", "error", text, remedy, where=where)]
+    findings = []
+    if rows:
+        text = f"{len(rows)} image points outside the format are not used"
+        findings.append(Finding("outside_format", "warning", text, ids=tuple(names)))
+    far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * half_format_of(block)).any(axis=1)
+    if far.any():
+        text = (
+            "principal point more than 5 % of the format off the image centre (it counts from there, in mm, "
+            "x right, y up): camera"
+        )
+        findings.append(Finding("outside_format", "warning", text, ids=tuple(cameras.id[far].tolist())))
+    return findings
