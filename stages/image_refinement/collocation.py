@@ -23,7 +23,9 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.notes import Note, tell
+from aatri.checks.after.smooth_signal import smooth_signal
+from aatri.checks.finding import report
+from aatri.notes import Note
 from aatri.orientation.refinement.collocation import collocate_groups
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -59,7 +61,7 @@ def collocation(
         model=options.model,
         cells_per_side=options.cells_per_side,
     )
-    notes = []
+    notes: list[Note] = []
     if not used.any():
         notes.append(Note("warning", "the solution has no residuals of image points: nothing is corrected"))
     for unit, one in signals.items():
@@ -72,7 +74,9 @@ def collocation(
     largest = float(np.linalg.norm(correction, axis=1).max(initial=0.0))
     before = sum(str(name).startswith("collocation") for name in image_points.corrections.name)
     name = "collocation" if before == 0 else f"collocation {before + 1}"
-    tell(notes, context)
+    radius = np.zeros(len(units.id))
+    np.maximum.at(radius, units.of_image[m.image[rows]], np.linalg.norm(m.xy_mm[rows], axis=1))
+    report([*notes, *smooth_signal(signals, units.id, radius)], context)
     return with_corrections(image_points, xy, [name], [largest])
 
 
