@@ -129,6 +129,15 @@ WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.rad
 found that scatters by this share of it; readings that agree up to the factor are one: some are the same rotations by
 other names, and the simplest is told. Fewer images say nothing of a convention."""
 
+# --- after: models, joints
+
+OUT_OF_SEQUENCE = 1.5
+"""An image that shares so many times more points with another than with either neighbour may be out of sequence."""
+
+CHECKED_POINTS, UNSTABLE_SPREAD = 3, 0.2
+"""With fewer connection points a wrong one cannot be located; those that cover less of the width of the models make an
+unstable bridge."""
+
 # --- after: film, photo coordinates
 
 TOO_SIMPLE, LARGEST_SHEAR = 1.5, 1e-3

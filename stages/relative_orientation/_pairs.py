@@ -9,15 +9,14 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.pairs.image_pairs import named_points, pairs_of, strip_pairs
-from aatri.adapters.pairs.models import models_of, with_elements
-from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.pairs.models import models_of, refuse_misfits, with_elements
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.checks.after.of_stage import findings_of
+from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
 from aatri.notes import Note, tell
 from aatri.orientation.relative.connected_pairs import classical_model_points
@@ -102,6 +101,5 @@ def oriented(
         orientations.xyz[:] = classical_model_points(pairs, orientations)
     models = with_elements(models_of(block, image_points, pairs, orientations), frame)
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell(notes_of_pairs(block, image_points, pairs, orientations, models), context)
-    report(findings_of(block, models, "relative_orientation"), context)
+    report(findings_of_models(block, image_points, pairs, orientations, models), context)
     return models

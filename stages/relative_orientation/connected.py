@@ -21,14 +21,13 @@ from dataclasses import replace
 from typing import Literal
 
 from aatri.adapters.pairs.image_pairs import pair_names
-from aatri.adapters.pairs.models import models_of, with_connections, with_elements
-from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.pairs.models import models_of, refuse_misfits, with_connections, with_elements
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.checks.after.of_stage import findings_of
+from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
-from aatri.notes import Note, tell
+from aatri.notes import Note
 from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
 from aatri.orientation.relative.image_scale import limit_of, with_sigmas
 from aatri.orientation.relative.pairs import relative_orientations
@@ -80,6 +79,5 @@ def connected(
     models = with_elements(models_of(block, image_points, pairs, orientations), "dependent")
     models = with_connections(block, models, orientations, connections)
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell([*notes, *notes_of_pairs(block, image_points, pairs, orientations, models)], context)
-    report(findings_of(block, models, "relative_orientation"), context)
+    report([*notes, *findings_of_models(block, image_points, pairs, orientations, models)], context)
     return models

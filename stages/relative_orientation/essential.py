@@ -21,14 +21,12 @@ from dataclasses import replace
 from typing import Literal
 
 from aatri.adapters.pairs.image_pairs import neighbouring_images, overlapping_images, pairs_of
-from aatri.adapters.pairs.models import essential_models, with_elements
-from aatri.adapters.pairs.pair_notes import notes_of_pairs, refuse_misfits
+from aatri.adapters.pairs.models import essential_models, refuse_misfits, with_elements
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.checks.after.of_stage import findings_of
+from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
-from aatri.notes import tell
 from aatri.orientation.relative.essential import SAMPLES, essential_orientations
 from aatri.orientation.relative.image_scale import with_sigmas
 from aatri.plugin import SILENT, Context, Field, stage
@@ -73,6 +71,5 @@ def essential(
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.orientations.scale))
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
     context.progress(len(pairs.left), len(pairs.left), "models")
-    tell(notes_of_pairs(block, image_points, pairs, made.orientations, models), context)
-    report(findings_of(block, models, "relative_orientation"), context)
+    report(findings_of_models(block, image_points, pairs, made.orientations, models), context)
     return models

@@ -10,11 +10,12 @@ import numpy as np
 
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.free_strips import strips_of
-from aatri.adapters.strips.model_chains import Gap, chains_of, images_left_alone, model_table, unbroken_runs
+from aatri.adapters.strips.model_chains import chains_of, images_left_alone, model_table, names_of_joint, unbroken_runs
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
+from aatri.checks.after.joints import findings_of_joints
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
@@ -22,14 +23,8 @@ from aatri.notes import Note
 from aatri.orientation.strips.joints import JointTable, ModelTable, scale_transfers, turns_round
 from aatri.plugin import Context, Field, Options
 
-CHECKED_POINTS = 3
-"""With fewer connection points a wrong one cannot be located."""
-
 NO_REJECTION = 1e9
 """Limit of test statistics that no point exceeds."""
-
-UNSTABLE_SPREAD = 0.2
-"""Connection points that cover less of the width of the models make an unstable bridge."""
 
 
 class JoiningOptions(Options):
@@ -96,14 +91,11 @@ def joined(
     chains, breaks = chains_of(runs, _open_joints(models, joints, options.min_connection_points))
     gaps += [*breaks, *images_left_alone(block, chains)]
     strips = strips_of(block, models, table, joints, chains, gaps)
-    at = {joint: image for chain in chains for joint, image in zip(chain.joints, chain.images[1:])}
-    notes = [*_notes_of_joints(block, models, joints, at, options, limit), *(_note_of_gap(block, gap) for gap in gaps)]
-    turned = tuple(str(block.images.id[at[k]]) for k in np.flatnonzero(turns_round(table, joints)).tolist() if k in at)
-    if turned:
-        text = "strips turn round (the base runs backwards): is the sequence of the images right?"
-        notes.append(Note("warning", text, turned))
-    notes.append(Note("note", f"{len(chains)} free strips", tuple(strips.strips.id.tolist())))
-    report([*notes, *findings_of(block, strips, "strip_formation")], context)
+    made = strips.strips.id.tolist()
+    turned = turns_round(table, joints)
+    findings = findings_of_joints(block, models, joints, chains, gaps, turned, options.scale_jump, limit)
+    counted = Note("note", f"{len(made)} free strips", tuple(made))
+    report([*findings, counted, *findings_of(block, strips, "strip_formation")], context)
     return strips
 
 
@@ -123,40 +115,5 @@ def _open_joints(models: Models, joints: JointTable, needed: int) -> dict[int, s
     for joint in np.flatnonzero((used < needed) | ~np.isfinite(joints.scale)).tolist():
         few = f"share {used[joint]} usable points, {needed} are needed"
         what = few if used[joint] < needed else "carry no scale of their connection"
-        open_[joint] = f"models {_names(models, joints, joint)} {what}"
+        open_[joint] = f"models {names_of_joint(models, joints, joint)} {what}"
     return open_
-
-
-def _names(models: Models, joints: JointTable, joint: int) -> str:
-    return f"{models.orientations.id[joints.first[joint]]} and {models.orientations.id[joints.second[joint]]}"
-
-
-def _notes_of_joints(
-    block: Block, models: Models, joints: JointTable, at: dict[int, int], options: JoiningOptions, limit: float
-) -> list[Note]:
-    """What is to be said of joints that are made, each at its image."""
-    used, worst, scale = joints.used(), joints.largest_test(), joints.scale
-    jumps = ~((scale >= 1 / options.scale_jump) & (scale <= options.scale_jump))
-    few, disagree = used < CHECKED_POINTS, worst > limit
-    unstable = ~few & (joints.spread < UNSTABLE_SPREAD)
-    notes = []
-    for k in np.flatnonzero(jumps | few | disagree | unstable).tolist():
-        texts = (
-            (jumps, f"the scale jumps by a factor of {scale[k]:.3g}: change of height, or wrong points"),
-            (few, f"only {used[k]} connection points: a wrong one cannot be located"),
-            (disagree, f"the scales of the connection points disagree by {worst[k]:.1f} standard deviations"),
-            (
-                unstable,
-                f"bridge unstable: the connection points cover {joints.spread[k]:.0%} of the width of the models",
-            ),
-        )
-        if k in at:
-            joint = f"joint of {_names(models, joints, k)} at image {block.images.id[at[k]]}"
-            notes += [Note("warning", f"{joint}: {text}") for holds, text in texts if holds[k]]
-    return notes
-
-
-def _note_of_gap(block: Block, gap: Gap) -> Note:
-    strip = f"strip {block.strips.id[gap.strip]}" if gap.strip >= 0 else "no strip"
-    images = " - ".join(str(block.images.id[row]) for row in (gap.left, gap.right) if row >= 0)
-    return Note("warning", f"{strip}, {images}: {gap.reason}")

@@ -90,38 +90,6 @@ def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:
     return kept
 
 
-def doubtful_sequences(block: Block, image_points: ImagePoints, margin: float = 1.5) -> list[tuple[int, int]]:
-    """Images whose place in their strip is doubtful: they share more points with an image that is not beside them.
-
-    Parameters
-    ----------
-    block : Block
-    image_points : ImagePoints
-    margin : float
-        How many times more points than with either neighbour.
-
-    Returns
-    -------
-    list of (image, image it shares most points with)
-    """
-    m = image_points.measurements
-    seen = csr_array(
-        (m.active.astype(np.int32), (m.image, m.point)), shape=(len(block.images), len(block.points)), dtype=np.int32
-    )
-    found = []
-    for strip in range(len(block.strips)):
-        rows = images_of_strip(block, strip)
-        part = seen[rows]
-        shared = (part @ part.T).toarray()
-        place = np.arange(len(rows))
-        beside = np.abs(place[:, None] - place) == 1
-        most_beside = np.where(beside, shared, 0).max(axis=1, initial=0)
-        others = np.where(beside | np.eye(len(rows), dtype=bool), 0, shared)
-        doubtful = others.max(axis=1, initial=0) > margin * most_beside
-        found += [(int(rows[k]), int(rows[others[k].argmax()])) for k in np.flatnonzero(doubtful)]
-    return found
-
-
 def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs:
     """The common points of pairs of images, from active measurements.
 

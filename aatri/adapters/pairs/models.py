@@ -11,6 +11,7 @@ from aatri.adapters.film_errors import film_errors
 from aatri.adapters.pairs.image_pairs import pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
+from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
 from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
@@ -232,3 +233,19 @@ def graph_of(models: Models, fewest: int = FEWEST) -> tuple[PairGraph, Int]:
         np.arctan2(across, np.einsum("ni,ni->n", left, right)),
         second[kept],
     ), kept
+
+
+def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> None:
+    """Pairs whose sigma0 is beyond the limit make no model; where all together are, there is no result.
+
+    Raises
+    ------
+    ConvergenceError
+        If the pooled sigma0 is beyond the limit.
+    """
+    formed = np.flatnonzero(orientations.formed)
+    what = f"of {len(formed)} models together"
+    refuse_misfit(pooled_test(orientations.sigma0[formed], orientations.redundancy[formed]), max_sigma0, what)
+    for pair in formed[np.nan_to_num(orientations.sigma0[formed]) > max_sigma0].tolist():
+        orientations.formed[pair] = False
+        orientations.reasons[pair] = f"sigma0 {orientations.sigma0[pair]:.1f}, beyond max_sigma0 = {max_sigma0:g}"

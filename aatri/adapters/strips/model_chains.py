@@ -49,6 +49,11 @@ class Chain:
     joints: list[int] = field(default_factory=list)
 
 
+def names_of_joint(models: Models, joints: JointTable, joint: int) -> str:
+    """The two models that are joined."""
+    return f"{models.orientations.id[joints.first[joint]]} and {models.orientations.id[joints.second[joint]]}"
+
+
 def model_table(models: Models) -> ModelTable:
     """Every model with its active points, as the methods want it."""
     o, p = models.orientations, models.model_points
