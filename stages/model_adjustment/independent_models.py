@@ -102,5 +102,5 @@ def independent_models(
     )
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
-    report([*notes, *findings_of(inside.block, solution, "model_adjustment")], context)
+    report([*notes, *findings_of(inside.block, solution, "model_adjustment", initial.suspects)], context)
     return inside.back(solution)

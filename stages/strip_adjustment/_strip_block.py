@@ -73,5 +73,5 @@ def strip_block(
     solution, resected = strip_block_solution(
         block, image_points, strips, start, adjusted, method, tests=options.reliability
     )
-    report([*adjusted.notes, *resected, *findings_of(block, solution, "strip_adjustment")], context)
+    report([*adjusted.notes, *resected, *findings_of(block, solution, "strip_adjustment", initial.suspects)], context)
     return inside.back(solution)

@@ -10,12 +10,15 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.rejections import exchanged_numbers, rejections
 from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.finding import Finding
 
 
-def findings_of(block: Block, made: Models | Strips | Solution, stage: str) -> list[Finding]:
+def findings_of(
+    block: Block, made: Models | Strips | Solution, stage: str, before: Suspects | None = None
+) -> list[Finding]:
     """What was rejected, what of it has another's number, and what nothing controls.
 
     Parameters
@@ -24,6 +27,8 @@ def findings_of(block: Block, made: Models | Strips | Solution, stage: str) -> l
         In the frame of a Solution.
     stage : str
         Its role.
+    before : Suspects, optional
+        Of the Solution it began from.
     """
-    exchanged = exchanged_numbers(block, made) if isinstance(made, Solution) else []
+    exchanged = exchanged_numbers(block, made, before or Suspects.empty()) if isinstance(made, Solution) else []
     return [*rejections(made.suspects, stage), *exchanged, *uncontrolled_observations(made.uncontrolled)]

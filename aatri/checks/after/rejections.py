@@ -62,8 +62,10 @@ def _named(suspects: Suspects, row: int) -> str:
     return f"{name} ({size:.3g} {suspects.unit[row]}, {test:.3g} sigma)"
 
 
-def exchanged_numbers(block: Block, solution: Solution) -> list[Finding]:
+def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> list[Finding]:
     """Pairs of rejected control points or positions that fit with their numbers exchanged.
+
+    Those that an earlier stage has rejected both are its to tell.
 
     Parameters
     ----------
@@ -71,6 +73,8 @@ def exchanged_numbers(block: Block, solution: Solution) -> list[Finding]:
         In the frame of the adjustment.
     solution : Solution
         In the same frame.
+    before : Suspects
+        Of the stages before.
     """
     control, r = control_of(block), solution.residuals
     given = {"control": np.full((len(block.ground_points), 3), np.nan), "position": block.exterior.position_m}
@@ -81,8 +85,11 @@ def exchanged_numbers(block: Block, solution: Solution) -> list[Finding]:
         X = given_m[r.row[rows]]
         pairs = exchanged_pairs(X + r.residual[rows], X, range(len(rows)))
         names = np.where(r.point[rows] != "", r.point[rows], r.image[rows])
+        told = before.row[(before.kind == kind) & (before.verdict == "rejected")]
         for pair in pairs:
             both = [pair.first, pair.second]
+            if np.isin(r.row[rows[both]], told).all():
+                continue
             text = "two that are rejected fit with their numbers exchanged"
             findings.append(
                 Finding(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.solution import suspect_rows
 from aatri.artifacts.solution import Residuals
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.rejections import control_left_behind, exchanged_numbers, rejections
@@ -36,7 +37,9 @@ def test_rejections_of_the_stage_are_warnings_the_largest_first() -> None:
     assert finding.rows["control"].tolist() == [1, 0]
 
 
-def _rejected(given: np.ndarray, seen: np.ndarray, rows: list[int]) -> list[tuple[str, ...]]:
+def _rejected(
+    given: np.ndarray, seen: np.ndarray, rows: list[int], before: list[int] | None = None
+) -> list[tuple[str, ...]]:
     """Ids of exchanged control points, the first rows given and found elsewhere."""
     block = made_block()
     control = control_of(block)
@@ -54,7 +57,10 @@ def _rejected(given: np.ndarray, seen: np.ndarray, rows: list[int]) -> list[tupl
         active=~np.isin(np.arange(n), rows),
         unit=np.full(n, "m"),
     )
-    return [f.ids for f in exchanged_numbers(block, made_solution(block, residuals=residuals))]
+    of_before = np.array(before or [], dtype=int)
+    named = {"image": np.full(len(of_before), ""), "point": residuals.point[of_before]}
+    earlier = suspect_rows("absolute_orientation", "control", row=residuals.row[of_before], **named)
+    return [f.ids for f in exchanged_numbers(block, made_solution(block, residuals=residuals), earlier)]
 
 
 def test_exchanged_numbers_are_recognised_and_single_blunders_are_not() -> None:
@@ -64,6 +70,12 @@ def test_exchanged_numbers_are_recognised_and_single_blunders_are_not() -> None:
     assert _rejected(seen[[1, 0, 2, 3]] + 0.02, seen, [0, 1]) == [tuple(names.tolist())]
     assert _rejected(seen + np.array([[3.0, 0, 0], [0, 9.0, 0], [0, 0, 0], [0, 0, 0]]), seen, [0, 1]) == []
     assert _rejected(seen[[1, 0, 2, 3]] + 0.02, seen, []) == []
+
+
+def test_what_an_earlier_stage_has_told_is_not_told_again() -> None:
+    seen = np.array([[0.0, 0, 0], [500, 0, 10], [0, 400, 5], [500, 400, 8]])
+    assert _rejected(seen[[1, 0, 2, 3]] + 0.02, seen, [0, 1], before=[0, 1]) == []
+    assert len(_rejected(seen[[1, 0, 2, 3]] + 0.02, seen, [0, 1], before=[0])) == 1
 
 
 def test_control_that_is_measured_and_takes_no_part_is_named() -> None:
