@@ -19,15 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.statistics.reliability import UNCONTROLLED
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.differences import PointDifferences
 from aatri.evaluation.statistics import bias, largest, rmse
 from aatri.ids import rows_of
-
-UNCONTROLLED = 1e-6
-"""Smallest redundancy along any direction from which on a point is predicted by the others."""
 
 
 @dataclass(frozen=True)

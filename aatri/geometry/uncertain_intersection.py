@@ -20,6 +20,9 @@ from aatri.geometry.collinearity import collinearity
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
 
+UNCERTAIN = 0.1
+"""Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""
+
 MOST_ITERATIONS = 20
 SETTLED = 1e-6
 """Of the standard deviation: a smaller step ends the iteration."""

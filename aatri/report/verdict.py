@@ -21,6 +21,7 @@ from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
+from aatri.evaluation.doming import FAR_SIGMAS
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.ids import shown
 from aatri.report.numbers import metres, number
@@ -30,8 +31,6 @@ GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
 CONVERGED = 1e-3
 """Newton decrement at which an adjustment has converged."""
 ENOUGH_CHECK_POINTS = 30
-FAR_SIGMAS = 6.0
-"""A check point beyond this many of its standard deviations is named: it is not where it is said to be."""
 MOST_FAR = 10
 
 

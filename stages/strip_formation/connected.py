@@ -11,6 +11,7 @@ Source: docs/formulas.md 3.5, 3.6; the lecture notes' relative orientation with 
 from __future__ import annotations
 
 from aatri.adapters.strips.model_chains import carried_scales
+from aatri.adjustment.statistics.limits import LEAST_LIMIT
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips
@@ -18,9 +19,6 @@ from aatri.orientation.strips.joints import JointTable, ModelTable, with_given_s
 from aatri.plugin import SILENT, Context, stage
 
 from ._joined import JoiningOptions, joined
-
-LIMIT = 4.0
-"""Connection points whose scales disagree by more standard deviations are told; relative orientation has rejected."""
 
 
 @stage(version=1, uses=("images.strip",))
@@ -36,4 +34,4 @@ def connected(
     def carried(_: ModelTable, joints: JointTable) -> JointTable:
         return with_given_scales(joints, *carried_scales(models, joints))
 
-    return joined(block, models, carried, options, context, limit=LIMIT, rejecting=False)
+    return joined(block, models, carried, options, context, limit=LEAST_LIMIT, rejecting=False)

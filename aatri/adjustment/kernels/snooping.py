@@ -15,7 +15,7 @@ from numba import njit
 from aatri.adjustment.kernels.small import OPTIONS
 
 UNCONTROLLED = 1e-6
-"""Redundancy numbers below this count as zero, as in `adjustment.statistics.reliability`."""
+"""Redundancy numbers below this count as zero."""
 
 
 @njit("int64(boolean[::1])", **OPTIONS)

@@ -25,10 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.kernels.snooping import UNCONTROLLED as UNCONTROLLED
 from aatri.arrays import Float
-
-UNCONTROLLED = 1e-6
-"""Redundancy numbers below this count as zero."""
 
 DELTA0 = 4.13
 """Non-centrality of a test at the level 0.1 % with power 80 %."""

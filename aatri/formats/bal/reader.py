@@ -27,15 +27,13 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
+from aatri.formats.conventions.lens import PIXEL_MM
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
-
-PIXEL_MM = 0.001
-"""Size given to a pixel; the files have none."""
 
 FREE = ("k1", "k2", "principal_distance")
 FIXED = ("principal_point.x", "principal_point.y")

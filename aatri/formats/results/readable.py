@@ -31,7 +31,6 @@ _HOW = {
     "uncontrolled": "it takes standard deviations, and no down-weighted observations",
     "variance_components": "set `variance_components: {groups: [kind]}` in the stage",
 }
-_DEGREES = 180.0 / np.pi
 _ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
 
 
@@ -124,7 +123,7 @@ def _column(
     if name == "role":
         return {f"{name}.{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate(_AXES)}
     if name == "ground_from_image":
-        angles = _DEGREES * angles_from_rotation(values, "omega-phi-kappa")
+        angles = np.degrees(angles_from_rotation(values, "omega-phi-kappa"))
         return {a: ("deg", _plain(angles[:, k])) for k, a in enumerate(("omega", "phi", "kappa"))}
     if not declared.shape:
         return {name: (unit, _plain(values))}

@@ -39,7 +39,6 @@ from aatri.tables.schema import columns_of
 Columns = Mapping[str, npt.NDArray[Any]]
 
 _ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
-_DEGREES = 180.0 / np.pi
 
 
 def write_solution_tables(solution: Solution, block: Block, folder: Path) -> list[Path]:
@@ -251,7 +250,7 @@ def _role_text(code: Int) -> str:
 
 
 def _angles(solution: Solution, system: str, names: Iterable[str]) -> Columns:
-    return _split(names, _DEGREES * angles_from_rotation(solution.images.ground_from_image, system))
+    return _split(names, np.degrees(angles_from_rotation(solution.images.ground_from_image, system)))
 
 
 def _angle_sigmas(solution: Solution, system: str, names: Iterable[str]) -> Columns:
@@ -260,7 +259,7 @@ def _angle_sigmas(solution: Solution, system: str, names: Iterable[str]) -> Colu
     known = images.oriented & np.isfinite(images.covariance[:, 3:, 3:]).all(axis=(1, 2))
     if known.any():
         covariance = angle_covariance(images.ground_from_image[known], images.covariance[known, 3:, 3:], system)
-        sigma[known] = _DEGREES * _sigmas(covariance)
+        sigma[known] = np.degrees(_sigmas(covariance))
     return _split(names, sigma)
 
 

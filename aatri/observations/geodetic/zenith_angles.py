@@ -23,12 +23,11 @@ from aatri.observations.level import Level
 from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, position
 from aatri.options import Options
+from aatri.units import EARTH_RADIUS_M
 
 KIND = "zenith"
 
 USES = ("geodetic:zenith", "geodetic:zenith_to_image", "geodetic.heights")
-
-EARTH_RADIUS_M = 6_371_000.0
 
 TOLD = 0.1
 """Share of the standard deviation from which on the effect of what is neglected is told."""

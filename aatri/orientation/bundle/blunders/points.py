@@ -17,6 +17,7 @@ from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, e
 from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
@@ -26,9 +27,6 @@ PASSES = 3
 
 FAR = 1e9
 """Whitened residual of what cannot be seen from where the point stands."""
-
-UNCERTAIN = 0.1
-"""Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""
 
 FIRM = 1e-3
 """Standard deviation of an exact coordinate at its point, over that which the rays give it."""
