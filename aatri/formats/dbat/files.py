@@ -99,7 +99,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     lines = [TextLine(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
     title = " ".join(lines[0].words)
     source = _Lines(lines, 1)
-    size = _numbers(source.next(4, "tolerance, iterations, image width and height"))
+    size = source.next(4, "tolerance, iterations, image width and height").numbers()
     source.next(9, "default standard deviations")
     camera_line = source.next(10, "the default camera")
     camera = _camera(camera_line, size)
@@ -128,7 +128,7 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
     InputError
         If the file is missing or a line is not of its form.
     """
-    control: dict[str, ObjectPoint] = {}
+    control, first = dict[str, ObjectPoint](), dict[str, TextLine]()
     problems: list[InputError] = []
     lines = [
         (k, text)
@@ -143,7 +143,8 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
             problems.append(entry.error(what, "write a decimal point; a number without one as 10.0"))
             continue
         try:
-            _add(control, _control_point(entry), entry)
+            point = _control_point(entry)
+            control[entry.once(entry.words[0], first, "point")] = point
         except InputError as error:
             problems.append(error)
     raise_all(problems)
@@ -168,10 +169,8 @@ class _Lines:
         if self.at >= len(self.lines):
             raise self.lines[-1].error(f"the file ends where {what} should stand", "export the project again")
         entry = self.lines[self.at]
-        if len(entry.words) != width and width:
-            raise entry.error(f"{len(entry.words)} words where {what} should stand", f"write {width} of them")
         self.at += 1
-        return entry
+        return entry.of_width(width, what) if width else entry
 
     def skip_blank(self) -> None:
         """Pass the blank line between two parts."""
@@ -180,7 +179,7 @@ class _Lines:
 
 
 def _camera(entry: TextLine, size: list[float]) -> DefaultCamera:
-    value = _numbers(entry)
+    value = entry.numbers()
     if not (value[0] > 0 and min(*value[3:5], *size[2:]) > 0):
         raise entry.error("principal distance, format and image size are not all positive", "mend the camera")
     return DefaultCamera((size[2], size[3]), value[0], (value[1], value[2]), (value[3], value[4]), tuple(value[5:]))
@@ -204,16 +203,16 @@ def _photo(source: _Lines, row: int, camera: DefaultCamera) -> DbatPhoto:
     )
     if any(abs(a - b) > ROUNDING_MM for a, b in pairs):
         raise entry.error(f"photo {name} has another camera than the default", "exports of one camera are read")
-    value = _numbers(orientation)
+    value = orientation.numbers()
     return DbatPhoto(name, tuple(value[1:4]), tuple(value[4:]), orientation)
 
 
 def _points(source: _Lines) -> dict[str, ObjectPoint]:
-    points: dict[str, ObjectPoint] = {}
+    points, first = dict[str, ObjectPoint](), dict[str, TextLine]()
     while source.more():
         entry = source.next(7, "id X Y Z sX sY sZ")
-        value = [entry.number(k) for k in range(1, 7)]
-        _add(points, ObjectPoint(tuple(value[:3]), tuple(value[3:]), entry), entry)
+        point = ObjectPoint(tuple(entry.numbers(1, 4)), tuple(entry.numbers(4)), entry)
+        points[entry.once(entry.words[0], first, "point")] = point
     return points
 
 
@@ -221,7 +220,7 @@ def _marks(source: _Lines, photos: int) -> list[Mark]:
     marks = []
     while source.more():
         entry = source.next(6, "photo id x y sx sy")
-        photo, value = entry.count(0), [entry.number(k) for k in range(2, 6)]
+        photo, value = entry.count(0), entry.numbers(2)
         if photo >= photos:
             raise entry.error(f"photo {photo}, but the photos are 0 to {photos - 1}", "mend the number")
         if min(value[2:]) < 0 or min(value[2:]) == 0 < max(value[2:]):
@@ -237,20 +236,8 @@ def _control_point(entry: TextLine) -> ObjectPoint:
         raise entry.error(
             f"{len(entry.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
         )
-    value = [entry.number(k) for k in range(2, len(entry.words))]
+    value = entry.numbers(2)
     sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(entry.words)]
     if min(sigma) < 0:
         raise entry.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
     return ObjectPoint(tuple(value[:3]), tuple(sigma), entry)
-
-
-def _add(points: dict[str, ObjectPoint], point: ObjectPoint, entry: TextLine) -> None:
-    name = entry.words[0]
-    if name in points:
-        earlier = points[name].entry.line
-        raise entry.error(f"point {clipped(name)} twice, first in line {earlier}", "remove one")
-    points[name] = point
-
-
-def _numbers(entry: TextLine) -> list[float]:
-    return [entry.number(k) for k in range(len(entry.words))]

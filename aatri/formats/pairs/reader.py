@@ -126,7 +126,7 @@ def _interior(row: TextLine, before: list[float]) -> list[float]:
         raise row.error(
             f"{len(row.words)} words where the interior elements should be", "write `c` or `c x0 y0`, in mm"
         )
-    values = [row.number(k) for k in range(len(row.words))]
+    values = row.numbers()
     values += [0.0] * (3 - len(values))
     if values[0] <= 0:
         raise row.error(f"principal distance {values[0]:g}", "it is in mm and positive")
@@ -139,9 +139,7 @@ def _add(
     row: TextLine, photos: tuple[str, str], unit_mm: float, measured: dict[tuple[str, str], list[Measured]]
 ) -> None:
     """A point pair."""
-    if len(row.words) != 5:
-        raise row.error(f"{len(row.words)} words", "each line is `point x1 y1 x2 y2`")
-    point = row.words[0]
+    point = row.of_width(5, "point x1 y1 x2 y2").words[0]
     places = [(row.number(k) * unit_mm, row.number(k + 1) * unit_mm) for k in (1, 3)]
     for photo, place in zip(photos, places):
         before = measured.setdefault((photo, point), [])
@@ -154,16 +152,10 @@ def _add(
 
 
 def _ground(known: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]:
-    seen: set[str] = set()
-    for entry, _ in known:
-        if len(entry.words) != 4:
-            raise entry.error(f"{len(entry.words)} words", "each line is `point X Y Z`")
-        if entry.words[0] in seen:
-            raise entry.error(f"point {entry.words[0]} twice", "remove one")
-        seen.add(entry.words[0])
+    first: dict[str, TextLine] = {}
     return {
-        "point": [entry.words[0] for entry, _ in known],
-        "xyz_m": [[entry.number(k) for k in (1, 2, 3)] for entry, _ in known],
+        "point": [entry.of_width(4, "point X Y Z").once(entry.words[0], first, "point") for entry, _ in known],
+        "xyz_m": [entry.numbers(1) for entry, _ in known],
         "sigma_m": sigma_m,
         "role": [[role] * 3 for _, role in known],
         "at": [entry for entry, _ in known],

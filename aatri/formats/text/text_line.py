@@ -33,6 +33,25 @@ class TextLine:
         except ValueError as error:
             raise self.error(f"{clipped(self.words[k])!r}: {error}", "write it like -1234.5") from error
 
+    def numbers(self, first: int = 0, last: int | None = None) -> list[float]:
+        """The words from one to before another as numbers."""
+        return [self.number(k) for k in range(first, len(self.words) if last is None else last)]
+
+    def of_width(self, width: int, what: str) -> TextLine:
+        """The line, of so many words."""
+        if len(self.words) != width:
+            raise self.error(f"{len(self.words)} words where {what} should stand", f"write {width} of them")
+        return self
+
+    def once(self, name: str, first: dict[str, TextLine], what: str, remedy: str = "remove one") -> str:
+        """A name that stands once among those of its kind, whose lines are kept in `first`."""
+        if name in first:
+            before = first[name]
+            place = f"line {before.line}" if before.path == self.path else f"{before.path.name}:{before.line}"
+            raise self.error(f"{what} {clipped(name)} twice, first in {place}", remedy)
+        first[name] = self
+        return name
+
     def count(self, k: int) -> int:
         """The word as a whole number, not negative."""
         if not (self.words[k].isascii() and self.words[k].isdigit() and len(self.words[k]) < 9):

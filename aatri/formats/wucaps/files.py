@@ -103,7 +103,7 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
     problems: list[AatriError] = []
     camera = _collected(lambda: _camera(entries[0], paths[0]), problems)
     images = _collected(lambda: _image_coordinates(entries[1]), problems)
-    ground = _collected(lambda: _ground(entries[2], paths[2]), problems)
+    ground = _collected(lambda: _ground(entries[2]), problems)
     roles = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
     raise_all(problems)
     assert camera is not None
@@ -141,23 +141,21 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
     if head.count(0) != 1:
         raise head.error(f"{head.words[0]} cameras", "blocks of one camera are read; write others as block folder")
     interior = _of_width(entries, 1, 3, path, "c x0 y0")
-    values = interior.number(0), interior.number(1), interior.number(2)
-    if values[0] <= 0:
-        raise interior.error(f"principal distance {values[0]:g}", "it is in mm and positive")
+    c, x0, y0 = interior.numbers()
+    if c <= 0:
+        raise interior.error(f"principal distance {c:g}", "it is in mm and positive")
     lens = _of_width(entries, 2, 3, path, "distortion")
-    if any(lens.number(k) != 0 for k in range(3)):
+    if any(lens.numbers()):
         raise lens.error("distortion parameters, whose meaning is not known", "convert to a block folder")
-    fiducials: dict[str, tuple[float, float]] = {}
+    fiducials, first = dict[str, tuple[float, float]](), dict[str, TextLine]()
     for k in range(3, len(entries)):
         if _ends(entries[k]):
             break
-        row = _of_width(entries, k, 3, path, "fiducial x y")
-        if row.words[0] in fiducials:
-            raise row.error(f"fiducial {row.words[0]} twice", "remove one")
-        fiducials[row.words[0]] = row.number(1), row.number(2)
+        row = entries[k].of_width(3, "fiducial x y")
+        fiducials[row.once(row.words[0], first, "fiducial")] = row.number(1), row.number(2)
     if len(fiducials) != head.count(1):
         raise head.error(f"{head.words[1]} fiducials announced, {len(fiducials)} found", "mend the number or the list")
-    return Camera(values, fiducials)
+    return Camera((c, x0, y0), fiducials)
 
 
 def _image_coordinates(
@@ -166,7 +164,7 @@ def _image_coordinates(
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
     stated: list[StatedStrip] = []
-    photos: dict[str, WucapsPhoto] = {}
+    photos, first = list[WucapsPhoto](), dict[str, TextLine]()
     measured: list[MeasuredPoint] = []
     problems: list[AatriError] = []
     photo, last = "", True
@@ -189,7 +187,8 @@ def _image_coordinates(
                 last = False
             elif len(entry.words) == 2 and numbers and not _ends(entry):
                 photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
-                _add_photo(photos, photo, len(numbers) - 1, entry)
+                entry.once(photo, first, "photo", "give each photo its own number")
+                photos.append(WucapsPhoto(photo, len(numbers) - 1, len(photos) + 1, entry))
             elif not _ends(entry):
                 raise entry.error(
                     f"{len(entry.words)} words, but a strip or photo should begin here",
@@ -201,29 +200,19 @@ def _image_coordinates(
         problems.append(entries[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
     raise_all(problems)
     names = numbers if len(set(numbers)) == len(numbers) else [str(k + 1) for k in range(len(numbers))]
-    return names, list(photos.values()), measured, stated
+    return names, photos, measured, stated
 
 
-def _add_photo(photos: dict[str, WucapsPhoto], name: str, strip: int, entry: TextLine) -> None:
-    if name in photos:
-        earlier = photos[name].entry.line
-        raise entry.error(f"photo {name} twice, first in line {earlier}", "give each photo its own number")
-    photos[name] = WucapsPhoto(name, strip, len(photos) + 1, entry)
-
-
-def _ground(entries: list[TextLine], path: Path) -> dict[str, GroundPoint]:
+def _ground(entries: list[TextLine]) -> dict[str, GroundPoint]:
     """PRECKI: east, north, up by id."""
-    ground: dict[str, GroundPoint] = {}
+    ground, first = dict[str, GroundPoint](), dict[str, TextLine]()
     problems: list[AatriError] = []
-    for k, entry in enumerate(entries):
+    for entry in entries:
         if _ends(entry):
             break
         try:
-            row = _of_width(entries, k, 4, path, "id X Y H")
-            name = row.words[0]
-            if name in ground:
-                raise row.error(f"point {clipped(name)} twice, first in line {ground[name].entry.line}", "remove one")
-            ground[name] = GroundPoint((row.number(2), row.number(1), row.number(3)), entry)
+            north, east, up = entry.of_width(4, "id X Y H").numbers(1)
+            ground[entry.once(entry.words[0], first, "point")] = GroundPoint((east, north, up), entry)
         except InputError as error:
             problems.append(error)
     raise_all(problems)
@@ -263,9 +252,7 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
 def _of_width(entries: list[TextLine], k: int, width: int, path: Path, what: str) -> TextLine:
     if k >= len(entries):
         raise InputError(f"ends before the line of {what}", where=str(path), remedy="complete the file")
-    if len(entries[k].words) != width:
-        raise entries[k].error(f"{len(entries[k].words)} words where {what} should stand", f"write {width} of them")
-    return entries[k]
+    return entries[k].of_width(width, what)
 
 
 def _ends(entry: TextLine) -> bool:
