@@ -22,10 +22,10 @@ def decimal_commas(lines: Sequence[str]) -> list[str]:
     cells = [line.count(",") + 1 for line in lines]
     usual = Counter(cells).most_common(1)[0][0] if cells else 0
     with_points = any(sign in text for text in numbers for sign in ".eE")
-    found = []
+    commas = []
     for text, count in zip(numbers, cells):
         pair = _PAIR.search(text) if count > WITHOUT_SIGMA else None
         uneven = re.search(r",\s", text) is not None
         suspect = pair is not None and (uneven or count > usual or not with_points)
-        found.append(pair.group() if pair and suspect else "")
-    return found
+        commas.append(pair.group() if pair and suspect else "")
+    return commas

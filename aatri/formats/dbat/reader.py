@@ -94,12 +94,12 @@ def read_dbat(
         If an object point has no image point, or one and no control.
     """
     source = read_export(export, reporter)
-    given = {} if control is None else read_control(control, reporter)
+    surveyed = {} if control is None else read_control(control, reporter)
     if source.control and control is None:
         reporter.warn(f"{export}: its {len(source.control)} control points are adjusted values, not used as control")
-    shift = _shift(source, given, control, reporter)
+    shift = _shift(source, surveyed, control, reporter)
     if not set_aside:
-        _refuse_undetermined(source, given)
+        _refuse_undetermined(source, surveyed)
     photos = _distinct(source.photos)
     names = [p.name for p in photos]
     entries = [p.entry for p in photos]
@@ -111,34 +111,34 @@ def read_dbat(
         camera_parameters=_parameters(source.camera, camera_model, calibrate),
         images={"id": names, "camera": CAMERA, "sequence": np.arange(1.0, len(names) + 1), "at": entries},
         image_points=_image_points(source, image_sigma_px, reporter),
-        ground_points=_ground_points(source, given, shift),
+        ground_points=_ground_points(source, surveyed, shift),
         exterior={
             "image": names,
             "position_m": np.array([p.position_m for p in photos]) + shift,
             "angles_rad": np.radians([p.kappa_phi_omega_deg[::-1] for p in photos]),
             "at": entries,
         },
-        rejects=_not_seen(source, given),
+        rejects=_not_seen(source, surveyed),
     )
 
 
-def _refuse_undetermined(source: Export, given: dict[str, ObjectPoint]) -> None:
+def _refuse_undetermined(source: Export, surveyed: dict[str, ObjectPoint]) -> None:
     """Object points that their image points cannot determine: none at all, or one without control."""
     rays = Counter(name for name, _ in {(m.point, m.photo) for m in source.marks})
     remedy = "measure it in two images at least, remove it, or set `undetermined_points: set_aside`"
     listed = {m.point: m.entry for m in reversed(source.marks)} | {p: g.entry for p, g in source.points.items()}
     problems = []
     for name, entry in sorted(listed.items(), key=lambda item: item[1].line):
-        if name not in given and rays[name] < 2:
+        if name not in surveyed and rays[name] < 2:
             seen = "one image only, which does not determine it" if rays[name] else "no image"
             where = f"{entry.path}:{entry.line}"
             problems.append(GeometryError(f"object point {name} is seen in {seen}", where=where, remedy=remedy))
     raise_all(problems)
 
 
-def _not_seen(source: Export, given: dict[str, ObjectPoint]) -> Rejects:
+def _not_seen(source: Export, surveyed: dict[str, ObjectPoint]) -> Rejects:
     seen = {m.point for m in source.marks}
-    names = canonical(name for name in source.points if name not in seen and name not in given)
+    names = canonical(name for name in source.points if name not in seen and name not in surveyed)
     lines = [source.points[p].entry.line for p in names]
     return Rejects.of(kind="ground_point", id=names, reason=NOT_SEEN, file=EXPORT, line=lines)
 
@@ -155,16 +155,16 @@ def _distinct(photos: list[DbatPhoto]) -> list[DbatPhoto]:
     return photos
 
 
-def _shift(source: Export, given: dict[str, ObjectPoint], control: Path | None, reporter: Reporter) -> Float:
+def _shift(source: Export, surveyed: dict[str, ObjectPoint], control: Path | None, reporter: Reporter) -> Float:
     """Mean of the control file minus the export over common points, (3,) m."""
-    if not given:
+    if not surveyed:
         return np.zeros(3)
-    common = [name for name in given if name in source.points]
+    common = [name for name in surveyed if name in source.points]
     if not common:
-        name = next(iter(given))
+        name = next(iter(surveyed))
         what = f"no control point is an object point of the export{did_you_mean(name, source.points)}"
         raise InputError(what, where=str(control), remedy="give points the same ids in both files")
-    differences = np.array([given[p].xyz_m for p in common]) - np.array([source.points[p].xyz_m for p in common])
+    differences = np.array([surveyed[p].xyz_m for p in common]) - np.array([source.points[p].xyz_m for p in common])
     shift = np.asarray(differences.mean(axis=0))
     scatter = float(np.abs(differences - shift).max())
     reporter.log(f"export shifted by {shift.round(6).tolist()} m onto the control; it differs by up to {scatter:.3g} m")
@@ -249,12 +249,12 @@ def _image_points(source: Export, sigma_px: float | None, reporter: Reporter) ->
     }
 
 
-def _ground_points(source: Export, given: dict[str, ObjectPoint], shift_m: Float) -> dict[str, Any]:
+def _ground_points(source: Export, surveyed: dict[str, ObjectPoint], shift_m: Float) -> dict[str, Any]:
     """Control as given; all other object points as start values."""
-    names = list({**source.points, **given})
-    points = [given.get(p) or source.points[p] for p in names]
+    names = list({**source.points, **surveyed})
+    points = [surveyed.get(p) or source.points[p] for p in names]
     n = len(names)
-    is_control = np.array([p in given for p in names], dtype=bool)
+    is_control = np.array([p in surveyed for p in names], dtype=bool)
     xyz = np.array([p.xyz_m for p in points]).reshape(n, 3)
     sigma = np.where(is_control[:, None], np.array([p.sigma_m for p in points]).reshape(n, 3), 0.0)
     return {

@@ -169,10 +169,10 @@ class _Reader:
         if tag == "dh" and "dist" in e.attributes:
             return self.network.sigma_apr * math.sqrt(max(self._number(e, "dist"), 0.0)) * unit
         name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
-        given = self.stdev.get(f"{name}-stdev", ())
-        if not given:
+        stdev = self.stdev.get(f"{name}-stdev", ())
+        if not stdev:
             return 0.0
-        a, b, c = (*given, *(0.0, 0.0, 1.0)[len(given) :])
+        a, b, c = (*stdev, *(0.0, 0.0, 1.0)[len(stdev) :])
         try:
             return (a + b * max(value / 1000.0, 0.0) ** c if tag in LENGTHS else a) * unit
         except (OverflowError, ZeroDivisionError):
@@ -207,16 +207,16 @@ class _Reader:
             raise e.error(f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
         return [(i, j, value) for (i, j), value in zip(places, values)]
 
-    def _children(self, e: XmlElement, known: tuple[str, ...]) -> list[XmlElement]:
+    def _children(self, e: XmlElement, allowed: tuple[str, ...]) -> list[XmlElement]:
         for child in e.children:
-            if child.tag not in known:
+            if child.tag not in allowed:
                 raise child.error(f"element {clipped(child.tag)!r} is not supported",
-                                  f"inside {e.tag} there may be {', '.join(known)}")  # fmt: skip
+                                  f"inside {e.tag} there may be {', '.join(allowed)}")  # fmt: skip
         return e.children
 
-    def _attributes(self, e: XmlElement, known: tuple[str, ...] | list[str]) -> None:
+    def _attributes(self, e: XmlElement, allowed: tuple[str, ...] | list[str]) -> None:
         for name in e.attributes:
-            if name not in known and name not in OF_GAMA and name not in ("latitude", "ellipsoid"):
+            if name not in allowed and name not in OF_GAMA and name not in ("latitude", "ellipsoid"):
                 raise e.error(f"attribute {clipped(name)!r} of {e.tag} is not supported", "remove it")
 
     def _text(self, e: XmlElement, name: str) -> str:

@@ -58,40 +58,40 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
 
 
 def _axes(letters: str, path: Path) -> Axes:
-    found = {axis: AXES.get(letter) for axis, letter in zip("xyz", letters.strip() + "u")}
-    if len(letters.strip()) != 2 or None in found.values() or len({a[0] for a in found.values() if a}) != 3:
+    place_of = {axis: AXES.get(letter) for axis, letter in zip("xyz", letters.strip() + "u")}
+    if len(letters.strip()) != 2 or None in place_of.values() or len({a[0] for a in place_of.values() if a}) != 3:
         raise InputError(
             f"axes-xy is {clipped(letters)!r}", where=str(path), remedy="two of n, s, e, w across each other"
         )
-    return {axis: place for axis, place in found.items() if place is not None}
+    return {axis: place for axis, place in place_of.items() if place is not None}
 
 
 def _points(network: Network, path: Path) -> dict[str, GivenPoint]:
     """The points, each once; those of observations alone without coordinates."""
-    found: dict[str, GivenPoint] = {}
+    points: dict[str, GivenPoint] = {}
     for p in network.points:
-        if p.id in found:
+        if p.id in points:
             raise InputError(f"point {clipped(p.id)!r} is given twice", where=f"{path}:{p.line}", remedy="remove one")
-        found[p.id] = p
-    return found
+        points[p.id] = p
+    return points
 
 
 def _without_element(
     rows: list[Row], points: dict[str, GivenPoint], path: Path, reporter: Reporter
 ) -> dict[str, GivenPoint]:
     """Points that observations name and no <point> does: new ones without coordinates, by warning."""
-    found: dict[str, GivenPoint] = {}
+    new: dict[str, GivenPoint] = {}
     for row in rows:
         for name in (row.start, row.end, row.via):
-            if name and name not in points and name not in found:
-                found[name] = GivenPoint(name, {}, "", "", row.line)
-    if found:
-        first = min(p.line for p in found.values())
+            if name and name not in points and name not in new:
+                new[name] = GivenPoint(name, {}, "", "", row.line)
+    if new:
+        first = min(p.line for p in new.values())
         reporter.warn(
-            f"{path}:{first}: {len(found)} points have no <point>, and are taken as new ones without "
-            f"coordinates: {shown(list(found))}"
+            f"{path}:{first}: {len(new)} points have no <point>, and are taken as new ones without "
+            f"coordinates: {shown(list(new))}"
         )
-    return found
+    return new
 
 
 def _ground(network: Network, points: dict[str, GivenPoint], ids: list[str], axes: Axes) -> Columns:

@@ -80,7 +80,7 @@ def read_pairs(
         for row in rows[1:]:
             _add(row, photos, unit_um * 1e-3, measured)
     surveyed = [(path, role) for path, role in ((control, CONTROL), (check, CHECK)) if path is not None]
-    known = [(row, role) for path, role in surveyed for row in word_lines(path, reporter, **WORDS)]
+    ground_lines = [(row, role) for path, role in surveyed for row in word_lines(path, reporter, **WORDS)]
     c, x0, y0 = interior
     every = [(name, one) for name, of in measured.items() for one in of]
     return block_of(
@@ -108,7 +108,7 @@ def read_pairs(
             "sigma_mm": image_sigma_um * 1e-3,
             "at": [entry for _, (_, entry) in every],
         },
-        ground_points=_ground(known, control_sigma_m),
+        ground_points=_ground(ground_lines, control_sigma_m),
     )
 
 
@@ -151,12 +151,12 @@ def _add(
             before.append((place, row))
 
 
-def _ground(known: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]:
+def _ground(ground_lines: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]:
     first: dict[str, TextLine] = {}
     return {
-        "point": [entry.of_width(4, "point X Y Z").once(entry.words[0], first, "point") for entry, _ in known],
-        "xyz_m": [entry.numbers(1) for entry, _ in known],
+        "point": [entry.of_width(4, "point X Y Z").once(entry.words[0], first, "point") for entry, _ in ground_lines],
+        "xyz_m": [entry.numbers(1) for entry, _ in ground_lines],
         "sigma_m": sigma_m,
-        "role": [[role] * 3 for _, role in known],
-        "at": [entry for entry, _ in known],
+        "role": [[role] * 3 for _, role in ground_lines],
+        "at": [entry for entry, _ in ground_lines],
     }

@@ -24,9 +24,9 @@ class CameraTables(NamedTuple):
 
 def camera_tables(source: Source) -> CameraTables:
     """Cameras in canonical order, with parameters, distortion tables and fiducials."""
-    given = source.settings.cameras
-    ids = canonical(given)
-    cameras = [given[name] for name in ids]
+    settings = source.settings.cameras
+    ids = canonical(settings)
+    cameras = [settings[name] for name in ids]
     return CameraTables(
         _cameras(source, ids, cameras),
         _parameters(source, cameras),
@@ -68,17 +68,17 @@ def _parameters(source: Source, cameras: list[CameraSettings]) -> CameraParamete
     rows = []
     for k, settings in enumerate(cameras):
         sigmas: dict[str, float] = {}
-        for parameter, given in settings.sigmas.items():
+        for parameter, stated in settings.sigmas.items():
             if parameter in VECTORS:
-                listed = given if isinstance(given, list) else [given] * len(VECTORS[parameter])
+                listed = stated if isinstance(stated, list) else [stated] * len(VECTORS[parameter])
                 unit = plain_angle_rad(source) if parameter == "boresight" else 1.0
                 sigmas |= {f"{parameter}.{axis}": s * unit for axis, s in zip(VECTORS[parameter], listed)}
             else:
-                sigmas[parameter] = given[0] if isinstance(given, list) else given
+                sigmas[parameter] = stated[0] if isinstance(stated, list) else stated
         for parameter in sorted({*sigmas, *settings.distortion.parameters}):
             s = sigmas.get(parameter, np.nan)
-            known = settings.distortion.parameters.get(parameter, np.nan)
-            rows.append((k, parameter, known, np.nan if np.isinf(s) else s, bool(np.isinf(s))))
+            start = settings.distortion.parameters.get(parameter, np.nan)
+            rows.append((k, parameter, start, np.nan if np.isinf(s) else s, bool(np.isinf(s))))
     camera, name, value, sigma, free = zip(*rows) if rows else [()] * 5
     return CameraParameters.of(camera=camera, name=name, value=value, sigma=sigma, free=free)
 

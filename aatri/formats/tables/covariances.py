@@ -59,8 +59,8 @@ def geodetic_covariances(source: Source, table: CsvTable | None, n: int, unit: F
     numbers = np.zeros((len(table), 2))
     for side, name in enumerate(("row_a", "row_b")):
         numbers[chosen, side] = [_number(table.text[name][k]) for k in chosen]
-        mine = numbers[chosen, side]
-        wrong = (mine % 1 != 0) | (mine < 1) | (mine > n)
+        stated = numbers[chosen, side]
+        wrong = (stated % 1 != 0) | (stated < 1) | (stated > n)
         table.complain(
             chosen[wrong],
             name,
@@ -96,8 +96,8 @@ def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTa
     number = {name: table.number[name].copy() for name in (*SIGMAS, *COVARIANCES)}
     row, axis = _places(covariances, table)
     names = {(k, k): name for k, name in enumerate(SIGMAS)} | {pair: name for name, pair in COVARIANCES.items()}
-    known = (row >= 0).all(axis=1) & (axis >= 0).all(axis=1)
-    for k in chosen[(known & (row[:, 0] == row[:, 1]))[chosen]].tolist():
+    of_points = (row >= 0).all(axis=1) & (axis >= 0).all(axis=1)
+    for k in chosen[(of_points & (row[:, 0] == row[:, 1]))[chosen]].tolist():
         i, j = sorted(axis[k].tolist())
         cells, value = number[names[i, j]], float(covariances.number["value"][k])
         if np.isfinite(cells[row[k, 0]]):
@@ -167,30 +167,30 @@ def _of(table: CsvTable | None, name: str) -> Int:
 
 def _places(covariances: CsvTable, table: CsvTable) -> tuple[Int, Int]:
     """(n, 2) row in ground_points.csv and number of the coordinate; -1 where they are faulty or of another table."""
-    known = {name: k for k, name in enumerate(table.text["point"])}
-    mine = _of(covariances, "ground_points")
+    row_of = {name: k for k, name in enumerate(table.text["point"])}
+    rows = _of(covariances, "ground_points")
     row, axis = np.full((len(covariances), 2), -1), np.full((len(covariances), 2), -1)
     for side in range(2):
         ids, coords = covariances.text["row_" + "ab"[side]], covariances.text["coord_" + "ab"[side]]
-        row[mine, side] = [known.get(ids[k], -1) for k in mine]
-        axis[mine, side] = [("X", "Y", "Z").index(coords[k]) if coords[k] in ("X", "Y", "Z") else -1 for k in mine]
+        row[rows, side] = [row_of.get(ids[k], -1) for k in rows]
+        axis[rows, side] = [("X", "Y", "Z").index(coords[k]) if coords[k] in ("X", "Y", "Z") else -1 for k in rows]
     return row, axis
 
 
 def check_places(covariances: CsvTable | None, table: CsvTable) -> None:
     """Faults of ids and coordinates in the rows of table ground_points."""
-    mine = _of(covariances, "ground_points").tolist()
-    if covariances is None or not mine:
+    rows = _of(covariances, "ground_points").tolist()
+    if covariances is None or not rows:
         return
-    known = {name: k for k, name in enumerate(table.text["point"])}
+    row_of = {name: k for k, name in enumerate(table.text["point"])}
     for side in "ab":
         ids = ["" for _ in range(len(covariances))]
-        for k in mine:
+        for k in rows:
             ids[k] = covariances.text[f"row_{side}"][k]
         part = dataclasses.replace(covariances, text={f"row_{side}": ids})
-        look_up(part, f"row_{side}", known, "ground point", "it is the id of a point in ground_points.csv")
+        look_up(part, f"row_{side}", row_of, "ground point", "it is the id of a point in ground_points.csv")
         cells = covariances.text[f"coord_{side}"]
-        wrong = [k for k in mine if cells[k] not in ("X", "Y", "Z")]
+        wrong = [k for k in rows if cells[k] not in ("X", "Y", "Z")]
         covariances.complain(wrong, f"coord_{side}", f"coord_{side} is {{}}", "it is X, Y or Z")
 
 

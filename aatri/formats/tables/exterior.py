@@ -50,9 +50,9 @@ def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
 
 def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float, key: str) -> Int:
     """1 where the values are observed: said so, or with a standard deviation in the row."""
-    given = np.isfinite(values).any(axis=1)
+    has_position = np.isfinite(values).any(axis=1)
     said = np.array(use, dtype=np.str_).reshape(-1)
-    observed = given & ((said == "observed") | ((said == "") & np.isfinite(sigma).any(axis=1)))
+    observed = has_position & ((said == "observed") | ((said == "") & np.isfinite(sigma).any(axis=1)))
     lacking = observed[:, None] & np.isfinite(values) & np.isnan(sigma)
     default = getattr(source.settings.sigma, key)
     unit = "ground" if key == "position" else "angle"
@@ -68,8 +68,8 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str], frame: Int) 
     angles = np.stack([angles_rad(source, table, name) for name in ("a1", "a2", "a3")], axis=1)
     sigma = stacked(table, ("s1", "s2", "s3"))
     angle_use = _use(source, table, use, angles, sigma, "attitude")
-    given = np.isfinite(angles).any(axis=1)
-    if given.any() and source.settings.rotation is None:
+    has_angles = np.isfinite(angles).any(axis=1)
+    if has_angles.any() and source.settings.rotation is None:
         where = source.document.where()
         source.problems.append(
             InputError(
@@ -78,7 +78,7 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str], frame: Int) 
                 remedy="add rotation: omega-phi-kappa (or another)",
             )
         )
-    elsewhere = np.flatnonzero(given & (frame > 0) & (frame != source.default_frame))
+    elsewhere = np.flatnonzero(has_angles & (frame > 0) & (frame != source.default_frame))
     what, remedy = "angles cannot be converted from frame {}", "give angles in the first frame of block.yaml"
     table.complain(elsewhere, "frame", what, remedy)
     if source.default_frame and source.settings.rotation != "roll-pitch-heading":

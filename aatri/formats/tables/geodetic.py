@@ -47,7 +47,7 @@ def geodetic_columns(
 
 
 def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], points: list[str]) -> None:
-    known = {"point": {name: k for k, name in enumerate(points)}, "image": {name: k for k, name in enumerate(images)}}
+    row_of = {"point": {name: k for k, name in enumerate(points)}, "image": {name: k for k, name in enumerate(images)}}
     for end in ("from", "to"):
         for kind in ("point", "image"):
             chosen = [cell if kinds[end][k] == kind else "" for k, cell in enumerate(table.text[end])]
@@ -55,11 +55,11 @@ def _check_ids(table: CsvTable, kinds: dict[str, list[str]], images: list[str], 
             look_up(
                 part,
                 end,
-                known[kind],
+                row_of[kind],
                 f"station ({kind})",
                 "add it to ground_points.csv (empty coordinates will do), or set from_kind, to_kind",
             )
-    look_up(table, "via", known["point"], "station", "add it to ground_points.csv (empty coordinates will do)")
+    look_up(table, "via", row_of["point"], "station", "add it to ground_points.csv (empty coordinates will do)")
 
 
 def _check_types(table: CsvTable, types: list[str]) -> None:
@@ -106,8 +106,8 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
                 bad.append(k)
     in_units = {True: f"angles are in {units.angle or 'units.angle'}", False: "lengths are in units.ground"}
     for angle, unit in in_units.items():
-        some = [k for k in bad if (types[k] in ANGLES) == angle]
-        table.complain(some, column, f"{column} is {{}}, not a number", unit)
+        rows_of_kind = [k for k in bad if (types[k] in ANGLES) == angle]
+        table.complain(rows_of_kind, column, f"{column} is {{}}, not a number", unit)
     if units.angle is None and any(t in ANGLES for t in types):
         source.problems.append(
             InputError(
@@ -129,8 +129,8 @@ def _own_axis(source: Source, kind: str) -> str:
 def right_handed_axis(source: Source, axis: str) -> str:
     """The axis of the Block that the tables call X, Y or Z."""
     name = list(source.settings.frames.values())[source.default_frame].axes["XYZ".index(axis)]
-    known = {"east": "X", "north": "Y", "up": "Z", "longitude": "X", "latitude": "Y", "height": "Z"}
-    return known.get(name, name.upper())
+    axis_letter = {"east": "X", "north": "Y", "up": "Z", "longitude": "X", "latitude": "Y", "height": "Z"}
+    return axis_letter.get(name, name.upper())
 
 
 def _unit(source: Source, kind: str) -> float:

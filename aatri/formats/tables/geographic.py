@@ -54,7 +54,7 @@ def with_metric_frame(source: Source) -> Source:
 
 def _middle(source: Source, frame: Frame) -> tuple[float, float] | None:
     """Middle latitude and longitude of the rows in the first frame, degrees."""
-    found = []
+    plans = []
     for name in WITH_COORDINATES:
         try:
             table = read_csv(source.folder / name, {column: s.cell for column, s in TABLES[name].items()}, [])
@@ -64,8 +64,8 @@ def _middle(source: Source, frame: Frame) -> tuple[float, float] | None:
         xyz = xyz[np.array([cell in ("", frame.name) for cell in table.text["frame"]], dtype=bool)]
         plan = xyz[:, [frame.axes.index("latitude"), frame.axes.index("longitude")]]
         good = np.isfinite(plan).all(axis=1) & ~out_of_range(np.nan_to_num(xyz), frame.axes)
-        found.append(plan[good])
-    rows = np.concatenate([np.zeros((0, 2)), *found])
+        plans.append(plan[good])
+    rows = np.concatenate([np.zeros((0, 2)), *plans])
     if not len(rows):
         return None
     return float(np.median(rows[:, 0])), float(np.median(rows[:, 1]))

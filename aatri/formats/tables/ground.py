@@ -54,8 +54,8 @@ def ground_point_columns(
     _refuse_all_approximate(source, table, role, sigma)
     if default is None:
         ask_for_sigma(source, table, needs & np.isnan(sigma), "control", "ground")
-    known = needs | (role == CHECK)
-    sigma = np.where(np.isnan(sigma), np.where(known, default, 0.0) if default else 0.0, sigma)
+    needs_sigma = needs | (role == CHECK)
+    sigma = np.where(np.isnan(sigma), np.where(needs_sigma, default, 0.0) if default else 0.0, sigma)
     if source.problems:
         return {}, {}
     warn_of_unusual(source, table, sigma)
@@ -104,16 +104,16 @@ def _warn_of_same_place(source: Source, table: CsvTable, columns: Mapping[str, A
 
 def _roles(table: CsvTable) -> Int:
     """(n, 3) role per X, Y, Z of the table, from `control`, `XY:control Z:check` and so on."""
-    known: dict[str, list[int]] = {}
+    roles: dict[str, list[int]] = {}
     for cell in set(table.text["role"]):
         try:
-            known[cell] = _role_of(cell)
+            roles[cell] = _role_of(cell)
         except ValueError as error:
             rows = [k for k, text in enumerate(table.text["role"]) if text == cell]
             remedy = "write control, check, approximate or ignore, or per coordinate XY:control Z:check"
             table.complain(rows, "role", f"role is {{}}: {error}", remedy)
-            known[cell] = [NO_ROLE] * 3
-    return np.array([known[cell] for cell in table.text["role"]], dtype=np.int32).reshape(-1, 3)
+            roles[cell] = [NO_ROLE] * 3
+    return np.array([roles[cell] for cell in table.text["role"]], dtype=np.int32).reshape(-1, 3)
 
 
 def _role_of(cell: str) -> list[int]:

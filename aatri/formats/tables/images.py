@@ -27,9 +27,9 @@ def image_columns(source: Source, cameras: Cameras) -> dict[str, Any]:
     no_repeats(table, ["image"], "image")
     _near_duplicates(source, table)
     check_rigs_of_images(source, table)
-    known = {str(name): k for k, name in enumerate(cameras.id)}
-    look_up(table, "camera", known, "camera", "add it to `cameras` in block.yaml, or mend the id")
-    unused = [name for name in known if name not in set(table.text["camera"])]
+    row_of = {str(name): k for k, name in enumerate(cameras.id)}
+    look_up(table, "camera", row_of, "camera", "add it to `cameras` in block.yaml, or mend the id")
+    unused = [name for name in row_of if name not in set(table.text["camera"])]
     if unused:
         source.reporter.warn(f"{table.path}: no image of camera {', '.join(unused)}")
     _in_order_of_time(source, table)
@@ -93,7 +93,7 @@ def fiducial_point_columns(
     for k, (camera, mark) in enumerate(zip(fiducials.camera.tolist(), fiducials.id.tolist())):
         marks.setdefault(camera, {})[mark] = k
     of_image = [marks.get(camera_of.get(image, -1), {}) for image in table.text["image"]]
-    rows = [known.get(mark, -1) for known, mark in zip(of_image, table.text["fiducial"])]
+    rows = [row_of.get(mark, -1) for row_of, mark in zip(of_image, table.text["fiducial"])]
     unknown = [k for k, row in enumerate(rows) if row < 0 and table.text["image"][k] in camera_of]
     for k in unknown[:MOST_PER_COLUMN]:
         mark = table.text["fiducial"][k]
@@ -108,10 +108,10 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
     """Standard deviations in mm, the default where a cell is empty; fiducials fall back on that of image points."""
     units, defaults = source.settings.units, source.settings.sigma
     default = defaults.image if kind == "image" else defaults.fiducial or defaults.image
-    given = np.stack([table.number["sx"], table.number["sy"]], axis=1)
+    sigma = np.stack([table.number["sx"], table.number["sy"]], axis=1)
     for name in ("sx", "sy"):
         not_negative(table, name, zero=False)
-    empty = np.isnan(given)
+    empty = np.isnan(sigma)
     if empty.any() and default is None:
         row, column = np.argwhere(empty)[0]
         what = f"no standard deviation in {int(empty.any(axis=1).sum())} rows, and no sigma.{kind} in block.yaml"
@@ -123,12 +123,12 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
                 remedy=f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml",
             )
         )
-        return given
-    given = np.where(empty, default if default is not None else np.nan, given)
+        return sigma
+    sigma = np.where(empty, default if default is not None else np.nan, sigma)
     if units.sigma_image != "px":
-        return given * units.sigma_image_mm(1.0)
+        return sigma * units.sigma_image_mm(1.0)
     if not len(cameras):
-        return given
+        return sigma
     camera = np.array([camera_of.get(image, 0) for image in table.text["image"]], np.intp)
     size = cameras.pixel_size_mm[camera]
     lacking = np.unique(camera[np.isnan(size).any(axis=1)])
@@ -136,7 +136,7 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
         where = source.document.where("cameras", str(cameras.id[k]))
         what = f"units.sigma_image is px, but camera {cameras.id[k]} has no pixel size"
         source.problems.append(InputError(what, where=where, remedy="add pixel: {size: ...}, or use um"))
-    return given * size
+    return sigma * size
 
 
 def _near_duplicates(source: Source, table: CsvTable) -> None:

@@ -87,25 +87,25 @@ def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | Non
     C = np.zeros((n, 3, n, 3))
     C[np.arange(n), :, np.arange(n), :] = covariance_m2(source, marks, sigma)
     try:
-        found = body_distances(xyz * source.settings.units.ground_m, C.reshape(3 * n, 3 * n))
+        body = body_distances(xyz * source.settings.units.ground_m, C.reshape(3 * n, 3 * n))
     except (GeometryError, np.linalg.LinAlgError) as error:
         what = error.what if isinstance(error, GeometryError) else "covariances are not positive definite"
         what = f"frame {name}, a body of {n} marks: {what}"
         source.problems.append(InputError(what, where=marks.where(0), remedy="measure other marks, or leave it out"))
         return None
-    source.reporter.log(f"frame {name} is local: a body of {n} marks, given by {len(found.pairs)} distances")
-    i, j = np.triu_indices(len(found.pairs), 1)
-    plane = _plane(marks, found)
+    source.reporter.log(f"frame {name} is local: a body of {n} marks, given by {len(body.pairs)} distances")
+    i, j = np.triu_indices(len(body.pairs), 1)
+    plane = _plane(marks, body)
     return Bodies(
-        _distances(marks, found),
-        {"row_a": i, "row_b": j, "value": found.covariance_m2[i, j]},
+        _distances(marks, body),
+        {"row_a": i, "row_b": j, "value": body.covariance_m2[i, j]},
         () if plane is None else (plane,),
     )
 
 
-def _distances(marks: CsvTable, found: BodyDistances) -> dict[str, Any]:
+def _distances(marks: CsvTable, body: BodyDistances) -> dict[str, Any]:
     """Columns of geodetic observations."""
-    a, b = found.pairs.T
+    a, b = body.pairs.T
     ids, n = np.asarray(marks.text["point"], dtype=np.str_), len(a)
     alike = {
         "type": "distance",
@@ -123,14 +123,14 @@ def _distances(marks: CsvTable, found: BodyDistances) -> dict[str, Any]:
     return {name: np.full(n, value) for name, value in alike.items()} | {
         "start": ids[a],
         "end": ids[b],
-        "value": found.length_m,
-        "sigma": np.sqrt(np.diagonal(found.covariance_m2)),
+        "value": body.length_m,
+        "sigma": np.sqrt(np.diagonal(body.covariance_m2)),
         "line": marks.line[a],
     }
 
 
-def _plane(marks: CsvTable, found: BodyDistances) -> Condition | None:
-    if not np.isfinite(found.plane_sigma_m):
+def _plane(marks: CsvTable, body: BodyDistances) -> Condition | None:
+    if not np.isfinite(body.plane_sigma_m):
         return None
     members = tuple(("points", name) for name in marks.text["point"])
-    return Condition("plane", "", members, float("nan"), found.plane_sigma_m, -1)
+    return Condition("plane", "", members, float("nan"), body.plane_sigma_m, -1)

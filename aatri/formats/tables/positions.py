@@ -31,8 +31,8 @@ def stacked(table: CsvTable, names: Sequence[str]) -> Float:
 
 def frames_of(source: Source, table: CsvTable) -> Int:
     """Number of the frame of each row, in the order of block.yaml."""
-    known = {name: k for k, name in enumerate(source.settings.frames)}
-    rows = look_up(table, "frame", known, "frame", "add it to `frames` in block.yaml, or mend the name")
+    number = {name: k for k, name in enumerate(source.settings.frames)}
+    rows = look_up(table, "frame", number, "frame", "add it to `frames` in block.yaml, or mend the name")
     return np.where(rows < 0, source.default_frame, rows)
 
 
@@ -106,11 +106,11 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
             "check the order of `axes`: X, Y, Z of the tables follow it",
         )
         rows = np.setdiff1d(rows, np.union1d(partial, wrong))
-        given = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
+        places = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
             undulation = None if number == source.default_frame else source.settings.undulation
-            moved, spread = _moved(given, np.nan_to_num(covariance[rows]), frames[number], frames[0], undulation)
+            moved, spread = _moved(places, np.nan_to_num(covariance[rows]), frames[number], frames[0], undulation)
         except AatriError as error:
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
             table.problems.append(InputError(error.what, where=where, remedy=error.remedy))
@@ -155,16 +155,16 @@ def _as_whole(xyz: Float, axes: Sequence[str], rows: Int) -> tuple[Float, Bool]:
     (rows,) bool
         Rows with plan, height or both.
     """
-    found = xyz.copy()
+    filled = xyz.copy()
     plan = np.array([k for k, a in enumerate(axes) if a != "height"])
     up = list(axes).index("height")
     has_plan, has_up = np.isfinite(xyz[rows][:, plan]).all(axis=1), np.isfinite(xyz[rows, up])
     middle = np.nanmedian(xyz[rows[has_plan]][:, plan], axis=0) if has_plan.any() else np.zeros(2)
     lone = rows[~np.isfinite(xyz[rows][:, plan]).any(axis=1)]
-    found[np.ix_(lone, plan)] = middle
-    found[rows[~has_up], up] = 0.0
+    filled[np.ix_(lone, plan)] = middle
+    filled[rows[~has_up], up] = 0.0
     broken = np.isfinite(xyz[rows][:, plan]).any(axis=1) & ~has_plan
-    return found, (has_plan | has_up) & ~broken
+    return filled, (has_plan | has_up) & ~broken
 
 
 def _with_square_variances(covariance: Float) -> Float:

@@ -79,13 +79,13 @@ def _block(source: Source) -> Block:
     if not images.get("id"):
         raise_all(source.problems)  # else every row that names an image would be one more fault
     camera_of = {image: cameras.get(of, 0) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
-    measured, given = source.table("image_points.csv"), source.table("ground_points.csv")
-    points = [name for table in (measured, given) if table is not None for name in set(table.text["point"])]
+    measured, surveyed = source.table("image_points.csv"), source.table("ground_points.csv")
+    points = [name for table in (measured, surveyed) if table is not None for name in set(table.text["point"])]
     image_points = {} if measured is None else image_point_columns(source, measured, camera_of, camera.cameras)
     fiducial_points = fiducial_point_columns(source, camera_of, camera.cameras, camera.fiducials)
     covariances = read_covariances(source)
-    given, bodies = without_bodies(source, given)
-    ground, between_points = ground_point_columns(source, given, covariances)
+    surveyed, bodies = without_bodies(source, surveyed)
+    ground, between_points = ground_point_columns(source, surveyed, covariances)
     exterior = exterior_columns(source, camera_of)
     geodetic = joined(Bodies(*geodetic_columns(source, camera_of, points, covariances), ()), bodies)
     try:

@@ -89,14 +89,14 @@ def relative_control_tables(
     document = load(path, InputError)
     if not isinstance(document.value, list):
         raise InputError("is no list of conditions", where=document.where(), remedy="begin each one with `- {type: `")
-    known = {"images": set(images), "points": set(points)}
-    found = [_condition(source, document, k, known) for k in range(len(document.value))]
+    ids = {"images": set(images), "points": set(points)}
+    read = [_condition(source, document, k, ids) for k in range(len(document.value))]
     first: dict[Any, int] = {}
-    for c in found:
+    for c in read:
         if c is not None and first.setdefault(_order(c), c.line) != c.line:
             what = f"{c.type} is equal to that of line {first[_order(c)]} in every digit: they count once"
             source.reporter.warn(f"{path}:{c.line}: {what}")
-    own = [c for c in found if c is not None and first[_order(c)] == c.line]
+    own = [c for c in read if c is not None and first[_order(c)] == c.line]
     conditions = sorted([*own, *more], key=_order)
     return tables_of_conditions(conditions, FILES.index(FILE))
 
@@ -149,7 +149,7 @@ def _order(c: Condition) -> Any:
     return (c.type, c.axis, members, float(np.nan_to_num(c.value, nan=-1.0)), c.sigma)
 
 
-def _condition(source: Source, document: Document, k: int, known: dict[str, set[str]]) -> Condition | None:
+def _condition(source: Source, document: Document, k: int, ids: dict[str, set[str]]) -> Condition | None:
     """One item of the list; None if it has faults, which are kept."""
     item, before = document.value[k], len(source.problems)
 
@@ -181,9 +181,9 @@ def _condition(source: Source, document: Document, k: int, known: dict[str, set[
         fault(f"{kind} names a member twice", remedy="remove it")
     for part, name in members:
         where = "images" if part == "images" else "points"
-        if name not in known[where]:
+        if name not in ids[where]:
             fault(
-                f"{where[:-1]} {clipped(name)!r} is unknown{did_you_mean(name, known[where])}",
+                f"{where[:-1]} {clipped(name)!r} is unknown{did_you_mean(name, ids[where])}",
                 part,
                 remedy="mend the id; points must be measured or in ground_points.csv",
             )
@@ -209,11 +209,11 @@ def _members(document: Document, k: int, item: dict[str, Any], form: ConditionFo
     for part in form.members:
         if part not in item:
             continue
-        given = item[part]
-        if not isinstance(given, list):
+        nested = item[part]
+        if not isinstance(nested, list):
             members.append((part, document.text(k, part)))
             continue
-        for i, inner in enumerate(given):
+        for i, inner in enumerate(nested):
             if isinstance(inner, list):
                 members += [(part, document.text(k, part, i, j)) for j in range(len(inner))]
             else:

@@ -98,10 +98,10 @@ def texts(values: Iterable[str]) -> Text:
     return np.array(listed, dtype=np.str_) if listed else np.zeros(0, "U1")
 
 
-def look_up(table: CsvTable, column: str, known: Mapping[str, int], what: str, remedy: str) -> Int:
+def look_up(table: CsvTable, column: str, row_of: Mapping[str, int], what: str, remedy: str) -> Int:
     """Rows of the ids in a column; -1 where empty. Each unknown id is a fault at its first place, with its count."""
     cells = table.text[column]
-    rows = np.fromiter(map(known.get, cells, repeat(-1)), dtype=np.int32, count=len(cells))
+    rows = np.fromiter(map(row_of.get, cells, repeat(-1)), dtype=np.int32, count=len(cells))
     first: dict[str, tuple[int, int]] = {}
     for k in np.flatnonzero(rows < 0).tolist():
         if cells[k]:
@@ -109,7 +109,7 @@ def look_up(table: CsvTable, column: str, known: Mapping[str, int], what: str, r
             first[cells[k]] = (start, count + 1)
     for name, (k, count) in list(first.items())[:MOST_PER_COLUMN]:
         often = f", in {count} rows" if count > 1 else ""
-        message = f"{what} {clipped(name)!r} is unknown{often}{did_you_mean(name, known)}"
+        message = f"{what} {clipped(name)!r} is unknown{often}{did_you_mean(name, row_of)}"
         table.problems.append(InputError(message, where=table.where(k, column), remedy=remedy))
     if len(first) > MOST_PER_COLUMN:
         more = f"{len(first) - MOST_PER_COLUMN} more unknown ids in column {column}"

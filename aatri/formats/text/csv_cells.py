@@ -53,11 +53,11 @@ _SEPARATES = re.compile('[",]')
 def start_of_cell(text: str, index: int) -> int:
     """Character, from 1, at which a cell of a line begins."""
     start, cell, quoted, closed, plain = 0, 0, False, -2, False
-    for found in _SEPARATES.finditer(text):
-        position = found.start()
+    for separator in _SEPARATES.finditer(text):
+        position = separator.start()
         if cell == index:
             break
-        if found.group() == ",":
+        if separator.group() == ",":
             if not quoted:
                 start, cell, plain = position + 1, cell + 1, False
         elif quoted:

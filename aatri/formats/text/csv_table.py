@@ -69,14 +69,14 @@ class CsvTable:
 
     def complain(self, rows: npt.ArrayLike | Sequence[int], column: str, what: str, remedy: str = "") -> None:
         """Add an error for each of the rows; `{}` in `what` stands for the cell."""
-        found = np.asarray(rows, dtype=np.intp)
-        for row in found[:MOST_PER_COLUMN]:
+        places = np.asarray(rows, dtype=np.intp)
+        for row in places[:MOST_PER_COLUMN]:
             cell = repr(clipped(self.cell(int(row), column)))
             self.problems.append(
                 InputError(what.replace("{}", cell), where=self.where(int(row), column), remedy=remedy)
             )
-        if len(found) > MOST_PER_COLUMN:
-            more = f"column {column}: {len(found) - MOST_PER_COLUMN} more cells of this kind"
+        if len(places) > MOST_PER_COLUMN:
+            more = f"column {column}: {len(places) - MOST_PER_COLUMN} more cells of this kind"
             self.problems.append(InputError(more, where=str(self.path)))
 
     def complain_of_numbers(self, rows: Sequence[int], column: str) -> None:
@@ -84,9 +84,9 @@ class CsvTable:
         reasons: dict[str, list[int]] = {}
         for row in rows:
             reasons.setdefault(what_is_wrong(self.cell(row, column)), []).append(row)
-        for reason, some in reasons.items():
+        for reason, of_reason in reasons.items():
             what = f"{column} is {{}}: {reason}"
-            self.complain(some, column, what, "write it like -1234.5 or 1e-3, or leave the cell empty")
+            self.complain(of_reason, column, what, "write it like -1234.5 or 1e-3, or leave the cell empty")
 
     def cell(self, row: int, column: str) -> str:
         """The cell as written, without outer blanks."""

@@ -126,13 +126,13 @@ def _collected(read: Callable[[], T], problems: list[AatriError]) -> T | None:
 
 def _find(folder: Path, name: str) -> Path:
     """The file of this name, whatever its case and extension."""
-    found = sorted(p for p in folder.iterdir() if p.is_file() and p.stem.upper() == name)
-    if not found:
+    files = sorted(p for p in folder.iterdir() if p.is_file() and p.stem.upper() == name)
+    if not files:
         raise missing(folder / f"{name}.DAT")
-    if len(found) > 1:
-        names = " and ".join(p.name for p in found)
+    if len(files) > 1:
+        names = " and ".join(p.name for p in files)
         raise InputError(f"two files {name}: {names}", where=str(folder), remedy="remove one")
-    return found[0]
+    return files[0]
 
 
 def _camera(entries: list[TextLine], path: Path) -> Camera:

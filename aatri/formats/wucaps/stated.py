@@ -48,8 +48,8 @@ def _known_points(files: WucapsFiles) -> dict[str, list[tuple[Place, Place]]]:
 
 def _scales(seen: list[tuple[Place, Place]]) -> list[float]:
     """Ground over photo distances of known points that are neighbours in a photo."""
-    found = []
+    scales = []
     for (xy, ground), (other_xy, other_ground) in pairwise(seen):
         if (apart := math.dist(xy, other_xy)) > 0:
-            found.append(1000.0 * math.dist(ground, other_ground) / apart)
-    return found
+            scales.append(1000.0 * math.dist(ground, other_ground) / apart)
+    return scales

@@ -156,8 +156,8 @@ def _images(block: Block, xy_mm: Float, used: Bool) -> list[str]:
 def _ground(block: Block) -> list[str]:
     """PRECKI: north before east; 0 where nothing is known and no role needs it, for the files have no blanks."""
     g, lines = block.ground_points, list[str]()
-    for point, xyz, known in zip(g.point, np.nan_to_num(g.xyz_m).tolist(), _known(block)):
-        if known:
+    for point, xyz, is_known in zip(g.point, np.nan_to_num(g.xyz_m).tolist(), _known(block)):
+        if is_known:
             lines.append(f"{block.points.id[point]} {xyz[1]!r} {xyz[0]!r} {xyz[2]!r}")
     return [*lines, "-99"]
 

@@ -60,9 +60,9 @@ class DistortionSettings(Section):
         """Gather the parameters of the model, which stand beside its name."""
         if not isinstance(value, dict) or str(value.get("model")) not in PARAMETERS:
             return value
-        known = PARAMETERS[value["model"]]
-        rest = {key: item for key, item in value.items() if key not in known}
-        return rest | {"parameters": {key: value[key] for key in known if key in value}}
+        names = PARAMETERS[value["model"]]
+        rest = {key: item for key, item in value.items() if key not in names}
+        return rest | {"parameters": {key: value[key] for key in names if key in value}}
 
     @model_validator(mode="after")
     def _table(self) -> DistortionSettings:
@@ -99,10 +99,10 @@ class CameraSettings(Section):
                 raise ValueError("image_coordinates: pixel needs pixel: {size: ..., origin: ..., y: ...}")
             if self.format is None and self.pixel.origin != "image-centre":
                 raise ValueError("image_coordinates: pixel needs format: [columns, rows]")
-        known = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
+        names = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
         for name, sigma in self.sigmas.items():
-            if name not in known:
-                raise FaultAt(f"unknown parameter {clipped(name)!r}{did_you_mean(name, known)}", "sigmas", name)
+            if name not in names:
+                raise FaultAt(f"unknown parameter {clipped(name)!r}{did_you_mean(name, names)}", "sigmas", name)
             if isinstance(sigma, list) and len(sigma) != len(VECTORS.get(name, "x")):
                 raise FaultAt(f"takes {len(VECTORS.get(name, 'x'))} values, not {len(sigma)}", "sigmas", name)
         return self

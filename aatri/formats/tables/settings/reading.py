@@ -47,10 +47,10 @@ def _fault(document: Document, item: dict[str, Any]) -> InputError:
     keys += getattr(item.get("ctx", {}).get("error"), "keys", ())
     path = ".".join(str(key) for key in keys) or "block.yaml"
     if item["type"] == "extra_forbidden":
-        known = _known_keys(keys[:-1])
+        expected = _known_keys(keys[:-1])
         what = f"unknown key {clipped(str(keys[-1]))!r} in {'.'.join(map(str, keys[:-1])) or 'block.yaml'}"
-        remedy = f"keys are {', '.join(known)}; your own start with x_" if known else "remove it"
-        return InputError(what + did_you_mean(str(keys[-1]), known), where=document.where_key(*keys), remedy=remedy)
+        remedy = f"keys are {', '.join(expected)}; your own start with x_" if expected else "remove it"
+        return InputError(what + did_you_mean(str(keys[-1]), expected), where=document.where_key(*keys), remedy=remedy)
     if item["type"] == "missing":
         return InputError(f"{path} is missing", where=document.where(*keys), remedy=f"add `{keys[-1]}:`")
     message, value = item["msg"].removeprefix("Value error, "), item["input"]

@@ -47,11 +47,11 @@ def settings_text(block: Block) -> str:
 def _rig(block: Block, name: str) -> dict[str, Any]:
     """Members of a rig in the order of the table: the frame first."""
     rows = block.rig_members
-    found: dict[str, Any] = {}
+    written: dict[str, Any] = {}
     for k in np.flatnonzero(rows.rig == name).tolist():
         position = np.where(rows.position_free[k], np.inf, rows.position_sigma_m[k]).tolist()
         angles = np.where(rows.angle_free[k], np.inf, rows.angle_sigma_rad[k]).tolist()
-        found[str(rows.member[k])] = (
+        written[str(rows.member[k])] = (
             {}
             if rows.is_frame[k]
             else {
@@ -60,41 +60,41 @@ def _rig(block: Block, name: str) -> dict[str, Any]:
                 "sigmas": {"position": position, "angles": angles},
             }
         )
-    return found
+    return written
 
 
 def _camera(block: Block, k: int) -> dict[str, Any]:
     c = block.cameras
-    found: dict[str, Any] = {"kind": str(c.kind[k]), "image_coordinates": str(c.image_coordinates[k])}
+    written: dict[str, Any] = {"kind": str(c.kind[k]), "image_coordinates": str(c.image_coordinates[k])}
     if np.isfinite(c.pixel_size_mm[k]).all():
         pixel = {"size": c.pixel_size_mm[k].tolist()}
         pixel |= {key: str(v) for key, v in (("origin", c.pixel_origin[k]), ("y", c.pixel_y[k])) if v}
-        found["pixel"] = pixel
+        written["pixel"] = pixel
     if np.isfinite(c.format[k]).all():
-        found["format"] = c.format[k].tolist()
-    found["principal_distance"] = float(c.principal_distance_mm[k])
-    found["principal_point"] = c.principal_point_mm[k].tolist()
-    found["symmetry_point"] = c.symmetry_point_mm[k].tolist()
+        written["format"] = c.format[k].tolist()
+    written["principal_distance"] = float(c.principal_distance_mm[k])
+    written["principal_point"] = c.principal_point_mm[k].tolist()
+    written["symmetry_point"] = c.symmetry_point_mm[k].tolist()
     marks = block.fiducials.camera == k
     if marks.any():
-        found["fiducials"] = dict(zip(block.fiducials.id[marks].tolist(), block.fiducials.xy_mm[marks].tolist()))
-    found["distortion"], found["sigmas"] = _distortion(block, k), _sigmas(block, k)
-    found["lever_arm"], found["boresight"] = c.lever_arm_m[k].tolist(), c.boresight_rad[k].tolist()
+        written["fiducials"] = dict(zip(block.fiducials.id[marks].tolist(), block.fiducials.xy_mm[marks].tolist()))
+    written["distortion"], written["sigmas"] = _distortion(block, k), _sigmas(block, k)
+    written["lever_arm"], written["boresight"] = c.lever_arm_m[k].tolist(), c.boresight_rad[k].tolist()
     if c.mount_deg[k]:
-        found["mount"] = int(c.mount_deg[k])
-    return found
+        written["mount"] = int(c.mount_deg[k])
+    return written
 
 
 def _distortion(block: Block, k: int) -> dict[str, Any]:
     rows, table = block.camera_parameters, block.distortion_table
-    found: dict[str, Any] = {"model": str(block.cameras.distortion[k])}
-    given = (rows.camera == k) & np.isfinite(rows.value)
-    found |= dict(zip(rows.name[given].tolist(), rows.value[given].tolist()))
-    mine = table.camera == k
-    if mine.any():
-        found["radius"] = table.radius_mm[mine].tolist()
-        found["correction"] = [_thousandfold(mm) for mm in table.correction_mm[mine].tolist()]
-    return found
+    written: dict[str, Any] = {"model": str(block.cameras.distortion[k])}
+    stated = (rows.camera == k) & np.isfinite(rows.value)
+    written |= dict(zip(rows.name[stated].tolist(), rows.value[stated].tolist()))
+    of_camera = table.camera == k
+    if of_camera.any():
+        written["radius"] = table.radius_mm[of_camera].tolist()
+        written["correction"] = [_thousandfold(mm) for mm in table.correction_mm[of_camera].tolist()]
+    return written
 
 
 def _thousandfold(value: float) -> float:
@@ -107,19 +107,19 @@ def _thousandfold(value: float) -> float:
 def _sigmas(block: Block, k: int) -> dict[str, Any]:
     """Standard deviations by parameter; components of a vector together."""
     rows = block.camera_parameters
-    mine = (rows.camera == k) & (rows.free | np.isfinite(rows.sigma))
+    of_camera = (rows.camera == k) & (rows.free | np.isfinite(rows.sigma))
     single = {
         n: math.inf if f else s
-        for n, s, f in zip(rows.name[mine].tolist(), rows.sigma[mine].tolist(), rows.free[mine].tolist())
+        for n, s, f in zip(rows.name[of_camera].tolist(), rows.sigma[of_camera].tolist(), rows.free[of_camera].tolist())
     }
-    found: dict[str, Any] = {}
+    written: dict[str, Any] = {}
     for name, sigma in single.items():
         vector, dot, _ = name.partition(".")
         if dot:
-            found[vector] = [single.get(f"{vector}.{axis}", 0.0) for axis in VECTORS[vector]]
+            written[vector] = [single.get(f"{vector}.{axis}", 0.0) for axis in VECTORS[vector]]
         else:
-            found[name] = sigma
-    return found
+            written[name] = sigma
+    return written
 
 
 def _yaml(value: Any) -> str:
