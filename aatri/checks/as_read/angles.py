@@ -137,11 +137,10 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
         return None
     of_single = pairs.take(np.isin(pairs.image, single))
     off, cause = misfit(rays, of_single), _height_or_lens(rays, of_single)
-    left = misfit(cause.rays, of_single)
+    left = float(misfit_of_images(cause.rays, of_single).max())  # each of them: few have a median by chance
     if len(of_single.image) >= FEWEST_ANGLES and left < min(EXPLAINED_ANGLES * off, FIT_OBSERVED):
         text = f"in single images angles between rays to control points differ by {_percent(off)} from those measured"
-        remedy = "give them a camera of their own"
-        remedy = remedy if cause.of == "camera" else f"check the heights of their positions, or {remedy}"
+        remedy = "check their positions, or give them a camera of their own"
         return Contradiction(f"{text}; {cause.text}, by {_percent(left)}", remedy, cause.of, False, single)
     text = f"angles between rays to control points differ by more than {limit:.0%} from those measured"
     points = points_off(rays, pairs, limit)
