@@ -28,27 +28,29 @@ def high_correlations(result: BundleResult, kinds: Mapping[str, str]) -> list[Fi
     if not result.adjusted.has_factor or result.adjusted.down_weighted or result.free is not None:
         return []
     shared = [u for u in result.adjusted.problem.unknowns if u.name not in (POSE, POINT, FILM) and not u.joins]
-    known = {name for name, c in result.covariances.items() if np.isfinite(c).any()}
+    with_covariance = {name for name, c in result.covariances.items() if np.isfinite(c).any()}
     shared = [
-        u for u in shared if u.name in known and np.isfinite(result.covariances[u.name][u.free.any(axis=1)]).all()
+        u
+        for u in shared
+        if u.name in with_covariance and np.isfinite(result.covariances[u.name][u.free.any(axis=1)]).all()
     ]
     blocks: list[Block] = [(u.name, int(k)) for u in shared for k in np.flatnonzero(u.free.any(axis=1))]
     if all(_of_camera(u.name) for u in shared) and len(blocks) < 2:
         return []
     of = {u.name: u for u in shared}
-    found: list[tuple[str, str, float]] = []
+    correlated: list[tuple[str, str, float]] = []
     for group, k in blocks:
         if not _of_camera(group):
             own = result.covariances[group][k]
-            found += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
+            correlated += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
     pairs = list(combinations(blocks, 2))
     pairs.sort(key=lambda pair: pair[0][0] == pair[1][0])  # of different groups first
     taken = pairs[:MOST_PAIRS]
     for (a, b), cross in zip(taken, covariances_of_pairs(result.adjusted, taken) if taken else []):
         first, second = result.covariances[a[0]][a[1]], result.covariances[b[0]][b[1]]
         every = tuple(i.ravel() for i in np.indices(cross.shape))
-        found += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
-    return [*_told(found, kinds), *_left_out(len(pairs))]
+        correlated += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
+    return [*_findings(correlated, kinds), *_left_out(len(pairs))]
 
 
 def _of_camera(group: str) -> bool:
@@ -74,10 +76,10 @@ def _high(
     ]
 
 
-def _told(found: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Finding]:
-    found.sort(key=lambda pair: -abs(pair[2]))
-    findings = [Finding("correlations", "warning", a.text) for a in advise(found, kinds)[:7]]
-    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in found if abs(rho) < WARNED or len(findings) >= 7]
+def _findings(correlated: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Finding]:
+    correlated.sort(key=lambda pair: -abs(pair[2]))
+    findings = [Finding("correlations", "warning", a.text) for a in advise(correlated, kinds)[:7]]
+    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in correlated if abs(rho) < WARNED or len(findings) >= 7]
     if rest:
         findings.append(
             Finding("correlations", "note", f"correlations of {CORRELATION_LISTED:.2f} and more: {shown(rest)}")

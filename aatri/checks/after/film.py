@@ -74,13 +74,13 @@ def _findings(
         yield _finding("warning", text, tuple(ids[exact].tolist()))
     high = misfits(fit, usable)
     if high.any():
-        told = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
-        yield _finding("warning", "sigma0 of single images is too large, a mark may be wrong", told)
+        named = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
+        yield _finding("warning", "sigma0 of single images is too large, a mark may be wrong", named)
     rejected = usable[:, None] & marks.present & ~fit.used
     if rejected.any():
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
-        told = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
-        yield _finding("warning", f"{len(told)} fiducial marks are rejected", told)
+        named = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
+        yield _finding("warning", f"{len(named)} fiducial marks are rejected", named)
     if fit.model == "similarity" and (high.any() or rejected.any()):
         yield from _too_simple(marks)
     linear = fit.photo_from_nominal
@@ -119,9 +119,9 @@ def _turned_scans(block: Block, marks: FilmMarks, linear: Float, usable: Bool) -
     quarter = np.rint(np.where(usable, angle, 0.0) / (np.pi / 2)).astype(np.int64) % 4
     camera = block.images.camera[marks.image]
     for one in np.unique(camera[usable]):
-        mine = usable & (camera == one)
-        usual = int(np.bincount(quarter[mine], minlength=4).argmax())
-        turned = mine & (quarter != usual)
+        of_camera = usable & (camera == one)
+        usual = int(np.bincount(quarter[of_camera], minlength=4).argmax())
+        turned = of_camera & (quarter != usual)
         if turned.any():
             text = (
                 f"turned by right angles against the other images of camera {block.cameras.id[one]}, check that "

@@ -123,8 +123,8 @@ def _drift_of_attitudes(g: Group) -> tuple[str, str]:
     return text, "`attitudes: {drift: linear}` estimates it, with `drift_group` in exterior.csv"
 
 
-def _degrees(g: Group, some: slice) -> str:
-    return _values(np.degrees(g.value[some]), np.degrees(g.sigma[some]), ".4f")
+def _degrees(g: Group, axes: slice) -> str:
+    return _values(np.degrees(g.value[axes]), np.degrees(g.sigma[axes]), ".4f")
 
 
 def _boresight(g: Group) -> tuple[str, str]:

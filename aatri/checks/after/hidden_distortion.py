@@ -41,20 +41,20 @@ def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> li
     tests : bool
         Observations are tested too.
     """
-    found = next((o for o in result.observations if o.observed.kind == IMAGE_POINT), None)
-    if found is None or source.image_points is None or not _asked(result, tests):
+    rays = next((o for o in result.observations if o.observed.kind == IMAGE_POINT), None)
+    if rays is None or source.image_points is None or not _asked(result, tests):
         return []
-    rows = np.flatnonzero(found.used)
-    held = additional_parameters(source.block, source.image_points, RADIAL, "camera", None)
-    assert held.basis is not None
-    derivative = np.zeros((len(rows), 2, len(held.ids)))
-    derivative[np.arange(len(rows)), :, held.block[rows]] = -held.basis[rows, :, 0]
-    records = found.observed.records
+    rows = np.flatnonzero(rays.used)
+    radial = additional_parameters(source.block, source.image_points, RADIAL, "camera", None)
+    assert radial.basis is not None
+    derivative = np.zeros((len(rows), 2, len(radial.ids)))
+    derivative[np.arange(len(rows)), :, radial.block[rows]] = -radial.basis[rows, :, 0]
+    records = rays.observed.records
     tried = score(result.adjusted, records, rows, derivative)
     findings = []
     sigma2 = result.point_covariance_m2[:, 2, 2]
     height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
-    for k, camera in enumerate(held.ids):
+    for k, camera in enumerate(radial.ids):
         one = tried.joint(0, [k])
         if one.rank:
             size_mm = UNSEEN_DISTORTION * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)

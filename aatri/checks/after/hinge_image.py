@@ -36,8 +36,8 @@ def hinge_images(given: BundleInput) -> list[Finding]:
     first = dict(zip(point[::-1].tolist(), image[::-1].tolist()))
     for o in given.observed:
         if o.kind == "control":
-            known = np.unique(dict(o.records.touches)[POINT][o.records.active]).tolist()
-            np.add.at(own, [first[p] for p in known if p in first], 1.0)
+            tied_points = np.unique(dict(o.records.touches)[POINT][o.records.active]).tolist()
+            np.add.at(own, [first[p] for p in tied_points if p in first], 1.0)
     shows = csr_array((np.ones(len(image)), (image, point)), shape=(len(given.image_ids), len(given.point_ids)))
     common = (shows @ shows.T).tocoo()
     tied = (common.data >= TIE_POINTS) & (common.row != common.col)
@@ -68,10 +68,10 @@ def hanging_parts(neighbours: list[Int], own: Float) -> Iterator[tuple[int, Int]
         for hinge, parts in of_hinge.items():
             rest = np.setdiff1d(order, np.concatenate([[hinge], *parts]))
             parts = [*parts, rest] if len(rest) else parts
-            whole, known = len(order) - 1, own[order].sum() - own[hinge]
+            whole, control = len(order) - 1, own[order].sum() - own[hinge]
             for part in parts if len(parts) > 1 else ():
                 datum = own[part].sum()
-                if len(part) > 1 and datum < OWN_DATUM and (2 * len(part) <= whole or known - datum >= OWN_DATUM):
+                if len(part) > 1 and datum < OWN_DATUM and (2 * len(part) <= whole or control - datum >= OWN_DATUM):
                     yield hinge, part
 
 

@@ -21,9 +21,9 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Finding]:
     Observations of points that nothing ties to the block are only noted.
     """
     findings = []
-    told = result.set_aside
-    images = np.asarray(given.image_ids)[~result.image_adjusted & ~told.get(POSE, np.False_)]
-    tied = touched_points(given) & ~told.get(POINT, np.False_)
+    set_aside = result.set_aside
+    images = np.asarray(given.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
+    tied = touched_points(given) & ~set_aside.get(POINT, np.False_)
     points = np.asarray(given.point_ids)[tied & ~result.point_adjusted]
     for ids, of, what, why in (
         (points, len(given.point_ids), "points", "too few usable rays"),
@@ -51,11 +51,11 @@ def _idle(given: BundleInput, result: BundleResult) -> list[Finding]:
     return findings
 
 
-def _unused(found: AdjustedObservations, given: BundleInput) -> list[Finding]:
+def _unused(adjusted: AdjustedObservations, given: BundleInput) -> list[Finding]:
     """Observations in use on input that touch nothing that takes part; image points are told by image and point."""
-    o = found.observed
+    o = adjusted.observed
     unused = o.records.active.copy()
-    unused[found.rows] = False
+    unused[adjusted.rows] = False
     rows = np.flatnonzero(unused)
     if not len(rows) or o.components or (given.rays is not None and len(o) == len(given.rays.image)):
         return []

@@ -52,7 +52,7 @@ def doubtful_sequences(block: Block, image_points: ImagePoints) -> list[tuple[in
     seen = csr_array(
         (m.active.astype(np.int32), (m.image, m.point)), shape=(len(block.images), len(block.points)), dtype=np.int32
     )
-    found = []
+    doubtful_images = []
     for strip in range(len(block.strips)):
         rows = images_of_strip(block, strip)
         part = seen[rows]
@@ -62,8 +62,8 @@ def doubtful_sequences(block: Block, image_points: ImagePoints) -> list[tuple[in
         most_beside = np.where(beside, shared, 0).max(axis=1, initial=0)
         others = np.where(beside | np.eye(len(rows), dtype=bool), 0, shared)
         doubtful = others.max(axis=1, initial=0) > OUT_OF_SEQUENCE * most_beside
-        found += [(int(rows[k]), int(rows[others[k].argmax()])) for k in np.flatnonzero(doubtful)]
-    return found
+        doubtful_images += [(int(rows[k]), int(rows[others[k].argmax()])) for k in np.flatnonzero(doubtful)]
+    return doubtful_images
 
 
 def _doubtful(block: Block, image_points: ImagePoints) -> Iterator[Finding]:
@@ -101,8 +101,8 @@ def _of_models(models: Models, scale: float) -> Iterator[Finding]:
         yield Finding("models", "note", text + "y-parallaxes of all points ask for before any is rejected")
     off = single_misfits(o.sigma0 / scale, o.redundancy)
     if off.any():
-        told = tuple(f"{name} ({s:.2f})" for name, s in zip(o.id[off], o.sigma0[off]))
-        yield Finding("models", "warning", "sigma0 of single models is too large", ids=told)
+        named = tuple(f"{name} ({s:.2f})" for name, s in zip(o.id[off], o.sigma0[off]))
+        yield Finding("models", "warning", "sigma0 of single models is too large", ids=named)
     rejected = int(np.sum(~models.model_points.active))
     yield Finding(
         "models", "note", f"{len(o)} models, {len(models.unformed)} pairs without; {rejected} model points rejected"

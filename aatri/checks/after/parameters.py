@@ -49,11 +49,11 @@ def parameter_findings(given: BundleInput, result: BundleResult) -> list[Finding
         if group.given.calibrated:
             findings += _calibrated(group)
             continue
-        found = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
-        if len(found) > MOST_UNITS_TOLD:
-            findings += _summed_up(given, group, [e for _, e in found])
+        estimated = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
+        if len(estimated) > MOST_UNITS_TOLD:
+            findings += _summed_up(given, group, [e for _, e in estimated])
             continue
-        for k, e in found:
+        for k, e in estimated:
             findings += _unit(given, result, group, k, e)
     return findings
 
@@ -67,8 +67,9 @@ def _calibrated(group: AdjustedParameters) -> list[Finding]:
         spread = prior - group.covariance[k][np.ix_(columns, columns)]
         if not np.isfinite(spread).all():
             continue
-        told = np.flatnonzero(np.diag(spread) > 1e-6 * np.diag(prior))  # less is rounding: the block adds nothing
-        columns, prior, spread = columns[told], prior[np.ix_(told, told)], spread[np.ix_(told, told)]
+        determined = np.flatnonzero(np.diag(spread) > 1e-6 * np.diag(prior))  # less is rounding: the block adds nothing
+        both = np.ix_(determined, determined)
+        columns, prior, spread = columns[determined], prior[both], spread[both]
         scale = np.sqrt(np.diag(prior))
         difference = (group.value[k] - g.prior[k])[columns] / scale
         test = joint_test(estimates([g.labels[c] for c in columns], difference, spread / np.outer(scale, scale)))
@@ -111,11 +112,11 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Finding]:
     sigma = np.sqrt(np.diag(g.covariance[unit])[columns])
     change = group.value[unit, columns] - g.prior[unit, columns]
     names, far = parameter_names(g, unit), np.flatnonzero(np.abs(change) > MOVED_SIGMAS * sigma)
-    told = [f"{names[columns[k]]} by {change[k]:.3g} ({abs(change[k]) / sigma[k]:.0f} of its sigmas)" for k in far]
-    if not told:
+    moved = [f"{names[columns[k]]} by {change[k]:.3g} ({abs(change[k]) / sigma[k]:.0f} of its sigmas)" for k in far]
+    if not moved:
         return []
     why = "is it calibrated with this lens, focus and film?"
-    text = f"parameters leave their given values: {', '.join(told)}"
+    text = f"parameters leave their given values: {', '.join(moved)}"
     return [Finding("parameters", "warning", text, why, where=str(g.ids[unit]))]
 
 
@@ -136,21 +137,21 @@ def _pairs_with_pose(
     labels = [f"{n} of image {given.image_ids[image]}" for n in _POSE]
     variance = np.diag(result.pose_covariance[image])
     columns = np.flatnonzero(group.given.free[unit])
-    found = correlated_with_others(e, cross[columns], variance, labels, WARNED)
-    return [(p.first, p.second, p.correlation) for p in found]
+    pairs = correlated_with_others(e, cross[columns], variance, labels, WARNED)
+    return [(p.first, p.second, p.correlation) for p in pairs]
 
 
-def _summed_up(given: BundleInput, group: AdjustedParameters, found: list[Estimates]) -> list[Finding]:
+def _summed_up(given: BundleInput, group: AdjustedParameters, estimated: list[Estimates]) -> list[Finding]:
     """One line each for many units."""
     idle: dict[str, int] = {}
     coupled: dict[tuple[str, str], list[float]] = {}
-    for e in found:
+    for e in estimated:
         tests = parameter_tests(e)
         for i in np.flatnonzero(~tests.significant):
             idle[e.names[i]] = idle.get(e.names[i], 0) + 1
         for p in correlated_pairs(e, WARNED):
             coupled.setdefault((p.first, p.second), []).append(p.correlation)
-    findings, what = [], f"{group.given.group} of {len(found)} units"
+    findings, what = [], f"{group.given.group} of {len(estimated)} units"
     kinds = column_kinds(given) if is_additional(group.given.group) else {}
     if idle:
         names = shown([f"{name} ({n})" for name, n in sorted(idle.items())])

@@ -64,15 +64,15 @@ def rank_advice(what: str, names: tuple[str, ...], kinds: Mapping[str, str]) -> 
 
 def _of_motions(text: str) -> list[str]:
     """The remedy for what is open of the datum, of sets and mounts."""
-    found = [advice for word, advice in ((" mount ", _MOUNT), (" boresight z ", _BORESIGHT)) if word in text]
+    advice = [advice for word, advice in ((" mount ", _MOUNT), (" boresight z ", _BORESIGHT)) if word in text]
     if " of the whole block" not in text and " of a part " not in text:
-        return found
+        return advice
     if " of a part " in text:
-        return [*found, _PART]
+        return [*advice, _PART]
     if "shift" in text:
-        return [*found, _DATUM]
+        return [*advice, _DATUM]
     if "rotation about the axis" in text or "rotation about X" in text or "rotation about Y" in text:
-        return [*found, _TURN]
+        return [*advice, _TURN]
     if "scale" in text:
-        return [*found, _SCALE]
-    return found or ([_SET] if "rotation about Z" in text else [])
+        return [*advice, _SCALE]
+    return advice or ([_SET] if "rotation about Z" in text else [])

@@ -29,14 +29,14 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
     stage : str
         Role of the stage.
     """
-    mine, findings = suspects.take(suspects.stage == stage), []
-    open_ = np.unique(mine.point[mine.verdict == "undecidable"])
+    of_stage, findings = suspects.take(suspects.stage == stage), []
+    open_ = np.unique(of_stage.point[of_stage.verdict == "undecidable"])
     if len(open_):
         text = f"{len(open_)} points whose observations contradict each other are not decided"
         findings.append(Finding("rejections", "note", text, ids=tuple(open_.tolist())))
-    for kind in np.unique(mine.kind[mine.verdict == "rejected"]).tolist():
-        rows = np.flatnonzero((mine.kind == kind) & (mine.verdict == "rejected"))
-        rows = rows[np.argsort(-np.nan_to_num(np.abs(mine.test[rows])), kind="stable")]
+    for kind in np.unique(of_stage.kind[of_stage.verdict == "rejected"]).tolist():
+        rows = np.flatnonzero((of_stage.kind == kind) & (of_stage.verdict == "rejected"))
+        rows = rows[np.argsort(-np.nan_to_num(np.abs(of_stage.test[rows])), kind="stable")]
         again = stage == "initial_orientation" and kind == "image_point"
         findings.append(
             Finding(
@@ -44,9 +44,9 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
                 "note" if again else "warning",
                 f"{len(rows)} rejected as gross errors",
                 where=kind,
-                ids=tuple(_named(mine, int(row)) for row in rows),
-                rows={kind: mine.row[rows]},
-                statistic=float(np.nanmax(np.abs(mine.test[rows]), initial=0.0)),
+                ids=tuple(_named(of_stage, int(row)) for row in rows),
+                rows={kind: of_stage.row[rows]},
+                statistic=float(np.nanmax(np.abs(of_stage.test[rows]), initial=0.0)),
             )
         )
     return findings
@@ -85,10 +85,10 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
         X = given_m[r.row[rows]]
         pairs = exchanged_pairs(X + r.residual[rows], X, range(len(rows)))
         names = np.where(r.point[rows] != "", r.point[rows], r.image[rows])
-        told = before.row[(before.kind == kind) & (before.verdict == "rejected")]
+        told_before = before.row[(before.kind == kind) & (before.verdict == "rejected")]
         for pair in pairs:
             both = [pair.first, pair.second]
-            if np.isin(r.row[rows[both]], told).all():
+            if np.isin(r.row[rows[both]], told_before).all():
                 continue
             text = "two that are rejected fit with their numbers exchanged"
             findings.append(

@@ -37,15 +37,15 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
     """
     if result.adjusted.down_weighted:
         return []
-    tests = [(found, test) for found in result.observations if (test := _test(found, result)) is not None]
+    tests = [(adjusted, test) for adjusted in result.observations if (test := _test(adjusted, result)) is not None]
     findings = []
-    for found, test in tests:
+    for adjusted, test in tests:
         squares = test.redundancy * test.sigma0**2
         chance = 2 * float(min(chdtr(test.redundancy, squares), chdtrc(test.redundancy, squares)))
         factor = max(test.sigma0, 1 / max(test.sigma0, 1e-300))
         if chance >= SIGMAS_LEVEL / len(tests) or factor < SIGMAS_FACTOR:
             continue
-        text = f"sigma0 of these {len(found.rows)} observations alone is {test.sigma0:.3g} (redundancy "
+        text = f"sigma0 of these {len(adjusted.rows)} observations alone is {test.sigma0:.3g} (redundancy "
         text += f"{test.redundancy}): their standard deviations are about {factor:.2g} times too "
         text, remedy = (
             (f"{text}large", "is it a unit?")
@@ -58,27 +58,27 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
                 "warning",
                 text,
                 remedy,
-                where=found.observed.kind,
+                where=adjusted.observed.kind,
                 statistic=squares,
                 significance=chance,
-                rows={found.observed.kind: found.observed.row},
+                rows={adjusted.observed.kind: adjusted.observed.row},
             )
         )
     return findings
 
 
-def _test(found: AdjustedObservations, result: BundleResult) -> GlobalTest | None:
+def _test(adjusted: AdjustedObservations, result: BundleResult) -> GlobalTest | None:
     """sigma0 of a kind; None where its redundancy is small or not known, and of rays: sigma0 tells of them."""
-    o = found.observed
+    o = adjusted.observed
     if o.exact or o.components or {POSE, POINT} <= {group for group, _ in o.records.touches}:
         return None
-    rows = np.flatnonzero(found.used)
-    rows = rows[np.isfinite(found.covariance[rows]).all(axis=(1, 2))]
+    rows = np.flatnonzero(adjusted.used)
+    rows = rows[np.isfinite(adjusted.covariance[rows]).all(axis=(1, 2))]
     if not len(rows):
         return None
     v = whitened_residuals(o.records, result.adjusted.state, rows)
     count = int(o.records.observed_components()[rows].sum())
-    redundancy = count - float(np.einsum("nii->", found.covariance[rows]))
+    redundancy = count - float(np.einsum("nii->", adjusted.covariance[rows]))
     if redundancy < LEAST_KIND_REDUNDANCY:
         return None
     return global_test(float(np.sqrt((v**2).sum() / redundancy)), round(redundancy))

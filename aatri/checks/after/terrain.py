@@ -22,12 +22,12 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
     xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
     height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
     variance = np.maximum(np.nan_to_num(result.point_covariance_m2[:, 2, 2]), 0.0)
-    found = off_terrain(xyz, np.sqrt(variance), rays, height)
-    if not len(found.row):
+    off = off_terrain(xyz, np.sqrt(variance), rays, height)
+    if not len(off.row):
         return []
-    order = np.argsort(-found.test)
-    ids = tuple(f"{given.point_ids[found.row[k]]} ({found.height_m[k]:+.3g} m)" for k in order.tolist())
-    text = f"{len(ids)} points lie off the terrain around them by more than {found.limit:.3g} times its roughness, and "
+    order = np.argsort(-off.test)
+    ids = tuple(f"{given.point_ids[off.row[k]]} ({off.height_m[k]:+.3g} m)" for k in order.tolist())
+    text = f"{len(ids)} points lie off the terrain around them by more than {off.limit:.3g} times its roughness, and "
     return [
         Finding(
             "terrain",
@@ -35,7 +35,7 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
             f"{text}are doubtful",
             "measure them in a third image, or leave them out",
             ids=ids,
-            statistic=float(found.test.max()),
+            statistic=float(off.test.max()),
             significance=ALARM,
         )
     ]

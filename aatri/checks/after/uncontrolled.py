@@ -30,14 +30,14 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
         text = f"{len(alone)} of {len(points)} points are in no model: the bundle is the first to check them"
         findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
     for kind in np.unique(table.kind).tolist():
-        some = table.take(table.kind == kind)
-        have = f"{'has' if len(some) == 1 else 'have'} a direction that nothing controls {WHERE}"
-        ids = tuple("/".join(x for x in pair if x) for pair in zip(some.image.tolist(), some.point.tolist()))
-        text = f"{len(some)} {have}"
+        of_kind = table.take(table.kind == kind)
+        have = f"{'has' if len(of_kind) == 1 else 'have'} a direction that nothing controls {WHERE}"
+        ids = tuple("/".join(x for x in pair if x) for pair in zip(of_kind.image.tolist(), of_kind.point.tolist()))
+        text = f"{len(of_kind)} {have}"
         if kind == IMAGE_POINT:
-            ids = tuple(np.unique(some.point).tolist())
-            text = f"{len(some)} at {len(ids)} points {have}"
-        findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: some.row}))
+            ids = tuple(np.unique(of_kind.point).tolist())
+            text = f"{len(of_kind)} at {len(ids)} points {have}"
+        findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: of_kind.row}))
     return findings
 
 

@@ -31,8 +31,8 @@ def weak_datum(given: BundleInput, result: BundleResult) -> list[Finding]:
         return []
     angle = np.nanmedian(given.rays.sigma_mm / given.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)
-    known, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], float(angle) * distance
-    most = float(np.quantile(known, WEAK_SHARE)) if len(known) else 0.0
+    sigmas, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], float(angle) * distance
+    most = float(np.quantile(sigmas, WEAK_SHARE)) if len(sigmas) else 0.0
     if not np.isfinite(on_ground) or most <= WEAK_DATUM * on_ground:
         return []
     factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)

@@ -69,10 +69,10 @@ def camera_figures(cameras: CameraFrames, camera_of_ray: Int, distance_m: Float)
     """
     findings = []
     for k, name in enumerate(cameras.id):
-        mine = distance_m[camera_of_ray == k]
-        away = float(np.median(mine)) if len(mine) else np.nan
+        distances = distance_m[camera_of_ray == k]
+        away = float(np.median(distances)) if len(distances) else np.nan
         parts, wrong = _figures(cameras, k, away)
-        parts = [f"{length(away)} from the control it shows"] * bool(len(mine)) + parts
+        parts = [f"{length(away)} from the control it shows"] * bool(len(distances)) + parts
         if parts:
             findings.append(Finding("cameras", "note", ", ".join(parts), where=f"camera {name}"))
         findings += [Finding("cameras", "warning", text, remedy, where=f"camera {name}") for text, remedy in wrong]

@@ -156,15 +156,17 @@ def photo_mm(block: Block) -> Float:
     camera = block.images.camera[points.image]
     centre = _middle_of_marks(block)
     for k in range(len(c)):
-        mine = camera == k
+        of_camera = camera == k
         pixel = c.image_coordinates[k] == "pixel"
         if c.image_coordinates[k] == "photo":
-            xy[mine] = points.xy[mine]
+            xy[of_camera] = points.xy[of_camera]
         elif pixel and c.kind[k] == "digital":
             matrix = mm_from_pixel(c.pixel_size_mm[k], str(c.pixel_origin[k]), str(c.pixel_y[k]), c.format[k])
-            xy[mine] = points.xy[mine] @ matrix[:, :2].T + matrix[:, 2]
+            xy[of_camera] = points.xy[of_camera] @ matrix[:, :2].T + matrix[:, 2]
         else:
-            xy[mine] = (points.xy[mine] - centre[points.image[mine]]) * (c.pixel_size_mm[k] if pixel else 1.0)
+            xy[of_camera] = (points.xy[of_camera] - centre[points.image[of_camera]]) * (
+                c.pixel_size_mm[k] if pixel else 1.0
+            )
     return xy
 
 

@@ -74,12 +74,12 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
     control_height_m : float
         Median height of the control points; NaN not known.
     """
-    known = np.flatnonzero(np.isfinite(position_m).all(axis=1))
-    if len(known) < FEWEST_POSITIONS:
+    rows = np.flatnonzero(np.isfinite(position_m).all(axis=1))
+    if len(rows) < FEWEST_POSITIONS:
         return {}
-    xyz = position_m[known]
+    xyz = position_m[rows]
     if (np.ptp(xyz, axis=0) <= SAME_POSITION_M).all():
-        return {int(row): f"{THE_SAME} {len(known)} images" for row in known}
+        return {int(row): f"{THE_SAME} {len(rows)} images" for row in rows}
     middle = np.median(xyz, axis=0)
     spread = 1.4826 * np.median(np.abs(xyz - middle), axis=0)
     above = max(0.0, np.nan_to_num(float(middle[2]) - control_height_m))
@@ -92,4 +92,4 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
     if above > LEVEL_FLIGHT * spread[2]:
         for k in np.flatnonzero(xyz[:, 2] - control_height_m < LOW_POSITION * above).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
-    return {int(known[k]): why for k, why in sorted(reasons.items())}
+    return {int(rows[k]): why for k, why in sorted(reasons.items())}

@@ -53,13 +53,15 @@ def attitude_conventions(source: Given, given: BundleInput, state: State, *, bef
     usable = finite_rows(rotation) & finite_rows(rows.observed) & np.isin(rows.row, np.concatenate(used))
     findings = list[Finding]()
     for camera in np.unique(rows.camera[usable]).tolist():
-        some = np.flatnonzero(usable & (rows.camera == camera))
-        if len(some) < FEWEST_ATTITUDES:
+        of_camera = np.flatnonzero(usable & (rows.camera == camera))
+        if len(of_camera) < FEWEST_ATTITUDES:
             continue
-        scatter = _scatter(rows.observed[some], rotation[some])
+        scatter = _scatter(rows.observed[of_camera], rotation[of_camera])
         if scatter > WRONG_ATTITUDES_RAD:
-            angles = block.exterior.angles_rad[rows.row[some]]
-            findings.append(_of_camera(block, str(block.cameras.id[camera]), angles, rotation[some], scatter, before))
+            angles = block.exterior.angles_rad[rows.row[of_camera]]
+            findings.append(
+                _of_camera(block, str(block.cameras.id[camera]), angles, rotation[of_camera], scatter, before)
+            )
     return findings
 
 

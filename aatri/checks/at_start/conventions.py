@@ -53,10 +53,10 @@ def other_conventions(table: Geodetic, given: BundleInput) -> list[Finding]:
             v = o.records.residuals(state)[:, 0]
         value = table.value[o.row]
         sets = table.set[o.row] if o.kind == directions.DIRECTION else np.array([])
-        known = np.isfinite(v)
-        if known.sum() < FEWEST_OF_CONVENTION:
+        observed = np.isfinite(v)
+        if observed.sum() < FEWEST_OF_CONVENTION:
             continue
-        findings += _of_kind(o, (v + value)[known], value[known], sets[known] if len(sets) else sets)
+        findings += _of_kind(o, (v + value)[observed], value[observed], sets[observed] if len(sets) else sets)
     return findings
 
 

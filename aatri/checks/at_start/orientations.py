@@ -31,15 +31,15 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         Of the block's points; NaN where not known.
     """
     points, findings = block.image_points, []
-    known = points.active & block.images.active[points.image]
-    known &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
-    image, point = points.image[known], points.point[known]
+    usable = points.active & block.images.active[points.image]
+    usable &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
+    image, point = points.image[usable], points.point[usable]
     u = np.einsum("kji,kj->ki", ground_from_image[image], xyz_m[point] - position_m[image])
     depth, height, camera = -u[:, 2], position_m[image, 2] - xyz_m[point, 2], block.images.camera[image]
     for k in np.unique(camera).tolist():
-        mine, where = camera == k, f"camera {block.cameras.id[k]}"
-        behind = float(np.mean(depth[mine] <= 0))
-        text = f"{length(float(np.median(height[mine])))} above its points"
+        of_camera, where = camera == k, f"camera {block.cameras.id[k]}"
+        behind = float(np.mean(depth[of_camera] <= 0))
+        text = f"{length(float(np.median(height[of_camera])))} above its points"
         findings.append(Finding("orientations", "note", text, where=where))
         if behind > BEHIND:
             text = f"{behind:.0%} of its points lie behind it"
@@ -53,7 +53,7 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
                     statistic=behind,
                 )
             )
-        elif float(np.mean(height[mine] < -UPWARDS * np.abs(depth[mine]))) > 1 - BEHIND:
+        elif float(np.mean(height[of_camera] < -UPWARDS * np.abs(depth[of_camera]))) > 1 - BEHIND:
             text, remedy = "all its images look up at points above them", "unless this is a ceiling, check the sign of "
             remedy += "heights and the order of axes"
             findings.append(Finding("orientations", "warning", text, remedy, where=where))
@@ -67,11 +67,11 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
     number[control.point[control.given.all(axis=1)]] = np.flatnonzero(control.given.all(axis=1))
     c, camera = block.cameras, block.images.camera[points.image]
     half = half_format_mm(np.asarray(c.kind == "digital"), c.format, c.pixel_size_mm)
-    known: Bool = points.active & block.images.active[points.image] & (number[points.point] >= 0)
-    known &= finite_rows(position_m)[points.image] & finite_rows(half)[camera]
-    if not known.any():
+    usable: Bool = points.active & block.images.active[points.image] & (number[points.point] >= 0)
+    usable &= finite_rows(position_m)[points.image] & finite_rows(half)[camera]
+    if not usable.any():
         return []
-    image, row, camera = points.image[known], number[points.point[known]], camera[known]
+    image, row, camera = points.image[usable], number[points.point[usable]], camera[usable]
     away = control.xyz_m[row] - position_m[image]
     u = np.einsum("kji,kj->ki", ground_from_image[image], away)
     with np.errstate(divide="ignore", invalid="ignore"):
