@@ -135,7 +135,7 @@ def camera_columns(
 
 def camera_parts(
     lenses: Sequence[Lens], reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX, where: str = ""
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Any]:
     """The same for the parts of a Block: distortion parameters that each program knows, neither held nor free.
 
     Raises

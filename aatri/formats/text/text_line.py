@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
@@ -73,3 +75,18 @@ def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", rem
     if not rows:
         raise InputError("the file has no rows", where=str(path), remedy="put the data in")
     return rows
+
+
+class ReadAt(Protocol):
+    """Whatever stands in a line of a file."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def line(self) -> int: ...
+
+
+def places(rows: Sequence[ReadAt], files: Sequence[Path]) -> dict[str, list[int]]:
+    """The columns `file` and `line` of rows read in some files."""
+    number = {path: k for k, path in enumerate(files)}
+    return {"file": [number[row.path] for row in rows], "line": [row.line for row in rows]}

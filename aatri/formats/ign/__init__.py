@@ -1,0 +1,1 @@
+"""Lists of the French mapping agency IGN: image points, ground points, cameras."""

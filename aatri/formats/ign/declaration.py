@@ -1,0 +1,62 @@
+"""What IGN's lists are recognised by, and what they carry."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.progress import Reporter
+
+if TYPE_CHECKING:
+    from aatri.formats.parts.block_parts import BlockParts
+
+PAGE = "docs/formats.md#ign-lists"
+_NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
+_MARK = re.compile(rf"\S+\s+\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
+_POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
+
+
+def _read_marks(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.ign.reader import read_marks
+
+    return read_marks(path, reporter)
+
+
+def _read_ground_points(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.ign.reader import read_ground_points
+
+    return read_ground_points(path, reporter)
+
+
+def _read_camera(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.ign.reader import read_camera
+
+    return read_camera(path, reporter)
+
+
+def _all_lines(view: FileView, form: re.Pattern[str], what: str) -> str:
+    lines = view.lines[:20]
+    return what if lines and all(form.fullmatch(line.strip()) for line in lines) else ""
+
+
+def _camera(view: FileView) -> str:
+    keys = {line.partition("=")[0].strip() for line in view.lines[:20]}
+    return "keys PPAx, PPAy, focal" if {"Name", "PPAx", "PPAy", "focal"} <= keys else ""
+
+
+IGN_MARKS = Format(
+    "ign_mes", "IGN image points (.mes)", lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
+    "lines `point image column row`", carries=("image points",),
+    drops=("cameras", "control", "standard deviations"), page=PAGE, read=_read_marks,
+)  # fmt: skip
+IGN_POINTS = Format(
+    "ign_app", "IGN ground points (.app)", lambda v: _all_lines(v, _POINT, 'lines `"point" type X Y Z`'),
+    'lines `"point" type X Y Z`', carries=("control", "standard deviations"),
+    drops=("check points", "frame", "image points"), page=PAGE, read=_read_ground_points,
+)  # fmt: skip
+IGN_CAMERA = Format(
+    "ign_camera", "IGN camera", _camera, "lines `PPAx = ...`, `focal = ...`", carries=("cameras",),
+    drops=("distortion",), page=PAGE, read=_read_camera,
+)  # fmt: skip

@@ -1,0 +1,115 @@
+"""IGN's lists beside its OPK list: image points (`.mes`), ground points (`.app`), cameras.
+
+    .mes       point image column row                     px from the upper left corner, y down
+    .app       "point" type X Y Z [sX sY sZ]              m; names may stand in quotes
+    camera     Name = ...  PPAx = ...  PPAy = ...  focal = ...  width = ...  height = ...      px
+
+The OPK list itself (`NOM X Y Z O P K CAMERA`, degrees) is read as a list of orientations. None of these files states a
+height system: in the sample the OPK list has altitudes, the ground points ellipsoidal heights. Say so by `vertical`.
+
+Source: IGNF/Borea, documentation and data set.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from aatri.codes import CONTROL
+from aatri.errors import InputError
+from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.lens_conversion import camera_parts
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.text.text_line import TextLine, places, word_lines
+from aatri.ids import clipped
+from aatri.progress import SILENT, Reporter
+
+OF_CAMERAS = ("PPAx", "PPAy", "focal", "width", "height")
+
+
+def read_marks(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+    """Read image points, `.mes`.
+
+    Raises
+    ------
+    InputError
+        If a line is not of this form, or a point stands twice in an image.
+    """
+    first: dict[str, TextLine] = {}
+    lines = word_lines(path, reporter, remark="#")
+    for line in lines:
+        line.of_width(4, "`point image column row`")
+        line.once(f"{line.words[0]} in image {line.words[1]}", first, "point")
+    return BlockParts(
+        "ign_mes",
+        [path],
+        name=path.stem,
+        image_points={
+            "point": [_name(line) for line in lines],
+            "image": [line.words[1] for line in lines],
+            "xy": [line.numbers(2) for line in lines],
+            **places(lines, [path]),
+        },
+    )
+
+
+def read_ground_points(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+    """Read ground points, `.app`; all are control, whatever their type.
+
+    Raises
+    ------
+    InputError
+        If a line is not of this form, or a point stands twice.
+    """
+    first: dict[str, TextLine] = {}
+    lines = word_lines(path, reporter, remark="#")
+    for line in lines:
+        if len(line.words) not in (5, 8):
+            raise line.error(f"{len(line.words)} words", 'write `"point" type X Y Z`, with sX sY sZ or without')
+        line.once(_name(line), first, "ground point")
+        line.count(1)
+        if len(line.words) == 8 and min(line.numbers(5)) <= 0:
+            raise line.error(f"standard deviations {' '.join(line.words[5:])}", "they are positive, in m")
+    types = sorted({line.words[1] for line in lines})
+    unknown = [float("nan")] * 3
+    return BlockParts(
+        "ign_app",
+        [path],
+        name=path.stem,
+        notes=[f"points of type {', '.join(types)} are all control: no type is a check point here"],
+        ground_points={
+            "point": [_name(line) for line in lines],
+            "xyz_m": [line.numbers(2, 5) for line in lines],
+            "sigma_m": [line.numbers(5) or unknown for line in lines],
+            "role": CONTROL,
+            **places(lines, [path]),
+        },
+    )
+
+
+def read_camera(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+    """Read a camera: lines `key = value`.
+
+    Raises
+    ------
+    InputError
+        If a value is missing or no number.
+    """
+    values: dict[str, TextLine] = {}
+    for line in word_lines(path, reporter, blanks="=", remark="#"):
+        line.once(line.words[0], values, "key")
+    if absent := [key for key in ("Name", *OF_CAMERAS) if key not in values]:
+        where = f"{path}:{max(line.line for line in values.values())}"
+        raise InputError(f"{', '.join(absent)} missing", where=where, remedy="write `key = value`, in px")
+    name = " ".join(values["Name"].words[1:])
+    x, y, f, width, height = (values[key].of_width(2, f"{key} = value").number(1) for key in OF_CAMERAS)
+    if min(f, width, height) <= 0:
+        raise values["focal"].error(f"focal length {f:g}, image of {width:g} x {height:g}", "they are px and positive")
+    lens = Lens(name, "none", (width, height), (f, f), (x - width / 2, y - height / 2))
+    return BlockParts("ign_camera", [path], name=name, **camera_parts([lens], reporter))
+
+
+def _name(line: TextLine) -> str:
+    name = line.words[0].strip('"')
+    if not name:
+        raise line.error(f"{clipped(line.words[0])!r} is no name", "give the point one")
+    return name

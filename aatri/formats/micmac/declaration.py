@@ -1,0 +1,39 @@
+"""What files of MicMac are recognised by, and what they carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.progress import Reporter
+
+if TYPE_CHECKING:
+    from aatri.formats.parts.block_parts import BlockParts
+
+LOOKED_FOR = "XML with `ExportAPERO`, `MMVII_Serialization`, `DicoAppuisFlottant` or `SetOfMesureAppuisFlottants`"
+WORDS = ("<ExportAPERO", "MMVII_Serialization", "<DicoAppuisFlottant", "<SetOfMesureAppuisFlottants")
+
+
+def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.micmac.reader import read_micmac
+
+    return read_micmac(path, reporter)
+
+
+def _recognised(view: FileView) -> str:
+    if not view.is_folder:
+        return next((f"XML with {word.strip('<')}" for word in WORDS if word in view.head), "")
+    xml = [name for name in view.names if name.lower().endswith(".xml")]
+    seen = next((name for name in xml if _recognised(view.of(name))), "")
+    folders = [name for name in view.names if name.startswith("Ori-") or name == "MMVII-PhgrProj"]
+    return f"{seen}, {_recognised(view.of(seen))}" if seen else ", ".join(folders)
+
+
+MICMAC = Format(
+    "micmac", "MicMac and MMVII", _recognised, LOOKED_FOR,
+    carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
+             "start orientations"),
+    drops=("check points", "strips", "times", "frame", "rigs", "film"),
+    page="docs/formats.md#micmac", read=_read,
+)  # fmt: skip

@@ -1,0 +1,122 @@
+"""XML of MicMac's first version (apero): `ExportAPERO`, ground points, measured points.
+
+    d = u - CDist,  u' = u + d sum R_i |d|^2i + P1 (|d|^2 + 2 dx^2) + 2 P2 dx dy + b1 dx + b2 dy, ...     px, y down
+
+Rows L1 L2 L3 of `CodageMatr` are R, camera to ground. An orientation file has ten pairs of ground and image points by
+which it can be tried; they are tried. Angles in place of the matrix, other projections and other distortions are
+refused by name.
+
+Source: MicMac documentation, chapters on the camera models and on ParamApero; reference pairs of the files themselves.
+"""
+
+from __future__ import annotations
+
+from pathlib import PureWindowsPath
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.formats.conventions.lens import Lens
+from aatri.formats.micmac.project import Mark, MicmacProject, OrientedImage, Target
+from aatri.formats.text.xml_tree import XmlElement
+from aatri.ids import clipped
+
+CONVENTION = "eConvApero_DistM2C"
+"""The one convention of rotation and distortion that is read: a matrix, and a distortion from ground to image."""
+
+MOST_RADIAL = 7
+
+
+def add_v1(project: MicmacProject, root: XmlElement) -> bool:
+    """Take what a file of the first version gives; False if it gives nothing that is known."""
+    before = sum(map(len, (project.cameras, project.images, project.marks, project.targets)))
+    for element in root.all("CalibrationInternConique"):
+        project.add_camera(_camera(element), element)
+    for element in root.all("OrientationConique"):
+        project.images.append(_image(element))
+    for element in root.within("MesureAppuiFlottant1Im"):
+        image = element.one("NameIm").text
+        for mark in element.all("OneMesureAF1I"):
+            none = np.full((2, 2), np.nan)
+            project.marks.append(Mark(image, mark.one("NamePt").text, mark.numbers(2, "PtIm"), none, mark))
+    for element in root.within("OneAppuisDAF"):
+        project.targets.append(_target(element))
+    return sum(map(len, (project.cameras, project.images, project.marks, project.targets))) > before
+
+
+def _target(element: XmlElement) -> Target:
+    sigma = element.numbers(3, "Incertitude")
+    if not (sigma > 0).all():
+        raise element.error(f"Incertitude {sigma.tolist()} is not positive", "give standard deviations in m")
+    return Target(element.one("NamePt").text, element.numbers(3, "Pt"), np.diag(sigma**2), element)
+
+
+def _camera(element: XmlElement) -> Lens:
+    """A camera; its name is that of its file."""
+    _convention(element)
+    size, point, f = element.numbers(2, "SzIm"), element.numbers(2, "PP"), element.number("F")
+    if f <= 0 or (size <= 0).any():
+        raise element.error(f"focal length {f:g}, image of {size[0]:g} x {size[1]:g}", "they are px and positive")
+    parameters, centre = _distortion(element, point)
+    return Lens(
+        element.path.stem,
+        "micmac",
+        (float(size[0]), float(size[1])),
+        (f, f),
+        (float(point[0] - size[0] / 2), float(point[1] - size[1] / 2)),
+        parameters,
+        (float(centre[0] - point[0]), float(centre[1] - point[1])),
+    )
+
+
+def _distortion(element: XmlElement, point: Float) -> tuple[dict[str, float], Float]:
+    """Parameters by the names of `FORMS["micmac"]`, and the centre of distortion in px."""
+    kinds = element.one("CalibDistortion").children
+    if len(kinds) != 1 or kinds[0].tag not in ("ModNoDist", "ModRad", "ModPhgrStd"):
+        tags = [*(kind.tag for kind in kinds), *(t.text for kind in kinds for t in kind.all("TypeModele"))]
+        what = f"the distortion {clipped(' '.join(tags))!r} has no like here"
+        raise element.error(what, "known are ModNoDist, ModRad, ModPhgrStd: convert the calibration in MicMac")
+    kind = kinds[0]
+    if kind.tag == "ModNoDist":
+        return {}, point
+    radial = kind if kind.tag == "ModRad" else kind.one("RadialePart")
+    values = radial.all("CoeffDist")
+    if any(value.number() for value in values[MOST_RADIAL:]):
+        raise radial.error(f"{len(values)} radial coefficients", f"at most {MOST_RADIAL} are known")
+    parameters = {f"R{k}": value.number() for k, value in enumerate(values[:MOST_RADIAL], 1)}
+    if kind.tag == "ModPhgrStd":
+        parameters |= {name: kind.number(name, default=0.0) for name in ("P1", "P2", "b1", "b2")}
+    return parameters, radial.numbers(2, "CDist")
+
+
+def _image(element: XmlElement) -> OrientedImage:
+    """An image; `Orientation-NAME.xml` is the orientation of NAME."""
+    affine = element.optional("OrIntImaM2C")
+    if affine is not None:
+        stated = [affine.numbers(2, name).tolist() for name in ("I00", "V10", "V01")]
+        if stated != [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]:
+            raise affine.error("an affine transformation of the image (OrIntImaM2C)", "measure in the image itself")
+    projection = element.optional("TypeProj")
+    if projection is not None and projection.text != "eProjStenope":
+        raise projection.error(f"the projection {clipped(projection.text)!r}", "a central projection is wanted")
+    outer = element.one("Externe")
+    _convention(outer)
+    matrix = outer.optional("ParamRotation", "CodageMatr")
+    if matrix is None:
+        raise outer.error("the rotation is not given as CodageMatr", "export it as a matrix")
+    pairs = [np.hstack([p.numbers(2, "Im"), p.numbers(3, "Ter")]) for p in element.all("Verif", "Appuis")]
+    return OrientedImage(
+        element.path.stem.removeprefix("Orientation-"),
+        PureWindowsPath(element.one("FileInterne").text).stem,  # it names a folder of the project, which may be renamed
+        outer.numbers(3, "Centre"),
+        np.stack([matrix.numbers(3, f"L{k}") for k in (1, 2, 3)]),
+        element,
+        np.array(pairs).reshape(-1, 5),
+        element.number("Verif", "Tol", default=1e-3) if pairs else 0.0,
+    )
+
+
+def _convention(element: XmlElement) -> None:
+    stated = element.optional("KnownConv")
+    if stated is not None and stated.text != CONVENTION:
+        raise stated.error(f"the convention {clipped(stated.text)!r}", f"{CONVENTION} is read: convert it in MicMac")

@@ -1,0 +1,1 @@
+"""Sparse models of VisualSFM (NVM) and Bundler."""

@@ -1,0 +1,86 @@
+"""VisualSFM's NVM_V3.
+
+    NVM_V3 [FixedK fx cx fy cy r]
+    n, then n times    file f  qw qx qy qz  cx cy cz  r 0
+    p, then p times    X Y Z  R G B  m  m times (image feature x y)
+    0                  further models, if there are any: refused, for a block is one
+
+q turns ground to camera (x right, y down, z forward), cx cy cz is the centre; x, y are px from the image centre, y
+down. r corrects the measurement: (1 + r |m|^2) m = (X/Z, Y/Z) with m in units of f.
+
+Source: VisualSFM documentation, ccwu.me/vsfm/doc.html; Wu et al. 2011, Multicore bundle adjustment.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from aatri.errors import InputError
+from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.poses import matrix_of_quaternion
+from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.progress import SILENT, Reporter
+
+EXPORT = "the file is incomplete or no NVM_V3: export it again"
+
+
+def read_nvm(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+    """Read a model.
+
+    Raises
+    ------
+    InputError
+        If the file is not of this form.
+    """
+    lines = word_lines(path, reporter, remark="#")
+    if lines[0].words[0] != "NVM_V3":
+        raise lines[0].error(f"begins with {lines[0].words[0][:20]!r}, not NVM_V3", EXPORT)
+    if len(lines[0].words) > 1:
+        raise lines[0].error("a calibration common to all (FixedK)", "export the model without fixed calibration")
+    cameras, at = _section(lines, 1, "images")
+    points, at = _section(lines, at, "points")
+    if at < len(lines) and lines[at].words[0].isdigit() and lines[at].count(0) > 0:
+        raise lines[at].error("a second model", "a block is one model: export each by itself")
+    first: dict[str, TextLine] = {}
+    lenses, poses = [], []
+    for line in cameras:
+        line.of_width(11, "an image `file f q q q q c c c r 0`").once(line.words[0], first, "image")
+        f, *pose, r, _ = line.numbers(1)
+        if f <= 0 or not any(pose[:4]):
+            raise line.error(f"image {line.words[0]} has the focal length {f:g}, quaternion {pose[:4]}", EXPORT)
+        lenses.append(Lens(line.words[0], "nvm", (2 * f, 2 * f), (f, f), parameters={"r": r}))
+        poses.append(pose)
+    rows = np.array(poses).reshape(-1, 7)
+    xyz, marks, of_marks = [], [], []
+    for k, line in enumerate(points):
+        if len(line.words) < 7 or len(line.words) != 7 + 4 * line.count(6):
+            raise line.error(f"{len(line.words)} words", "a point is `X Y Z R G B m` and m times `image feature x y`")
+        xyz.append(line.numbers(0, 3))
+        for j in range(7, len(line.words), 4):
+            image = line.count(j)
+            if image >= len(lenses):
+                raise line.error(f"image {image}, but there are {len(lenses)}, counted from 0", EXPORT)
+            marks.append((image, k, *line.numbers(j + 2, j + 4)))
+            of_marks.append(line.line)
+    measured = np.array(marks).reshape(-1, 4)
+    model = SparseModel(
+        lenses, matrix_of_quaternion(rows[:, :4]), rows[:, 4:], np.array(xyz).reshape(-1, 3),
+        measured[:, 0].astype(np.int32), measured[:, 1].astype(np.int32), measured[:, 2:],
+        ([line.line for line in cameras], [line.line for line in points], of_marks),
+    )  # fmt: skip
+    return parts_of_model("nvm", path, model, "down", reporter)
+
+
+def _section(lines: list[TextLine], at: int, what: str) -> tuple[list[TextLine], int]:
+    """So many lines as a count says, and where the next section begins."""
+    if at >= len(lines) or len(lines[at].words) != 1:
+        where = f"{lines[0].path}:{lines[min(at, len(lines) - 1)].line}"
+        raise InputError(f"the number of {what} is not there", where=where, remedy=EXPORT)
+    count = lines[at].count(0)
+    if not 0 < count <= len(lines) - at - 1:
+        raise lines[at].error(f"{count} {what}, and {len(lines) - at - 1} lines below", EXPORT)
+    return lines[at + 1 : at + 1 + count], at + 1 + count

@@ -1,0 +1,228 @@
+"""A Block of the parts that one or several sources give.
+
+All are brought into one frame (`one_frame`), joined by names (`joined`), and get what no file states: standard
+deviations, and what of the cameras is unknown. Images get their order in the sources as sequence where none has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.artifacts.block import Block, Frames
+from aatri.artifacts.builder import block_of
+from aatri.camera.models.forward_models import PARAMETERS as FORWARD
+from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.conventions.pixel_origins import PixelAxes, converted, named
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.joined import JoinedParts, joined
+from aatri.formats.parts.one_frame import block_frame, in_frame
+from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
+from aatri.frames.conversion import Frame
+from aatri.frames.heights import is_tangent_frame
+from aatri.geometry.rotations import angles_from_rotation
+from aatri.ids import shown
+from aatri.progress import SILENT, Reporter
+from aatri.tables.schema import columns_of
+
+INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
+OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+
+
+@dataclass(frozen=True)
+class NotStated:
+    """What is taken where no file says it.
+
+    Attributes
+    ----------
+    image_sigma_px : float
+    control_sigma_m : (3,) float, m
+        0: exact.
+    position_sigma_m : (3,) float, m, or None
+        None: positions without a standard deviation are start values.
+    attitude_sigma_rad : float, rad, or None
+    calibrate : bool
+        c, principal point and distortion of all cameras are unknown and free; else held.
+    frame : Frame, optional
+        The frame of the block.
+    """
+
+    image_sigma_px: float = 1.0
+    control_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position_sigma_m: tuple[float, float, float] | None = None
+    attitude_sigma_rad: float | None = None
+    calibrate: bool = False
+    frame: Frame | None = None
+
+
+def assembled(
+    sources: Sequence[BlockParts], not_stated: NotStated = NotStated(), *, name: str = "", reporter: Reporter = SILENT
+) -> Block:
+    """The Block of some sources.
+
+    Raises
+    ------
+    InputError
+        If they contradict each other, or lack what a Block cannot do without: an image's camera, its interior
+        orientation, the size of its pixels.
+    """
+    for parts in sources:
+        for note in parts.notes:
+            reporter.log(f"{parts.files[0]}: {note}")
+    frame = block_frame(list(sources), not_stated.frame)
+    tables = joined([in_frame(parts, frame, reporter) for parts in sources], reporter)
+    _give_cameras(tables)
+    _count_from_camera(tables)
+    rows = tables.tables
+    _give_sigmas(tables, not_stated, reporter)
+    rows["exterior"] = _with_angles(rows["exterior"])
+    rows["camera_parameters"] = _held_or_free(rows["cameras"], rows["camera_parameters"], not_stated.calibrate)
+    given: dict[str, Any] = {
+        kind: {n: v for n, v in rows[kind].items() if n in columns_of(KINDS[kind])} for kind in KINDS
+    }
+    if given["images"] and np.isnan(given["images"]["sequence"]).all():
+        given["images"]["sequence"] = np.arange(1.0, len(given["images"]["id"]) + 1)
+    others = dict(sources[0].others)
+    return block_of(
+        name=name or sources[0].name or sources[0].format,
+        files=tables.files,
+        **(given | ({} if "frames" in others else _of_frame(frame)) | others),
+    )
+
+
+def _of_frame(frame: Frame) -> dict[str, Any]:
+    cartesian = frame.crs == "local" or is_tangent_frame(frame.crs) or set(frame.axes) == {"x", "y", "z"}
+    frames = Frames.of(id=frame.name, axes=",".join(frame.axes), crs=frame.crs, vertical=frame.vertical)
+    return {"frames": frames, "earth_curvature": "ignore" if cartesian else "frame"}
+
+
+def _give_cameras(tables: JoinedParts) -> None:
+    """Every image has a camera with what a Block needs of it."""
+    images, cameras = tables.tables["images"], tables.tables["cameras"]
+    ids = cameras.get("id", np.zeros(0, "U1")).tolist()
+    without = np.flatnonzero(images["camera"] == "")
+    if len(without) and len(ids) == 1:
+        images["camera"] = np.where(images["camera"] == "", ids[0], images["camera"])
+    elif len(without):
+        what = f"no source says which camera took {len(without)} images: {shown(images['id'][without].tolist(), 3)}"
+        there = f"; cameras: {shown(ids, 5)}" if ids else ", and none gives a camera"
+        raise InputError(what + there, where=str(tables.files[0]), remedy="add the file with the cameras")
+    missing = sorted({*images["camera"].tolist()} - {*ids})
+    if missing:
+        at = int(np.flatnonzero(images["camera"] == missing[0])[0])
+        what = f"no source gives the camera {missing[0]!r}" + (f"; there are {shown(ids, 5)}" if ids else "")
+        raise InputError(what, where=place(images, at, tables.files), remedy="add the file with its calibration")
+    bare = np.isnan(cameras["principal_distance_mm"])
+    if bare.any():
+        what = f"the principal distance of camera {ids[int(np.flatnonzero(bare)[0])]} is not known"
+        raise InputError(what, where=str(tables.files[0]), remedy="add the file with its calibration")
+
+
+def _count_from_camera(tables: JoinedParts) -> None:
+    """Image points of sources that count from elsewhere than the camera of the image says, counted as it does."""
+    points, cameras, images = (tables.tables[t] for t in ("image_points", "cameras", "images"))
+    if not points:
+        return
+    of_camera = {name: k for k, name in enumerate(cameras["id"].tolist())}
+    camera_of = {image: of_camera[c] for image, c in zip(images["id"].tolist(), images["camera"].tolist())}
+    camera = np.array([camera_of[str(image)] for image in points["image"].tolist()])
+    for k, name in enumerate(cameras["id"].tolist()):
+        own = PixelAxes(str(cameras["pixel_origin"][k]), str(cameras["pixel_y"][k]))
+        for axes in np.unique(points["pixel_axes"][camera == k]).tolist():
+            if not axes or axes == own.name:
+                continue
+            if cameras["image_coordinates"][k] != "pixel":
+                what = f"camera {name} has {cameras['image_coordinates'][k]} coordinates, and a source gives pixels"
+                raise InputError(what, where=str(tables.files[0]), remedy="give the image points of one program")
+            some = (camera == k) & (points["pixel_axes"] == axes)
+            points["xy"][some] = converted(points["xy"][some], named(axes), own, cameras["format"][k])
+
+
+def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter) -> None:
+    points, ground, exterior = (tables.tables[t] for t in ("image_points", "ground_points", "exterior"))
+    if points:
+        points["sigma_mm"] = _image_sigma_mm(tables, not_stated.image_sigma_px)
+    if ground:
+        known = np.isin(ground["role"], (CONTROL, CHECK))
+        lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma_m))
+        if (lacking & known.any(axis=1)).any() and any(not_stated.control_sigma_m):
+            reporter.log(f"control without a standard deviation: {list(not_stated.control_sigma_m)} m is taken")
+    if not exterior:
+        return
+    observed = exterior["position_use"] == OBSERVED_VALUE
+    if not_stated.position_sigma_m is None:
+        bare = observed & np.isnan(np.einsum("nii->ni", exterior["position_covariance_m2"])).any(axis=1)
+        if bare.any():
+            exterior["position_use"] = np.where(bare, 0, exterior["position_use"])
+            reporter.log(f"{int(bare.sum())} positions have no standard deviation, and are start values: "
+                         "`position_sigma` makes them observations")  # fmt: skip
+    else:
+        _fill(exterior["position_covariance_m2"], np.asarray(not_stated.position_sigma_m))
+    free = exterior["position_use"] != OBSERVED_VALUE
+    exterior["position_covariance_m2"][free] = np.nan
+    sigma = exterior["angle_sigma_rad"]
+    if not_stated.attitude_sigma_rad is not None:
+        exterior["angle_sigma_rad"] = np.where(np.isnan(sigma), not_stated.attitude_sigma_rad, sigma)
+    exterior["angle_use"] = np.where(np.isnan(exterior["angle_sigma_rad"]).any(axis=1), 0, exterior["angle_use"])
+
+
+def _fill(covariance_m2: Float, sigma_m: Float) -> Any:
+    """Put standard deviations where a covariance states none, in place; which rows had none."""
+    variance = np.einsum("nii->ni", covariance_m2)
+    lacking = np.isnan(variance)
+    for axis in range(3):
+        covariance_m2[lacking[:, axis], axis, axis] = sigma_m[axis] ** 2
+    return lacking.any(axis=1)
+
+
+def _image_sigma_mm(tables: JoinedParts, sigma_px: float) -> Float:
+    points, cameras, images = (tables.tables[t] for t in ("image_points", "cameras", "images"))
+    pixel_mm = dict(zip(cameras["id"].tolist(), np.nan_to_num(cameras["pixel_size_mm"], nan=np.nan).tolist()))
+    of_image = dict(zip(images["id"].tolist(), images["camera"].tolist()))
+    names, row = np.unique(points["image"], return_inverse=True)
+    size = np.array([pixel_mm[of_image[str(name)]] for name in names.tolist()]).reshape(-1, 2)[row.ravel()]
+    stated_px = np.where(np.isnan(points["sigma_px"]), sigma_px, points["sigma_px"])
+    sigma = np.where(np.isnan(points["sigma_mm"]), stated_px * size, points["sigma_mm"])
+    if np.isnan(sigma).any():
+        camera = of_image[str(points["image"][int(np.flatnonzero(np.isnan(sigma).any(axis=1))[0])])]
+        what = f"camera {camera} has no pixel size, so that standard deviations in pixels have no millimetres"
+        raise InputError(what, where=str(tables.files[0]), remedy="give its pixel size")
+    return np.asarray(sigma)
+
+
+def _with_angles(exterior: Rows) -> Rows:
+    """Angles omega, phi, kappa where there are rotations."""
+    if not exterior:
+        return {}
+    known = np.isfinite(exterior["ground_from_image"]).all(axis=(1, 2))
+    angles = exterior["angles_rad"].copy()
+    if known.any():
+        angles[known] = angles_from_rotation(exterior["ground_from_image"][known])
+    return exterior | {"angles_rad": angles}
+
+
+def _held_or_free(cameras: Rows, parameters: Rows, calibrate: bool) -> Rows:
+    """Distortion parameters with those not stated as 0, and the interior orientation; all held, or all free."""
+    stated = {
+        (str(c), str(n)): k for k, (c, n) in enumerate(zip(parameters.get("camera", ()), parameters.get("name", ())))
+    }
+    made: list[tuple[str, str, float, float, bool]] = []
+    for camera, model in zip(cameras["id"].tolist(), cameras["distortion"].tolist()):
+        names = FORWARD.get(model, OF_MEASUREMENTS if model == "brown" else ())
+        own = [name for of, name in stated if of == camera]
+        for name in dict.fromkeys([*names, *own, *INTERIOR]):
+            k = stated.get((camera, name))
+            value = np.nan if name in INTERIOR else 0.0 if k is None else float(parameters["value"][k])
+            sigma, free = 0.0, False
+            if k is not None and (parameters["free"][k] or parameters["sigma"][k] > 0):
+                sigma, free = float(parameters["sigma"][k]), bool(parameters["free"][k])
+            elif calibrate and (name in INTERIOR or k is not None):
+                sigma, free = np.nan, True
+            made.append((camera, name, value, sigma, free))
+    columns = dict(zip(("camera", "name", "value", "sigma", "free"), zip(*made)))
+    return rows_of(BlockParts("", [], camera_parameters=columns), "camera_parameters") if made else {}

@@ -1,0 +1,139 @@
+"""The declaration of a format: what it is called, how it is recognised, what it carries, how it is read and written.
+
+A declaration is cheap to import: `read` and `write` import what they need when they are called. Recognition looks at
+the content alone, through a `FileView`, which reads the beginning of each file once.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
+
+from aatri.options import Options
+from aatri.progress import Reporter
+from aatri.regular_file import open_regular
+
+if TYPE_CHECKING:
+    from aatri.formats.parts.block_parts import BlockParts
+
+HEAD_BYTES = 1 << 16
+"""So much of a file is looked at to recognise it."""
+
+MOST_NAMES = 10_000
+"""So many names of a folder or an archive are looked at."""
+
+Content = Literal[
+    "cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
+    "attitudes", "start orientations", "strips", "times", "frame", "standard deviations", "covariances", "rigs", "film",
+    "geodetic observations",
+]  # fmt: skip
+"""What a format may carry of a block."""
+
+
+@dataclass(frozen=True)
+class FileView:
+    """A file or folder as recognition sees it."""
+
+    path: Path
+
+    @cached_property
+    def is_folder(self) -> bool:
+        """Whether it is a folder."""
+        return self.path.is_dir()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the files of a folder, or of the members of a zip archive."""
+        try:
+            if self.is_folder:
+                return tuple(sorted(p.name for p, _ in zip(self.path.iterdir(), range(MOST_NAMES))))
+            if self.head.startswith("PK\x03\x04"):
+                with zipfile.ZipFile(self.path) as archive:
+                    return tuple(archive.namelist()[:MOST_NAMES])
+        except (OSError, zipfile.BadZipFile):
+            pass
+        return ()
+
+    @cached_property
+    def head(self) -> str:
+        """The beginning of the text, whatever its encoding; empty of a folder and of what cannot be read."""
+        try:
+            with open_regular(self.path) as file:
+                data = file.read(HEAD_BYTES)
+        except OSError:
+            return ""
+        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        return data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+
+    @cached_property
+    def lines(self) -> list[str]:
+        """Whole lines of the beginning, without empty ones."""
+        lines = self.head.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        return [line for line in (lines if len(self.head) < HEAD_BYTES // 4 else lines[:-1]) if line.strip()]
+
+    def of(self, name: str) -> FileView:
+        """A file of the folder."""
+        return FileView(self.path / name)
+
+
+class Reading(Options):
+    """What may be said of a source that its files do not say."""
+
+    crs: str | None = Field(None, description="coordinate system of the source, as pyproj reads it; null: as it says")
+    vertical: str | None = Field(None, description="its height system, EPSG:5773 ...; null: as it says, or ellipsoidal")
+    columns: str | None = Field(
+        None, description="of lists: a preset, or columns in order, `image X Y Z omega phi kappa`; null: by the header"
+    )
+    angle: Literal["deg", "gon", "rad"] | None = Field(None, description="of lists: unit of angles; null: degrees")
+    rotation: Literal["omega-phi-kappa", "phi-omega-kappa"] | None = Field(
+        None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
+    )
+    take: tuple[Literal["cameras", "image points", "ground points", "positions", "attitudes"], ...] = Field(
+        (), description="what is taken of the source; empty: all that it has"
+    )
+    use: Literal["observed", "approximate"] | None = Field(
+        None, description="positions and attitudes are observations, or start values; null: as the format has it"
+    )
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format.
+
+    Attributes
+    ----------
+    name, title : str
+    recognise : callable
+        What was seen in a file or folder by which it is of this format, in words; empty: it is not.
+    looked_for : str
+        What a file of this format has, in words, for messages.
+    carries, drops : sequence of Content
+        What is read or written, and what the format has no place for.
+    page : str
+        Page and section of the documentation.
+    read : callable, optional
+        (path, reading, reporter) -> BlockParts; None where it is not read, or where a stage of its own reads it.
+    stage : str
+        That stage, where it has one: `block/colmap`; else `block/combined` reads it.
+    write : callable, optional
+        (oriented block, folder, options) -> what could not be carried, in words. See `results.oriented_block`.
+    """
+
+    name: str
+    title: str
+    recognise: Callable[[FileView], str]
+    looked_for: str
+    carries: Sequence[Content]
+    drops: Sequence[Content] = ()
+    page: str = "docs/formats.md"
+    read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
+    stage: str = ""
+    write: Callable[..., Any] | None = None
+    files_of: Callable[[FileView], Sequence[Path]] = field(default=lambda view: [view.path])
+    """Of a folder: the files that are read with it."""

@@ -1,0 +1,203 @@
+"""Sources in different frames, brought into that of the block: coordinates, covariances and rotations.
+
+The frame of the block is the one asked for, else that of the first source with control, else with observed positions,
+else of the first that says one. Where that is in latitude and longitude, it is the UTM zone of its middle.
+
+    x_block = block(G),  G geocentric;      R_block = T' S R_source
+
+S and T are the axes of the source and of the block at the place of the image, as columns in geocentric axes: east,
+north and up of the place for latitude and longitude, of the origin for a topocentric frame, grid east, grid north and
+the normal for a map. So meridian convergence is in R, which names of angles alone would not tell.
+
+A free model (`LOCAL`) has no place in another frame: its start values are left out, which is told.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
+from aatri.frames import ellipsoid
+from aatri.frames.axes import in_right_handed_order
+from aatri.frames.conversion import Frame, convert, crs_of
+from aatri.frames.ellipsoid import Ellipsoid
+from aatri.frames.heights import is_tangent_frame
+from aatri.frames.own_map import utm_of
+from aatri.frames.tangent import tangent_frame
+from aatri.geometry.rotations import rotation_from_angles
+from aatri.progress import Reporter
+
+GEOCENTRIC = Frame("geocentric", ("x", "y", "z"), "EPSG:4978")
+WGS84 = Ellipsoid(6378137.0, 0.0066943799901413165)
+_PLACE = re.compile(r"\+(lon_0|lat_0|h_0)=(\S+)")
+
+
+def topocentric(latitude_deg: float, longitude_deg: float, height_m: float) -> Frame:
+    """East, north and up at a place of WGS 84."""
+    place = f"+lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +h_0={height_m!r}"
+    return Frame("topocentric", ("east", "north", "up"), f"+proj=topocentric +ellps=WGS84 {place}")
+
+
+def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
+    """The frame of the block."""
+    named = [p for p in sources if p.frame is not None and p.frame.crs != "local"]
+    frame = asked
+    if frame is None:
+        ranked = sorted(named, key=lambda p: (not _has_control(p), not _has_positions(p)))
+        if not ranked:
+            return PLANE if any(_has_control(p) or _has_positions(p) for p in sources) else LOCAL
+        frame = ranked[0].frame
+    assert frame is not None
+    if not frame.geographic:
+        return frame
+    of = next((p for p in named if p.frame == frame), named[0] if named else None)
+    if of is None:
+        what = f"{frame.crs} is in latitude and longitude, and no source says where it is"
+        raise InputError(what, where=str(sources[0].files[0]), remedy="name a map: EPSG:32632 ...")
+    assert of.frame is not None
+    degrees = _geographic(_coordinates(of), of.frame)
+    longitude, latitude, _ = np.nanmedian(degrees, axis=0)
+    return utm_of(frame, float(latitude), float(longitude))
+
+
+def in_frame(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts:
+    """A source in the frame of the block.
+
+    Raises
+    ------
+    InputError
+        If a frame is not understood, or a grid is missing.
+    """
+    source = parts.frame
+    if source == LOCAL and target == PLANE and (_has_control(parts) or _has_positions(parts)):
+        source = PLANE
+    if source is None or source == target:
+        if source is None and (parts.ground_points or parts.exterior) and target.crs != "local":
+            reporter.log(f"{parts.files[0]}: says no coordinate system; taken to be in {target.crs}")
+        return parts
+    if "local" in (source.crs, target.crs):
+        return _without_coordinates(parts, target, reporter)
+    ground, exterior = dict(parts.ground_points), dict(parts.exterior)
+    if "xyz_m" in ground:
+        _move(ground, "xyz_m", "covariance_m2", source, target)
+    if "position_m" in exterior:
+        place = np.atleast_2d(np.asarray(exterior["position_m"], dtype=np.float64))
+        _move(exterior, "position_m", "position_covariance_m2", source, target)
+        if "angles_rad" in exterior and "ground_from_image" not in exterior:
+            exterior["ground_from_image"] = rotation_from_angles(exterior.pop("angles_rad"))
+        if "ground_from_image" in exterior and _plane(source) != _plane(target):
+            S, T = _axes(source, place), _axes(target, np.atleast_2d(exterior["position_m"]))
+            exterior["ground_from_image"] = T.swapaxes(1, 2) @ S @ exterior["ground_from_image"]
+    return replace(parts, ground_points=ground, exterior=exterior, frame=target)
+
+
+def _plane(frame: Frame) -> str:
+    """What the directions of a frame hang on: not on its heights."""
+    return frame.crs
+
+
+def _move(columns: dict[str, object], name: str, of: str, source: Frame, target: Frame) -> None:
+    """Convert coordinates and their covariances; rows without a coordinate have no place."""
+    xyz = np.atleast_2d(np.asarray(columns[name], dtype=np.float64))
+    sigma = columns.pop("sigma_m", None)
+    covariance = np.zeros((len(xyz), 3, 3))
+    if sigma is not None:
+        variance = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (len(xyz), 3)) ** 2
+        covariance = np.where(np.eye(3, dtype=bool), variance[:, :, None], 0.0)
+    elif of in columns:
+        covariance = np.broadcast_to(np.asarray(columns[of], dtype=np.float64), (len(xyz), 3, 3))
+    elif source.geographic:
+        covariance = np.full((len(xyz), 3, 3), np.nan)
+    stated = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    known = np.asarray(np.isfinite(xyz).all(axis=1))
+    moved, turned = np.full_like(xyz, np.nan), np.full((len(xyz), 3, 3), np.nan)
+    if known.any():
+        moved[known], turned[known] = _converted(xyz[known], np.nan_to_num(covariance[known]), source, target)
+    columns[name] = moved
+    if sigma is not None or of in columns:
+        columns[of] = np.where(stated[:, None, None], turned, np.where(np.eye(3, dtype=bool), np.nan, 0.0))
+
+
+def _converted(xyz: Float, covariance: Float, source: Frame, target: Frame) -> tuple[Float, Float]:
+    if is_tangent_frame(source.crs):
+        axes, origin = _tangent(source)
+        xyz, covariance = xyz @ axes.T + origin, axes @ covariance @ axes.T
+        source = GEOCENTRIC
+    if not is_tangent_frame(target.crs):
+        if source == target:
+            return xyz, covariance
+        return convert(xyz, covariance, source, target)
+    if source != GEOCENTRIC:
+        xyz, covariance = convert(xyz, covariance, source, GEOCENTRIC)
+    axes, origin = _tangent(target)
+    return (xyz - origin) @ axes, axes.T @ covariance @ axes
+
+
+def _tangent(frame: Frame) -> tuple[Float, Float]:
+    """Axes as columns, and origin, of a topocentric frame in geocentric coordinates."""
+    of = {name: float(text) for name, text in _PLACE.findall(frame.crs)}
+    place = np.array([[of.get("lon_0", 0.0), of.get("lat_0", 0.0), of.get("h_0", 0.0)]])
+    return ellipsoid.local_axes(place[0, 0], place[0, 1]), ellipsoid.geocentric(place, WGS84)[0]
+
+
+def _axes(frame: Frame, xyz: Float) -> Float:
+    """East, north and up of a frame at places in it, columns in geocentric axes, (n, 3, 3); NaN where not known."""
+    if is_tangent_frame(frame.crs):
+        return np.broadcast_to(_tangent(frame)[0], (len(xyz), 3, 3))
+    axes, known = np.full((len(xyz), 3, 3), np.nan), np.isfinite(xyz).all(axis=1)
+    if frame.geographic:
+        ordered = in_right_handed_order(xyz, frame.axes)
+        for k in np.flatnonzero(known).tolist():
+            axes[k] = ellipsoid.local_axes(ordered[k, 0], ordered[k, 1])
+    elif set(frame.axes) == {"x", "y", "z"}:
+        axes[known] = np.eye(3)
+    elif known.any():
+        ordered = in_right_handed_order(xyz, frame.axes)[known]
+        right_handed = replace(frame, axes=("east", "north", "up"))
+        tangent = tangent_frame(right_handed, ordered.mean(axis=0))
+        axes[known] = tangent.axes @ tangent.axes_at(tangent.from_block(ordered))
+    return axes
+
+
+def _geographic(xyz: Float, frame: Frame) -> Float:
+    """Longitude, latitude, height of coordinates of a frame that is none of a map."""
+    if frame.geographic:
+        return in_right_handed_order(xyz, frame.axes)
+    if is_tangent_frame(frame.crs):
+        axes, origin = _tangent(frame)
+        return ellipsoid.geographic(xyz @ axes.T + origin, WGS84)
+    body = crs_of(frame).geodetic_crs
+    degrees = Frame("degrees", ("longitude", "latitude", "height"), body.to_3d().to_wkt())
+    return convert(xyz, np.zeros((len(xyz), 3, 3)), frame, degrees)[0]
+
+
+def _coordinates(parts: BlockParts) -> Float:
+    """Coordinates of ground points and positions that are known."""
+    columns = [parts.ground_points.get("xyz_m"), parts.exterior.get("position_m")]
+    rows = [np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in columns if c is not None]
+    xyz = np.concatenate([np.zeros((0, 3)), *rows])
+    return np.asarray(xyz[np.isfinite(xyz[:, :2]).all(axis=1)])
+
+
+def _has_control(parts: BlockParts) -> bool:
+    role = parts.ground_points.get("role", CONTROL if parts.ground_points else 0)
+    return bool(np.isin(role, (CONTROL, CHECK)).any())
+
+
+def _has_positions(parts: BlockParts) -> bool:
+    return bool((np.asarray(parts.exterior.get("position_use", 0)) == OBSERVED_VALUE).any())
+
+
+def _without_coordinates(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts:
+    if _has_control(parts) or _has_positions(parts):
+        what = "its control or positions have no declared frame that could be converted"
+        raise InputError(f"{what} to {target.crs}", where=str(parts.files[0]), remedy="say its `crs` at the source")
+    if parts.ground_points or parts.exterior:
+        reporter.log(f"{parts.files[0]}: a free model; its orientations and points are no start values here")
+    return replace(parts, ground_points={}, exterior={}, frame=None)

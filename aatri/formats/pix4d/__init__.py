@@ -1,0 +1,1 @@
+"""Pix4D's folder of parameters."""
