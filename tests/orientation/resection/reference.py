@@ -60,6 +60,9 @@ def resect_in_step(
     robust = np.ones(len(xy))
     covariance = np.full((n_images, 6, 6), np.nan)
     spread = np.full(n_images, np.nan)
+    rays = np.flatnonzero(working[image])
+    computed = collinearity(X0[image[rays]], R[image[rays]], X[rays], c_mm[image[rays]])[0]
+    _reweight(robust, rays, (computed - xy[rays]) / sigma[rays], image[rays], n_images, huber)
     for _ in range(max_iterations):
         rays = np.flatnonzero((working & ~done)[image])
         if not len(rays):

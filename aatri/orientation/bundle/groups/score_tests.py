@@ -41,7 +41,7 @@ AS_GOOD = 0.02
 """Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
 one step from a wrong model is not exact."""
 
-MOST_TRIED, EXPLAINS = 4, 0.3
+MOST_TRIED, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
 is far off tells them apart only so far, an adjustment with each of them does."""
 

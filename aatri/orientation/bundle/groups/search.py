@@ -28,7 +28,7 @@ from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, wi
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, significant_groups
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round
 
 Single = Callable[[BundleInput, BundleResult | None], Round]
@@ -38,6 +38,10 @@ MOST_GROUPS = 6
 
 SMALLER = 0.5
 """Share of the squares of what is above the limit that a group may leave: what explains less is not what is wrong."""
+
+MOST_LINEARISED, LINEAR = 8, 0.1
+"""Adjustments until the effect of a group at measured coordinates stays, and the change of it, in standard deviations,
+that is none: c wrong by a quarter leaves residuals of which a quarter is wrong in the next."""
 
 BETTER = 0.8
 """Share of v'v that a group of more parameters must leave of that of another: else the simpler one is accepted."""
@@ -132,12 +136,18 @@ def _before_single_ones(
 def _adjusted_with(
     given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, groups: list[Group], group: Group
 ) -> tuple[Group, BundleResult | None]:
-    """Least squares with one more group, whose effect is taken where the adjustment with it leads."""
+    """Least squares with one more group, whose effect is taken where the adjustment with it leads, until it stays."""
     result = _squares(with_groups(given, [*groups, group]), adjust)
-    if result is None or group.kind != IMAGE_POINT or group.removable:
-        return group, result
-    group = at_result(given, candidates_of, group, result)
-    return group, _squares(with_groups(given, [*groups, group]), adjust)
+    for _ in range(MOST_LINEARISED if group.kind == IMAGE_POINT and not group.removable else 0):
+        if result is None:
+            break
+        value, sigma = result.adjusted.state[name_of(len(groups))][0], given.observed[group.place].sigmas()[group.rows]
+        before, group = group, replace(at_result(given, candidates_of, group, result), value=value)
+        moved = np.abs((group.H - before.H) @ value) / sigma
+        result = _squares(with_groups(from_result(given, result), [*groups, group]), adjust)
+        if np.nanmax(moved, initial=0.0) <= LINEAR:
+            break
+    return group, result
 
 
 def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:

@@ -109,6 +109,8 @@ def resect(first, last, start, X, xy, weight, c, fewest, huber, tolerance, max_i
         if n < fewest:
             continue
         robust[:n] = 1.0
+        normal_equations(start[i], start[i + 1], robust, X, xy, weight, c[i], X0[i], R[i], N, g, size)
+        reweight(n, huber, size, robust, work)  # a point that is wrong close to the camera would move it at once
         for _ in range(max_iterations):
             total = normal_equations(start[i], start[i + 1], robust, X, xy, weight, c[i], X0[i], R[i], N, g, size)
             if not (np.isfinite(total) and inverse_root(N, W) > DETERMINED):
