@@ -250,7 +250,9 @@ def main() -> None:
         ratio = float(np.sqrt(np.square(values).mean()))
         most = MOST_RMSE.get(name, 1.1)
         precision, least = float(np.mean(precisions[kind, name])), LEAST_PRECISION.get(name, 0.0)
-        bad = [text for text, is_bad in ((f"beyond {most}", ratio > most), (f"below {least}", precision < least)) if is_bad]
+        bad = [
+            text for text, is_bad in ((f"beyond {most}", ratio > most), (f"below {least}", precision < least)) if is_bad
+        ]
         sys.stdout.write(f"{kind}, {name}: rmse {ratio:.3f}, precision {precision:.3f}")
         sys.stdout.write(f"  NOT GOOD: {', '.join(bad)}\n" if bad else "\n")
         failed += bool(bad)

@@ -142,10 +142,22 @@ def radial(chain: Chain, rng: np.random.Generator) -> Spoilt:
     return _camera(chain, "radial distortion of", radial=size)
 
 
-def affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
-    """Another scale in x than in y: 30 to 100 sigma at the corner."""
-    size = rng.choice([-1, 1]) * rng.uniform(30, 100) * chain.refined.measurements.sigma_mm[0, 0]
-    return _camera(chain, "ask for an affinity", affinity=size)
+def affinity(chain: Chain, rng: np.random.Generator, images: np.ndarray | None = None, of: str = "") -> Spoilt:
+    """Another scale in x than in y: 10 to 100 sigma at the corner."""
+    size = rng.choice([-1, 1]) * rng.uniform(10, 100) * chain.refined.measurements.sigma_mm[0, 0]
+    return _camera(chain, f"{of} ask for an affinity", images, affinity=size)
+
+
+def strip_affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """The same of one strip, as of another film."""
+    name, rows = _strip(chain, rng)
+    return affinity(chain, rng, chain.block.exterior.image[rows], f"image points of strip {name}")
+
+
+def image_affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """The same of one image."""
+    image = rng.choice(chain.block.exterior.image, 1)
+    return affinity(chain, rng, image, f"image points of image {chain.block.images.id[image[0]]}")
 
 
 def strip_camera(chain: Chain, rng: np.random.Generator) -> Spoilt:
@@ -222,7 +234,8 @@ def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
     clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
-    strip_camera, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control,
+    strip_camera, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control, strip_affinity,
+    image_affinity,
 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@
         dv/dc = (x, y) / c,   dv/dx0 = (1, 0),   dv/dy0 = (0, 1),   dv/dp = -(x, y) r^2 / r0^3,
         affinity: dv/da = (-x, y) / r0,   dv/db = (-y, -x) / r0
 
+    of an image: affinity
     of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
     control         a common scale of the relief, dv/ds = mean Z - Z
@@ -19,6 +20,7 @@ smaller would make these smaller too. With 10^6 image points and sigma_c / c of 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,11 +37,14 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import ALL, Candidates, Cause
+from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, Candidates, Cause
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
+
+MOST_IMAGES = 12
+"""Images that are tested by themselves."""
 
 FEWEST = 3
 """Observations of a unit: fewer are single ones."""
@@ -63,6 +68,7 @@ def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candi
             carried = any(p.group != FILM and p.free.any() for p in given.parameters)
             residuals_mm = v / o.records.whitener[rows]
             yield from _of_image_points(given.images, given.rays, place, rows, residuals_mm, cameras=not carried)
+            yield from _of_images(given, given.images, given.rays, place, rows, residuals_mm)
             yield from moved_together(given, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
@@ -156,6 +162,26 @@ def _of_image_points(
     if cameras:
         yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, causes)
     yield from _units(place, "strip", images.strip, image, rows, H, (*causes, Cause("camera", tuple(range(6)))))
+
+
+def _of_images(
+    given: BundleInput, images: ImageGroups, rays: ImagePointRows, place: int, rows: Int, residuals_mm: Float
+) -> Iterator[Candidates]:
+    """Affinity of single images, as film shrinks; c and principal point of one are those of its orientation.
+
+    Tested are those with the largest gain were all unknowns held, g'(H'H)^-1 g, which the true one is not below.
+    """
+    image, count = rays.image[rows], len(given.image_ids)
+    H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], _corner_mm(images, rays)[images.camera[image]])
+    by_sigma = H[:, :, 4:] / rays.sigma_mm[rows][:, :, None]
+    N, g = np.zeros((count, 2, 2)), np.zeros((count, 2))
+    np.add.at(N, image, np.einsum("nmi,nmj->nij", by_sigma, by_sigma))
+    np.add.at(g, image, np.einsum("nmi,nm->ni", by_sigma, residuals_mm / rays.sigma_mm[rows]))
+    bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
+    largest = np.isin(image, np.argsort(-bound, kind="stable")[:MOST_IMAGES])
+    causes, names = (Cause("affinity", (0, 1)),), np.asarray(given.image_ids)
+    for units in _units(place, IMAGE, names, image[largest], rows[largest], H[largest][:, :, 4:], causes):
+        yield replace(units, tests=int((bound > 0).sum()))
 
 
 def _corner_mm(images: ImageGroups, rays: ImagePointRows) -> Float:

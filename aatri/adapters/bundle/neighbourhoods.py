@@ -32,6 +32,9 @@ MOST_OF_A_NEIGHBOURHOOD = 0.6
 LARGE, FEWEST_LARGE = 2.5, 3
 """Images with so many residuals beyond so many standard deviations are looked at."""
 
+LEAST_LEFT = 0.1
+"""Of a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
+
 MOST_IMAGES = 12
 """Images in which the test is made, those with the largest bounds."""
 
@@ -71,7 +74,7 @@ def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Itera
     unit = np.repeat(np.arange(len(windows)), [len(some) for _, some in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     tests = sum(len(some) * _most(len(some)) for some in searched)
-    yield Candidates(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests)
+    yield Candidates(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests, LEAST_LEFT)
 
 
 def _elsewhere(image: Int, point: Int, candidates: Int, some: Int) -> Iterator[tuple[int, Int]]:

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CONTRADICTED
-from aatri.orientation.bundle.groups.candidates import ALL, NEIGHBOURHOOD
+from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 
@@ -159,6 +159,11 @@ def _radial(g: Group) -> tuple[str, str]:
 def _affinity(g: Group) -> tuple[str, str]:
     a, b = (f"{1e3 * v:.3g} (+- {1e3 * s:.2g}) um" for v, s in zip(g.value, g.sigma))
     text = f"{_ask(g)} an affinity: x longer and y shorter by {a} at the corner of the format, axes turned by {b}"
+    if g.per in ("strip", IMAGE):
+        return (
+            text,
+            f"was the film or the scanner of this {g.per} another? `interior_orientation: affine` where it shrinks",
+        )
     return text, "`interior_orientation: affine` for film that shrinks; are both scales of comparator or pixels right?"
 
 

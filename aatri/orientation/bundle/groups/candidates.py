@@ -12,6 +12,9 @@ from aatri.orientation.bundle.result import BundleResult
 ALL = "all"
 """The unit of a whole kind."""
 
+IMAGE = "image"
+"""The unit of the points of one image."""
+
 NEIGHBOURHOOD = "neighbourhood"
 """What units of image points near each other are."""
 
@@ -44,6 +47,9 @@ class Candidates:
         A unit that is wrong may be left out.
     tests : int
         Units among which these were chosen, where they are not all.
+    least_left : float
+        Share of an effect on a unit, of what the ground points leave of it, that the images leave at least: units that
+        could not be significant by it need not be solved for. 0: not known.
     """
 
     place: int
@@ -55,6 +61,7 @@ class Candidates:
     causes: tuple[Cause, ...]
     removable: bool = False
     tests: int = 0
+    least_left: float = 0.0
 
 
 CandidatesOf = Callable[[BundleInput, BundleResult], Iterator[Candidates]]

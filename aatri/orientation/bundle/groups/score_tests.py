@@ -27,7 +27,7 @@ from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import Candidates, CandidatesOf, Cause
+from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
 
@@ -44,10 +44,6 @@ one step from a wrong model is not exact."""
 MOST_TRIED, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
 is far off tells them apart only so far, an adjustment with each of them does."""
-
-LEAST_LEFT = 0.1
-"""Share of an effect on a neighbourhood that the orientation of its image leaves at least, of what the points leave: of
-a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +122,7 @@ def _significant(
     """Score tests of all units, those that are beyond the limit."""
     alarm /= max(candidates.tests, len(candidates.units)) * len(candidates.causes)
     records, row = result.in_problem(candidates.place)
-    least_gain = LEAST_LEFT * float(chdtri(candidates.H.shape[2], alarm)) if candidates.tests else 0.0
+    least_gain = candidates.least_left * float(chdtri(candidates.H.shape[2], alarm))
     scores = score(adjusted, records, row[candidates.rows], candidates.H, candidates.unit, least_gain)
     for cause in candidates.causes:
         gain, rank = scores.gains(cause.columns)
@@ -182,7 +178,7 @@ def _confirmed(
         return None
     if single and not _beyond_single_ones(t.joint, before, after, single):
         return None
-    return _without_strangers(group, before, after) if t.candidates.tests else group
+    return _without_strangers(group, before, after) if group.per == NEIGHBOURHOOD else group
 
 
 def _residuals(
