@@ -66,7 +66,7 @@ class ObjectPoint:
 
 
 @dataclass(frozen=True)
-class Mark:
+class DbatMark:
     """A measured image point: row of the photo, id of the point, x y and their standard deviations in px."""
 
     photo: int
@@ -85,7 +85,7 @@ class Export:
     photos: list[DbatPhoto]
     control: dict[str, ObjectPoint]
     points: dict[str, ObjectPoint]
-    marks: list[Mark]
+    marks: list[DbatMark]
 
 
 def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
@@ -216,7 +216,7 @@ def _points(source: _Lines) -> dict[str, ObjectPoint]:
     return points
 
 
-def _marks(source: _Lines, photos: int) -> list[Mark]:
+def _marks(source: _Lines, photos: int) -> list[DbatMark]:
     marks = []
     while source.more():
         entry = source.next(6, "photo id x y sx sy")
@@ -227,7 +227,7 @@ def _marks(source: _Lines, photos: int) -> list[Mark]:
             raise entry.error(
                 f"standard deviations {value[2]:g}, {value[3]:g}", "they are positive, in pixels; or both 0: not given"
             )
-        marks.append(Mark(photo, entry.words[1], tuple(value[:2]), tuple(value[2:]), entry))
+        marks.append(DbatMark(photo, entry.words[1], tuple(value[:2]), tuple(value[2:]), entry))
     return marks
 
 
