@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float
-from aatri.artifacts.block import Block, Frames
+from aatri.arrays import Float, Text
+from aatri.artifacts.block import Block, DistortionTable, Frames
 from aatri.artifacts.builder import block_of
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
@@ -26,6 +26,7 @@ from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
 from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import angles_from_rotation
+from aatri.ids import rows_of as rows_in
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import columns_of
@@ -41,6 +42,8 @@ class NotStated:
     Attributes
     ----------
     image_sigma_px : float
+    image_sigma_um : float, um
+        Of photo coordinates, where the pixels of the camera have no known size.
     control_sigma_m : (3,) float, m
         0: exact.
     position_sigma_m : (3,) float, m, or None
@@ -53,6 +56,7 @@ class NotStated:
     """
 
     image_sigma_px: float = 1.0
+    image_sigma_um: float = 5.0
     control_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     position_sigma_m: tuple[float, float, float] | None = None
     attitude_sigma_rad: float | None = None
@@ -87,12 +91,26 @@ def assembled(
     }
     if given["images"] and np.isnan(given["images"]["sequence"]).all():
         given["images"]["sequence"] = np.arange(1.0, len(given["images"]["id"]) + 1)
-    others = dict(sources[0].others)
+    others = dict(sources[0].others) | _distortion_tables(sources, rows["cameras"]["id"])
     return block_of(
         name=name or sources[0].name or sources[0].format,
         files=tables.files,
         **(given | ({} if "frames" in others else _of_frame(frame)) | others),
     )
+
+
+def _distortion_tables(sources: Sequence[BlockParts], cameras: Text) -> dict[str, Any]:
+    """Radial distortions as tables, of sources that give them by the ids of their cameras."""
+    tables = [parts.others.get("distortion_table") for parts in sources]
+    named = [table for table in tables if isinstance(table, dict)]
+    if not named:
+        return {}
+    every = {name: np.concatenate([np.asarray(t[name]) for t in named]) for name in columns_of(DistortionTable)}
+    kept = np.isin(every["camera"], cameras)
+    row = np.argsort(np.argsort(cameras))[rows_in(every["camera"][kept], cameras)]
+    order = np.lexsort((every["radius_mm"][kept], row))
+    columns = {name: values[kept][order] for name, values in every.items()} | {"camera": row[order]}
+    return {"distortion_table": DistortionTable.of(**columns)}
 
 
 def _of_frame(frame: Frame) -> dict[str, Any]:
@@ -146,7 +164,7 @@ def _count_from_camera(tables: JoinedParts) -> None:
 def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter) -> None:
     points, ground, exterior = (tables.tables[t] for t in ("image_points", "ground_points", "exterior"))
     if points:
-        points["sigma_mm"] = _image_sigma_mm(tables, not_stated.image_sigma_px)
+        points["sigma_mm"] = _image_sigma_mm(tables, not_stated)
     if ground:
         known = np.isin(ground["role"], (CONTROL, CHECK))
         lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma_m))
@@ -180,14 +198,17 @@ def _fill(covariance_m2: Float, sigma_m: Float) -> Any:
     return lacking.any(axis=1)
 
 
-def _image_sigma_mm(tables: JoinedParts, sigma_px: float) -> Float:
+def _image_sigma_mm(tables: JoinedParts, not_stated: NotStated) -> Float:
     points, cameras, images = (tables.tables[t] for t in ("image_points", "cameras", "images"))
     pixel_mm = dict(zip(cameras["id"].tolist(), np.nan_to_num(cameras["pixel_size_mm"], nan=np.nan).tolist()))
     of_image = dict(zip(images["id"].tolist(), images["camera"].tolist()))
     names, row = np.unique(points["image"], return_inverse=True)
     size = np.array([pixel_mm[of_image[str(name)]] for name in names.tolist()]).reshape(-1, 2)[row.ravel()]
-    stated_px = np.where(np.isnan(points["sigma_px"]), sigma_px, points["sigma_px"])
+    stated_px = np.where(np.isnan(points["sigma_px"]), not_stated.image_sigma_px, points["sigma_px"])
     sigma = np.where(np.isnan(points["sigma_mm"]), stated_px * size, points["sigma_mm"])
+    photo = {str(name) for name, of in zip(cameras["id"], cameras["image_coordinates"]) if of == "photo"}
+    in_mm = np.array([of_image[str(name)] in photo for name in names.tolist()])[row.ravel()]
+    sigma = np.where(np.isnan(sigma) & in_mm[:, None], not_stated.image_sigma_um * 1e-3, sigma)
     if np.isnan(sigma).any():
         camera = of_image[str(points["image"][int(np.flatnonzero(np.isnan(sigma).any(axis=1))[0])])]
         what = f"camera {camera} has no pixel size, so that standard deviations in pixels have no millimetres"

@@ -1,0 +1,1 @@
+"""BINGO: image coordinates, and geoin.dat with cameras and control."""

@@ -1,0 +1,1 @@
+"""SOCET SET and SOCET GXP: ground and image points."""
