@@ -12,9 +12,9 @@
 
 Latitudes and longitudes are in radians in SOCET SET, in degrees in GXP where `GXP_XY_UNITS` is 8; in other files the
 coordinates are Y and X of a grid, m. Kind 0 is a tie point; control of height is 1, of X and Y 2, of all three 3; 4 to
-6 are check points likewise. So the samples have it: points called `_z` are of kind 1 and have sigmas 0 0 2, those called
-`_xyz` of kind 3 with 2 2 1, and the one of kind 6 has residuals of hundreds of metres. A standard deviation of 0 is not
-stated. An image is called by its `.ipf`. Points that are not used or not valid are left out.
+6 are check points likewise. So the samples have it: points called `_z` are of kind 1 and have sigmas 0 0 2, those
+called `_xyz` of kind 3 with 2 2 1, and the one of kind 6 has residuals of hundreds of metres. A standard deviation of 0
+is not stated. An image is called by its `.ipf`. Points that are not used or not valid are left out.
 
 Sources: DOI-USGS/plio (reader and samples with their contents); SOCET SET user's manual.
 """
