@@ -18,7 +18,7 @@ import numpy as np
 
 from aatri.adjusting.added_variance import typical_variance
 from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
-from aatri.adjustment.solve import LinearSolution, solve
+from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.unknowns import State

@@ -24,13 +24,13 @@ from aatri.pipeline.store.durable import on_disk
 from aatri.report.drawing.charts import sigma0_chart
 from aatri.report.drawing.plan import block_plan
 from aatri.report.drawing.svg import Picture
-from aatri.report.numbers import number, seconds
-from aatri.report.run_view import RunView, StageView, view
 from aatri.report.sections.evaluation import difference_pictures
 from aatri.report.sections.parts import Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, accuracy_table
 from aatri.report.verdict import external_lights, internal_lights
+from aatri.report.view.numbers import number, seconds
+from aatri.report.view.run_view import RunView, StageView, view
 
 OURS, OURS_WITHIN = b"aatri report</title>", 4000
 """What a page of ours has within its first bytes."""

@@ -24,8 +24,8 @@ from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.doming import FAR_SIGMAS
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.ids import shown
-from aatri.report.numbers import metres, number
-from aatri.report.run_view import RunView, StageView
+from aatri.report.view.numbers import metres, number
+from aatri.report.view.run_view import RunView, StageView
 
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
 CONVERGED = 1e-3

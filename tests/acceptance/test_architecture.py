@@ -76,6 +76,11 @@ def test_a_room_uses_only_the_rooms_that_its_row_names() -> None:
     assert sorted(strays) == []
 
 
+def test_no_two_rooms_use_each_other() -> None:
+    used = {(room, other) for room, other, _ in _uses() if room != other}
+    assert sorted(pair for pair in used if pair[::-1] in used and pair < pair[::-1]) == []
+
+
 def test_a_role_imports_no_other_role() -> None:
     strays = [
         str(path.relative_to(ROOT))

@@ -11,12 +11,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from aatri.adjusting import kinds
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.parameter_set import classical, correction, scale_of_format
 from aatri.errors import InputError
-from aatri.observations import kinds
 from aatri.pipeline.store import run_folder
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -90,10 +90,10 @@ def test_the_observation_is_one_file_and_one_line_and_is_adjusted(
     files = _diffs("An observation")
     new = [path for path in files if not (ROOT / path).exists()]
     assert len(new) == 1
-    assert set(files) == {*new, "aatri/observations/kinds.py"}
+    assert set(files) == {*new, "aatri/adjusting/kinds.py"}
     _module(new[0], files[new[0]], tmp_path, monkeypatch)
     patched = _module(
-        "aatri/observations/kinds.py", files["aatri/observations/kinds.py"], tmp_path, monkeypatch, "kinds_of_docs"
+        "aatri/adjusting/kinds.py", files["aatri/adjusting/kinds.py"], tmp_path, monkeypatch, "kinds_of_docs"
     )
     assert len(patched.KINDS) == len(kinds.KINDS) + 1
     monkeypatch.setattr(kinds, "KINDS", patched.KINDS)

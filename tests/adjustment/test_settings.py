@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import made_problem
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import Adjusted, adjust_large
-from aatri.adjustment.adjusted import Step
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule as shares
-from aatri.adjustment.iteration import advice_after
+from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.stepping.adjusted import Adjusted, Step
+from aatri.adjustment.stepping.iteration import advice_after
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering

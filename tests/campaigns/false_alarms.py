@@ -23,8 +23,8 @@ import numpy as np
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import AatriError
-from aatri.report.run_view import RunView, StageView
 from aatri.report.verdict import BAD, LOOK, external_lights, internal_lights
+from aatri.report.view.run_view import RunView, StageView
 from aatri.tables.schema import Artifact
 from tests.campaigns.legal.cell import Cell
 from tests.campaigns.legal.flight import scene_of

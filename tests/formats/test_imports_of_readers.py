@@ -33,7 +33,7 @@ def test_block_stages_import_neither_numba_nor_a_method() -> None:
     assert "aatri.checks.as_read.screening" in modules
     assert "numba" not in modules
     methods = tuple(f"aatri.orientation.{name}" for name in METHODS)
-    assert [m for m in modules if m.startswith((*methods, "aatri.adjustment.adjust"))] == []
+    assert [m for m in modules if m.startswith((*methods, "aatri.adjustment.stepping.adjust"))] == []
 
 
 @pytest.mark.slow

@@ -14,8 +14,8 @@ from aatri.errors import ArtifactError
 from aatri.evaluation.accuracy import evaluate
 from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
-from aatri.report.run_view import view
 from aatri.report.verdict import internal_lights
+from aatri.report.view.run_view import view
 from tests.made_solutions import made_block, made_solution
 from tests.pipeline.made_runs import bare_record
 

@@ -14,8 +14,8 @@ from aatri.report.drawing.labels import Labels
 from aatri.report.drawing.plan import block_plan, footprints
 from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
 from aatri.report.drawing.scales import Scale, length_text, log_scale, near, plan_of, round_below, thinned
-from aatri.report.numbers import metres, number
 from aatri.report.sections.tables import by_axis, without_axis
+from aatri.report.view.numbers import metres, number
 from tests.made_solutions import made_block, made_solution
 
 

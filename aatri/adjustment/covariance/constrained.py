@@ -11,13 +11,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aatri.adjustment.constraints import gram, linearised_constraints
+from aatri.adjustment.constraints.multipliers import gram, linearised_constraints
 from aatri.adjustment.covariance.gains import Gains, reduce_gains
 from aatri.adjustment.elimination.chunks import CHUNK
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.right_hand_sides import backward, forward
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import predicted
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 

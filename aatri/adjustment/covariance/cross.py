@@ -12,14 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.backsolve import solve_columns
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.records import whitened
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored
 from aatri.arrays import Float, Int
 
 Block = tuple[str, int]

@@ -18,10 +18,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adjustment.adjusted import Adjusted
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Bool, Float, Int
 
 EXACT = 64

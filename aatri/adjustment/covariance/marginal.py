@@ -18,19 +18,20 @@ from functools import partial
 
 import numpy as np
 
-from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction, reduce_covariances
 from aatri.adjustment.covariance.gains import Gains, empty_gains, gains_of_rays
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, predicted_side_by_side
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.records import predicted
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.threads import run_all, taken

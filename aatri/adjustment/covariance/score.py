@@ -23,12 +23,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.adjusted import Adjusted
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.elimination.effects import reduced_effects
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, forward_kept, sides_of
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int
 

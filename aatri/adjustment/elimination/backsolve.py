@@ -11,10 +11,11 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import excess, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 

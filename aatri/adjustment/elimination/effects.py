@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.schedule import Stretch
 from aatri.adjustment.kernels.reduce_effects import reduce_effects
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 

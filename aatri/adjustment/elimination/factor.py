@@ -1,4 +1,4 @@
-"""The factor of the reduced normal equations in its two forms, and what each can give.
+"""A factorised linearisation; the factor of its reduced normal equations in its two forms, and what each can give.
 
 A direct factor holds L, front by front: solutions of any right-hand side, covariances and null vectors follow from it.
 Conjugate gradients leave nothing but the solution of the one right-hand side they were asked for. Whoever needs more
@@ -8,7 +8,7 @@ asks `whole` first, or asks for a panel and is refused.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -108,6 +108,47 @@ class IterativeFactor:
 
     def clear(self) -> None:
         """Nothing takes room."""
+
+
+@dataclass
+class Factored:
+    """A factorised linearisation.
+
+    Attributes
+    ----------
+    factor : Factor
+        Of the reduced normal equations, whole or not.
+    y : list of (m,) float64
+        Forward-substituted gradient of each node.
+    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
+    determined : (n_blocks,) float64
+        0 where an eliminated block is not determined.
+    diagonal : (n_kept,) float64
+        Diagonal of A'A.
+    weak : list of (node, row)
+        First pivot of each front that is not positive.
+    cost : float
+    damping : float
+    multiplier, violation : (m,) float64
+        Of the constraints, if any.
+    """
+
+    factor: Factor
+    y: list[Float]
+    block_factor: Float
+    block_y: Float
+    determined: Float
+    diagonal: Float
+    weak: list[tuple[int, int]]
+    cost: float
+    damping: float
+    multiplier: Float = field(default_factory=lambda: np.zeros(0))
+    violation: Float = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def decrease(self) -> float:
+        """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
+        return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
 
 
 def without_factor(size: str = "") -> ResourceError:

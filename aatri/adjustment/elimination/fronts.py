@@ -19,13 +19,13 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
-from aatri.adjustment.elimination.factor import DirectFactor, without_factor
+from aatri.adjustment.elimination.factor import DirectFactor, Factored, without_factor
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float

@@ -19,11 +19,12 @@ from scipy.sparse import csr_array
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int

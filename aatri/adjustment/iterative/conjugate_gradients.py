@@ -30,13 +30,13 @@ import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
-from aatri.adjustment.elimination.factor import IterativeFactor
+from aatri.adjustment.elimination.factor import Factored, IterativeFactor
 from aatri.adjustment.elimination.schedule import Stretch, stretches
 from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.kernels.implicit import along_rays, onto_kept
 from aatri.adjustment.structure.index import part_columns
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError

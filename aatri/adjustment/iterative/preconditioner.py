@@ -23,6 +23,7 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import Work
 from aatri.adjustment.elimination.panels import Panels
 from aatri.adjustment.elimination.schedule import of_node
@@ -30,7 +31,7 @@ from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, PartlyFactorised
+from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import run_all, thread_control
 from aatri.adjustment.unknowns import State

@@ -23,10 +23,11 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.elimination.backsolve import solve_columns
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, WARNED
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenDirections, described
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int

@@ -11,13 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.openness.limits import MOST_NAMED
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 

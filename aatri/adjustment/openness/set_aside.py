@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
 from aatri.adjustment.openness.nearly_open import nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
 from aatri.adjustment.openness.open_directions import OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import with_set_aside
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int

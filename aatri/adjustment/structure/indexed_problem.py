@@ -1,11 +1,10 @@
-"""An adjustment problem with its index, and a factorised linearisation of it."""
+"""An adjustment problem with its index."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import default_threads, taken
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
-
-if TYPE_CHECKING:
-    from aatri.adjustment.elimination.factor import Factor
 
 
 @dataclass(frozen=True)
@@ -121,47 +117,6 @@ class IndexedProblem:
         assert self.rays is not None
         parts = self.rays.parts
         return np.append(self.layout.start[:-1], -1)[parts.vertex] + np.where(parts.vertex >= 0, parts.shift, 0)
-
-
-@dataclass
-class Factored:
-    """A factorised linearisation.
-
-    Attributes
-    ----------
-    factor : Factor
-        Of the reduced normal equations, whole or not.
-    y : list of (m,) float64
-        Forward-substituted gradient of each node.
-    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
-    determined : (n_blocks,) float64
-        0 where an eliminated block is not determined.
-    diagonal : (n_kept,) float64
-        Diagonal of A'A.
-    weak : list of (node, row)
-        First pivot of each front that is not positive.
-    cost : float
-    damping : float
-    multiplier, violation : (m,) float64
-        Of the constraints, if any.
-    """
-
-    factor: Factor
-    y: list[Float]
-    block_factor: Float
-    block_y: Float
-    determined: Float
-    diagonal: Float
-    weak: list[tuple[int, int]]
-    cost: float
-    damping: float
-    multiplier: Float = field(default_factory=lambda: np.zeros(0))
-    violation: Float = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def decrease(self) -> float:
-        """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
-        return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
 
 
 def counts(problem: IndexedProblem) -> tuple[int, int, int]:

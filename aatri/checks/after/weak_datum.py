@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.checks.finding import Finding
 from aatri.checks.limits import WEAK_DATUM, WEAK_SHARE

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
-from aatri.report.numbers import metres
+from aatri.report.view.numbers import metres
 
 _HIGHLIGHTS = (
     "images",

@@ -2,7 +2,7 @@
 
 Unknowns are the poses of the images (X0, d), the ground points, which are eliminated point by point, and where wanted
 further parameters: film corrections per image, sets of additional parameters, parameters of camera models, drift.
-Observations are of any kind (`aatri.observations.kinds`): image points (collinearity), control coordinates, observed
+Observations are of any kind (`aatri.adjusting.kinds`): image points (collinearity), control coordinates, observed
 positions, distances ..., and the priors of the weighted parameters. Exact coordinates are held, other exact
 observations are constraints. Coordinates are reduced to an origin near the block before any arithmetic.
 
@@ -17,14 +17,15 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.adjust import Adjusted, adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.score import with_factor
-from aatri.adjustment.forecast import forecast
+from aatri.adjustment.iterative.forecast import forecast
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.openness.reach import scaled, within_reach
 from aatri.adjustment.openness.set_aside import SET_ASIDE
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.errors import GeometryError

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.elimination.backsolve import cost_of, steps
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State, retract_state

@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm, qr
 
-from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.s_transformation import STransformation, s_transformation
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows

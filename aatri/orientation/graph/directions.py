@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import tangents

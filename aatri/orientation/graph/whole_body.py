@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError, GeometryError

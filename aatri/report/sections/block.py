@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.artifacts.block import Block
-from aatri.report.numbers import DASH, number
 from aatri.report.sections.frames import frame_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows, axes, rejects_table
+from aatri.report.view.numbers import DASH, number
 
 
 def show(made: PageSection, block: Block, _around: Surroundings) -> None:

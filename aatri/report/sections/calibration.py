@@ -8,9 +8,9 @@ from aatri.artifacts.solution import Solution
 from aatri.formats.results.interior_orientation import interior_covariances
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
-from aatri.report.numbers import number
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
+from aatri.report.view.numbers import number
 
 FILM = "film"
 STRONG = 0.5

@@ -10,9 +10,9 @@ from aatri.report.drawing.charts import growth_chart
 from aatri.report.drawing.plan import ground_positions
 from aatri.report.drawing.residual_plots import height_bars, plan_vectors
 from aatri.report.drawing.svg import Picture
-from aatri.report.numbers import metres
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
+from aatri.report.view.numbers import metres
 
 
 def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
-from aatri.report.numbers import digits, metres
 from aatri.report.sections.observations import of_the_network
 from aatri.report.sections.parts import PageSection, present
 from aatri.report.sections.shapes import shapes_table
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
+from aatri.report.view.numbers import digits, metres
 
 
 def show(made: PageSection, block: Block | None, solution: Solution) -> None:

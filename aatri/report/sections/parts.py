@@ -9,8 +9,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing.svg import Picture
-from aatri.report.run_view import StageView
 from aatri.report.sections.tables import PageTable
+from aatri.report.view.run_view import StageView
 
 T = TypeVar("T")
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
-from aatri.report.numbers import DASH, number
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
+from aatri.report.view.numbers import DASH, number
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:

@@ -12,11 +12,11 @@ from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError
-from aatri.report.numbers import seconds
-from aatri.report.run_view import RunView, StageView
 from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
+from aatri.report.view.numbers import seconds
+from aatri.report.view.run_view import RunView, StageView
 
 _SHOW: dict[type, Callable[[PageSection, Any, Surroundings], None]] = {
     Block: block.show,

@@ -14,8 +14,8 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
-from aatri.report.numbers import DASH, metres
 from aatri.report.sections.tables import Columns, PageTable, all_rows
+from aatri.report.view.numbers import DASH, metres
 
 PLANES = ("plane", "vertical_plane", "horizontal_plane", "equal_height")
 LINES = ("line", "plumb_line", "horizontal_line")

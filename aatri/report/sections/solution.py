@@ -16,10 +16,10 @@ from aatri.report.drawing.residual_plots import (
     tie_pictures,
 )
 from aatri.report.drawing.svg import Picture
-from aatri.report.numbers import DASH, digits, metres, number
 from aatri.report.sections import calibration, network, observations, reliability
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, residual_classes
+from aatri.report.view.numbers import DASH, digits, metres, number
 
 
 def show(made: PageSection, solution: Solution, around: Surroundings) -> None:

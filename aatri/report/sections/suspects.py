@@ -8,9 +8,9 @@ import numpy as np
 
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
-from aatri.report.numbers import DASH, number
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
+from aatri.report.view.numbers import DASH, number
 
 
 def suspects_tables(suspects: Suspects) -> list[PageTable]:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
-from aatri.report.numbers import DASH, metres, number
+from aatri.report.view.numbers import DASH, metres, number
 
 MOST_ROWS = 20
 """Rows of what is told by its worst only."""

@@ -6,8 +6,8 @@ import numpy as np
 
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.ids import shown
-from aatri.report.numbers import digits, number
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
+from aatri.report.view.numbers import digits, number
 
 UNCONTROLLED = 0.01
 """A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""

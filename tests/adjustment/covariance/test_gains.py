@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import layout
 from tests.adjustment.covariance.test_predicted import MAKERS, _relation, some_off

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance import independent
 from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
+from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import made_problem
 from tests.adjustment.reference import dense_jacobian, free_columns
 

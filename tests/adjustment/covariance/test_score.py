@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.score import moved, score
 from aatri.adjustment.records import whitened
+from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import made_problem
 from tests.adjustment.reference import dense_jacobian, free_columns
 

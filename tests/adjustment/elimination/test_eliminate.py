@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule
 from aatri.adjustment.kernels.eliminate import eliminator
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.arrays import Bool, Float
 from tests.adjustment.block_problem import joined_problem, posed_problem
 from tests.adjustment.ray_places import BASE, PLACES, SIZES, RaysOnPlaces, rays_on

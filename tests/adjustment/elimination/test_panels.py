@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.panels import PanelsInFile
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.errors import ResourceError
 from tests.adjustment.block_problem import shared_problem
 from tests.adjustment.test_solve import _many_fronts

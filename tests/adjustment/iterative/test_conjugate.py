@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import Adjusted, Step, adjust_large
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.forecast import Solver
 from aatri.adjustment.iterative import preconditioner
 from aatri.adjustment.iterative.conjugate_gradients import conjugate_gradients
+from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import Step, adjust_large
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.errors import ConvergenceError, GeometryError, ResourceError, SpecError
 from tests.adjustment.block_problem import _along, _group, joined_problem, made_problem, shared_problem

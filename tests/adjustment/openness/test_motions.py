@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.openness import null_vectors
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import GeometryError
 from aatri.observations.poses import POINT, point_generator

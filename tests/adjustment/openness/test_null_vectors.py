@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import GeometryError

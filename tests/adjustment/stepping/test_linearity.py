@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment import adjust as solve
+from aatri.adjustment.stepping import adjust as solve
 from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.unknowns import retract_state

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.loss import Huber
+from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
 from tests.adjustment.reference import free_columns
 from tests.adjustment.test_solve import _many_fronts

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.graph import Graph, OrderedNode, nested_dissection
 from aatri.adjustment.structure.index_problem import Ordering, prepare
 from tests.adjustment.block_problem import posed_problem

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.covariance.solve import solve
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.records import keys_of
-from aatri.adjustment.solve import solve
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.weights import Weights, taking_no_part, with_weights
 from aatri.errors import GeometryError

@@ -19,7 +19,7 @@ from aatri.pipeline.store.events import Events
 from aatri.pipeline.store.gc import garbage, remove
 from aatri.pipeline.store.lock import locked
 from aatri.pipeline.store.records import SCHEMA, read_record, seal
-from aatri.report.run_view import view
+from aatri.report.view.run_view import view
 from tests.made_up_stages import Total, write_pipeline
 from tests.pipeline.made_runs import digests, run
 

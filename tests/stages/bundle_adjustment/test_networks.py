@@ -167,7 +167,7 @@ def test_control_of_a_network_enters_with_its_full_covariance(tmp_path: Path) ->
 
 def test_many_exact_distances_are_those_of_multipliers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     few = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8, blunders="none"))
-    monkeypatch.setattr("aatri.adjustment.stiff.MOST_BY_MULTIPLIERS", 0)
+    monkeypatch.setattr("aatri.adjustment.constraints.stiff.MOST_BY_MULTIPLIERS", 0)
     stiff = bundle(_network(tmp_path, exact="DE"), options=BundleOptions(tolerance=1e-8, blunders="none"))
     np.testing.assert_allclose(stiff.points.xyz_m, few.points.xyz_m, atol=1e-8)
     scale = np.abs(few.points.covariance_m2).max()
@@ -179,7 +179,7 @@ def test_many_exact_distances_are_those_of_multipliers(tmp_path: Path, monkeypat
 def test_exact_distances_that_contradict_each_other_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("aatri.adjustment.stiff.MOST_BY_MULTIPLIERS", 0)
+    monkeypatch.setattr("aatri.adjustment.constraints.stiff.MOST_BY_MULTIPLIERS", 0)
     _network(tmp_path, exact="DE")
     path = tmp_path / "relative_control.yaml"
     path.write_text(path.read_text() + "- {type: distance, points: [E, D], value: 72.5, exact: true}\n")

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from aatri.adjustment.adjusted import Adjusted
 from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
 from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE

@@ -17,18 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.adjusted import Adjusted as Adjusted
-from aatri.adjustment.adjusted import Step
-from aatri.adjustment.constraints import factorise_constrained, support
+from aatri.adjustment.constraints.multipliers import factorise_constrained, support
+from aatri.adjustment.constraints.stiff import stiffened
 from aatri.adjustment.elimination.backsolve import steps
-from aatri.adjustment.forecast import within_limit
-from aatri.adjustment.iteration import (
-    IterationState,
-    advice_after,
-    following,
-    refuse_unusable,
-    with_runaways_slowed,
-)
+from aatri.adjustment.iterative.forecast import within_limit
 from aatri.adjustment.openness.set_aside import (
     refuse_nearly_singular,
     refuse_singular,
@@ -38,10 +30,17 @@ from aatri.adjustment.openness.set_aside import (
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.stepping.adjusted import Adjusted, Step
+from aatri.adjustment.stepping.iteration import (
+    IterationState,
+    advice_after,
+    following,
+    refuse_unusable,
+    with_runaways_slowed,
+)
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
 from aatri.adjustment.stepping.runaways import Veto, steadied
-from aatri.adjustment.stiff import stiffened
 from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import taking_no_part

@@ -8,10 +8,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.forecast import forecast, memory_limit
+from aatri.adjustment.iterative.forecast import forecast, memory_limit
 from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from tests.adjustment.block_problem import _along, _group, _observed, _prior
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.notes import Note
 
 

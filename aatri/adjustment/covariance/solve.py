@@ -17,15 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.constraints import factorise_constrained
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.backsolve import cost_of, steps
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.stepping.linearity import after_step
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem, counts
+from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import State, retract_state
 from aatri.arrays import Float

@@ -31,11 +31,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import Sides, forward
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError

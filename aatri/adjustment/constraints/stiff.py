@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.constraints import support
+from aatri.adjustment.constraints.multipliers import support
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.errors import GeometryError

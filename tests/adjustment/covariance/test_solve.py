@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment import solve as solving
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance import marginal
+from aatri.adjustment.covariance import solve as solving
 from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.covariance.solve import solve
 from aatri.adjustment.records import Records, whitener_of_covariances, whitener_of_sigmas
-from aatri.adjustment.solve import solve
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.weights import Weights
 from aatri.adjustment.unknowns import Unknowns, add_step

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.adjust import adjust_large
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.errors import GeometryError
 from tests.adjustment.block_problem import _observed, joined_problem, made_problem, shared_problem
 from tests.adjustment.reference import constrained_reference, dense_jacobian, free_columns

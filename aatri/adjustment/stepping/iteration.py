@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.adjusted import Step
-from aatri.adjustment.constraints import factorise_constrained, penalty, predicted_by_constraints
+from aatri.adjustment.constraints.multipliers import factorise_constrained, penalty, predicted_by_constraints
 from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
+from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import whitened
+from aatri.adjustment.stepping.adjusted import Step
 from aatri.adjustment.stepping.damping import Damping, gain
 from aatri.adjustment.stepping.robust import POOR, bolder, curvature_of, more_cautious
 from aatri.adjustment.stepping.runaways import Veto, all_steadied
-from aatri.adjustment.structure.indexed_problem import Factored, IndexedProblem
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError
