@@ -11,7 +11,6 @@ from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
-from aatri.adjusting.kinds import KindOptions, options_without_data
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Text
@@ -25,6 +24,7 @@ from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
+from aatri.observations.kinds.catalogue import KindOptions, options_without_data
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from aatri.adapters.cameras.unknowns import MODELS
-from aatri.adjusting import kinds
 from aatri.camera.models.calibration import PARAMETERS
+from aatri.observations.kinds import catalogue as kinds
 
 CAMERAS = tuple(
     f"camera_parameters:{distortion}.{name}" for distortion, model in MODELS.items() for name in PARAMETERS[model]

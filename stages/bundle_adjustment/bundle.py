@@ -41,7 +41,6 @@ from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.suspects import after, inherited, taken_back, with_gross_errors
-from aatri.adjusting.kinds import KindOptions, options_without_data
 from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
@@ -56,6 +55,7 @@ from aatri.checks.after.uncontrolled import of_film_alone, uncontrolled_observat
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.notes import tell
+from aatri.observations.kinds.catalogue import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.rounds import with_considered

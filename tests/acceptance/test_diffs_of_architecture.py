@@ -11,12 +11,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from aatri.adjusting import kinds
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.parameter_set import classical, correction, scale_of_format
 from aatri.errors import InputError
+from aatri.observations.kinds import catalogue as kinds
 from aatri.pipeline.store import run_folder
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -90,11 +90,10 @@ def test_the_observation_is_one_file_and_one_line_and_is_adjusted(
     files = _diffs("An observation")
     new = [path for path in files if not (ROOT / path).exists()]
     assert len(new) == 1
-    assert set(files) == {*new, "aatri/adjusting/kinds.py"}
+    listed = "aatri/observations/kinds/catalogue.py"
+    assert set(files) == {*new, listed}
     _module(new[0], files[new[0]], tmp_path, monkeypatch)
-    patched = _module(
-        "aatri/adjusting/kinds.py", files["aatri/adjusting/kinds.py"], tmp_path, monkeypatch, "kinds_of_docs"
-    )
+    patched = _module(listed, files[listed], tmp_path, monkeypatch, "kinds_of_docs")
     assert len(patched.KINDS) == len(kinds.KINDS) + 1
     monkeypatch.setattr(kinds, "KINDS", patched.KINDS)
     solution = bundle(_levelling(tmp_path / "block"), options=BundleOptions(tolerance=1e-8))

@@ -11,7 +11,6 @@ from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.film_errors import film_errors
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
-from aatri.adjusting.kinds import KindOptions, observe
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -22,6 +21,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
+from aatri.observations.kinds.catalogue import KindOptions, observe
 from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
-from aatri.adjusting.kinds import KindOptions, observe
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.geometry.similarity import Similarity
+from aatri.observations.kinds.catalogue import KindOptions, observe
 from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.graph.component import ImageComponent

@@ -2,7 +2,7 @@
 
 Unknowns are the poses of the images (X0, d), the ground points, which are eliminated point by point, and where wanted
 further parameters: film corrections per image, sets of additional parameters, parameters of camera models, drift.
-Observations are of any kind (`aatri.adjusting.kinds`): image points (collinearity), control coordinates, observed
+Observations are of any kind (`aatri.observations.kinds`): image points (collinearity), control coordinates, observed
 positions, distances ..., and the priors of the weighted parameters. Exact coordinates are held, other exact
 observations are constraints. Coordinates are reduced to an origin near the block before any arithmetic.
 
