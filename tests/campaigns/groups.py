@@ -68,6 +68,10 @@ def _strip(chain: Chain, rng: np.random.Generator) -> tuple[str, np.ndarray]:
     return name, np.flatnonzero(block.strips.id[block.images.strip[block.exterior.image]] == name)
 
 
+def _position_sigma(chain: Chain) -> float:
+    return float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
+
+
 def _direction(rng: np.random.Generator, size: float) -> np.ndarray:
     d = rng.standard_normal(3)
     return size * d / np.linalg.norm(d)
@@ -76,19 +80,16 @@ def _direction(rng: np.random.Generator, size: float) -> np.ndarray:
 def strip_shift(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """Positions of a strip off by ten to thirty times their standard deviation."""
     name, rows = _strip(chain, rng)
-    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
-    return _moved(
-        chain, rows, _direction(rng, rng.uniform(10, 30) * sigma), f"positions of strip {name} are off together"
-    )
+    by_m = _direction(rng, rng.uniform(10, 30) * _position_sigma(chain))
+    return _moved(chain, rows, by_m, f"positions of strip {name} are off together")
 
 
 def strip_drift(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """Positions of a strip that drift, to twenty standard deviations at its ends."""
     name, rows = _strip(chain, rng)
-    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
     time = chain.block.images.time_s[chain.block.exterior.image[rows]]
     time = (time - time.mean()) / np.abs(time - time.mean()).max()
-    by = time[:, None] * _direction(rng, 20 * sigma)
+    by = time[:, None] * _direction(rng, 20 * _position_sigma(chain))
     return _moved(chain, rows, by, f"positions of strip {name} are off together")
 
 
@@ -101,11 +102,14 @@ def heights(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 def lever_arm(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A lever arm of some decimetres that nobody gives."""
-    sigma = float(np.sqrt(chain.block.exterior.position_covariance_m2[0, 0, 0]))
-    arm = rng.choice([-1, 1], 2) * rng.uniform(8, 20, 2) * sigma
+    arm = rng.choice([-1, 1], 2) * rng.uniform(8, 20, 2) * _position_sigma(chain)
     R = chain.bundle.images.ground_from_image[chain.block.exterior.image]
     rows = np.arange(len(chain.block.exterior))
     return _moved(chain, rows, R @ np.array([*arm, 0.0]), "along the axes of the camera")
+
+
+def _sigmas(chain: Chain, rng: np.random.Generator, low: float, high: float) -> float:
+    return float(rng.choice([-1, 1]) * rng.uniform(low, high) * chain.refined.measurements.sigma_mm[0, 0])
 
 
 def _camera(chain: Chain, words: str, images: np.ndarray | None = None, **change: np.ndarray | float) -> Spoilt:
@@ -138,14 +142,12 @@ def principal_point(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 def radial(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A radial distortion of 30 to 60 sigma at the corner that nobody gives."""
-    size = rng.choice([-1, 1]) * rng.uniform(30, 60) * chain.refined.measurements.sigma_mm[0, 0]
-    return _camera(chain, "radial distortion of", radial=size)
+    return _camera(chain, "radial distortion of", radial=_sigmas(chain, rng, 30, 60))
 
 
 def affinity(chain: Chain, rng: np.random.Generator, images: np.ndarray | None = None, of: str = "") -> Spoilt:
     """Another scale in x than in y: 10 to 100 sigma at the corner."""
-    size = rng.choice([-1, 1]) * rng.uniform(10, 100) * chain.refined.measurements.sigma_mm[0, 0]
-    return _camera(chain, f"{of} ask for an affinity", images, affinity=size)
+    return _camera(chain, f"{of} ask for an affinity", images, affinity=_sigmas(chain, rng, 10, 100))
 
 
 def strip_affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
@@ -179,9 +181,10 @@ def neighbourhood(chain: Chain, rng: np.random.Generator) -> Spoilt:
     xy = m.xy_mm.copy()
     xy[rows] += 12 * m.sigma_mm[rows] * [np.cos(angle), np.sin(angle)]
     points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
-    name = chain.block.images.id[image]
     around = np.flatnonzero(np.isin(m.point, m.point[rows]))  # where two images would explain as much, both go
-    return Spoilt(chain.block, points, ("neighbourhood of", f"in image {name}"), {"image_point": around})
+    return Spoilt(
+        chain.block, points, ("neighbourhood of", f"in image {chain.block.images.id[image]}"), {"image_point": around}
+    )
 
 
 def attitude_strip(chain: Chain, rng: np.random.Generator) -> Spoilt:
@@ -233,9 +236,8 @@ def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 
 WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
-    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
-    strip_camera, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control, strip_affinity,
-    image_affinity,
+    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity, strip_camera,
+    strip_affinity, image_affinity, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control,
 )  # fmt: skip
 
 
@@ -263,10 +265,8 @@ def judged(chain: Chain, spoilt: Spoilt) -> Outcome:
     named = any(all(any(w in text for w in word.split("|")) for word in spoilt.words) for text in told.warnings)
     wanted = named if spoilt.words else not told.warnings
     many = right > max(1, MOST_RIGHT * len(spoilt.points.measurements)) and "heights" not in spoilt.words
-    bad = tuple(
-        w for w, is_bad in (("not named", not wanted), ("right ones rejected", many), (failed, failed)) if is_bad
-    )
-    return Outcome(named, right, tuple(told.warnings), bad)
+    judgements = (("not named", not wanted), ("right ones rejected", many), (failed, failed))
+    return Outcome(named, right, tuple(told.warnings), tuple(w for w, is_bad in judgements if is_bad))
 
 
 def outcomes(seed: int, only: list[str]) -> Iterator[tuple[str, str, Outcome]]:
@@ -289,9 +289,8 @@ def main() -> None:
         for block, way, found in outcomes(seed, chosen.only):
             of[way] += 1
             named[way] += not found.bad
-            text = (
-                f"seed {seed}, {block}, {way}: {'' if found.named else 'not '}named, {found.right} right ones rejected"
-            )
+            named_or_not = "named" if found.named else "not named"
+            text = f"seed {seed}, {block}, {way}: {named_or_not}, {found.right} right ones rejected"
             sys.stdout.write(f"{text}{'  NOT GOOD: ' + ', '.join(found.bad) if found.bad else ''}\n")
             sys.stdout.write("".join(f"        {line[:300]}\n" for line in (found.told if found.bad else ())))
             sys.stdout.flush()
