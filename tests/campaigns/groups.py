@@ -41,7 +41,6 @@ class Spoilt:
 
     Attributes
     ----------
-    block, points
     words : tuple of str
         What the warning that names it holds, all of them; of alternatives, parted by |, one.
     wrong : dict of str to (n,) int
@@ -66,6 +65,10 @@ def _strip(chain: Chain, rng: np.random.Generator) -> tuple[str, np.ndarray]:
     block = chain.block
     name = str(rng.choice(block.strips.id))
     return name, np.flatnonzero(block.strips.id[block.images.strip[block.exterior.image]] == name)
+
+
+def _all(chain: Chain) -> np.ndarray:
+    return np.arange(len(chain.block.exterior))
 
 
 def _position_sigma(chain: Chain) -> float:
@@ -95,21 +98,16 @@ def strip_drift(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 def heights(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """Heights of all positions off by 5 to 20 m."""
-    rows = np.arange(len(chain.block.exterior))
     by = np.array([0.0, 0.0, rng.choice([-1, 1]) * rng.uniform(5, 20)])
-    return _moved(chain, rows, by, "the result contradicts its own tests", "heights of positions and control")
+    words = "the result contradicts its own tests", "heights of positions and control"
+    return _moved(chain, _all(chain), by, *words)
 
 
 def lever_arm(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A lever arm of some decimetres that nobody gives."""
     arm = rng.choice([-1, 1], 2) * rng.uniform(8, 20, 2) * _position_sigma(chain)
     R = chain.bundle.images.ground_from_image[chain.block.exterior.image]
-    rows = np.arange(len(chain.block.exterior))
-    return _moved(chain, rows, R @ np.array([*arm, 0.0]), "along the axes of the camera")
-
-
-def _sigmas(chain: Chain, rng: np.random.Generator, low: float, high: float) -> float:
-    return float(rng.choice([-1, 1]) * rng.uniform(low, high) * chain.refined.measurements.sigma_mm[0, 0])
+    return _moved(chain, _all(chain), R @ np.array([*arm, 0.0]), "along the axes of the camera")
 
 
 def _camera(chain: Chain, words: str, images: np.ndarray | None = None, **change: np.ndarray | float) -> Spoilt:
@@ -137,17 +135,19 @@ def principal_point(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A principal point off by 1 % of c: the same as a lever arm where all fly one height; both are named."""
     c = float(chain.block.cameras.principal_distance_mm[0])
     spoilt = _camera(chain, "principal point|lever arm", shift=0.01 * c * rng.choice([-1, 1], 2))
-    return replace(spoilt, wrong={"position": np.arange(len(chain.block.exterior))})
+    return replace(spoilt, wrong={"position": _all(chain)})
 
 
 def radial(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """A radial distortion of 30 to 60 sigma at the corner that nobody gives."""
-    return _camera(chain, "radial distortion of", radial=_sigmas(chain, rng, 30, 60))
+    size = rng.choice([-1, 1]) * rng.uniform(30, 60) * chain.refined.measurements.sigma_mm[0, 0]
+    return _camera(chain, "radial distortion of", radial=size)
 
 
 def affinity(chain: Chain, rng: np.random.Generator, images: np.ndarray | None = None, of: str = "") -> Spoilt:
     """Another scale in x than in y: 10 to 100 sigma at the corner."""
-    return _camera(chain, f"{of} ask for an affinity", images, affinity=_sigmas(chain, rng, 10, 100))
+    size = rng.choice([-1, 1]) * rng.uniform(10, 100) * chain.refined.measurements.sigma_mm[0, 0]
+    return _camera(chain, f"{of} ask for an affinity", images, affinity=size)
 
 
 def strip_affinity(chain: Chain, rng: np.random.Generator) -> Spoilt:
@@ -202,8 +202,7 @@ def boresight(chain: Chain, rng: np.random.Generator) -> Spoilt:
     cameras = chain.block.cameras
     turned = cameras.boresight_rad + _direction(rng, rng.uniform(10, 30)) * chain.block.exterior.angle_sigma_rad[0, 0]
     block = replace(chain.block, cameras=replace(cameras, boresight_rad=turned))
-    rows = np.arange(len(chain.block.exterior))
-    return Spoilt(block, chain.refined, ("have a common offset of",), {"attitude": rows})
+    return Spoilt(block, chain.refined, ("have a common offset of",), {"attitude": _all(chain)})
 
 
 def exchanged_images(chain: Chain, rng: np.random.Generator) -> Spoilt:
@@ -236,8 +235,9 @@ def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 
 WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
-    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity, strip_camera,
-    strip_affinity, image_affinity, neighbourhood, attitude_strip, boresight, exchanged_images, exchanged_control,
+    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
+    strip_camera, strip_affinity, image_affinity, neighbourhood, attitude_strip, boresight, exchanged_images,
+    exchanged_control,
 )  # fmt: skip
 
 
