@@ -11,7 +11,7 @@ import numpy as np
 
 from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.arrays import Bool, Float
-from aatri.observations.observed import Observed, Spread, full_whitener
+from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
 
 EXACT = 1e-2
 """Standard deviation of exact control, as a share of that of the bodies' points: its residuals stay below 1e-4 of the
@@ -49,10 +49,9 @@ def whitener_beside(o: Observed, covariance: Float, typical_m2: float) -> Float:
     typical_m2 : float, m^2
         Typical variance of a coordinate of a body's point.
     """
-    if o.unit != "m":  # angles know nothing of lengths
-        return full_whitener(o.records.whitener)
     used, m = observed_components(o), o.records.rows
-    exact = np.einsum("nii->ni", covariance) < EXACT**2 * typical_m2
-    C = covariance + np.where(exact, EXACT**2 * typical_m2, 0.0)[:, :, None] * np.eye(m)
+    least = EXACT**2 * typical_m2 if o.unit == "m" else NEARLY_EXACT**2  # angles know nothing of lengths
+    exact = np.einsum("nii->ni", covariance) < least
+    C = covariance + np.where(exact, least, 0.0)[:, :, None] * np.eye(m)
     both = used[:, :, None] & used[:, None, :]
     return np.asarray(np.where(both, inverse_cholesky(np.where(both, C, np.eye(m))), 0.0))

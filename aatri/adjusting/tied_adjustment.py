@@ -252,13 +252,13 @@ def _counted(problem: TiedProblem, used: Bool) -> tuple[Bool, int]:
             (first, b) for o, first in zip(problem.observed, problem.edges) for g, b in o.records.touches if g == group
         ]
         if touched:
-            size = 1 + max(int(b.max(initial=0)) for _, b in touched)
+            free = next(u.free for u in problem.index.unknowns if u.name == group)
             mine = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])
-            often = np.bincount(mine, minlength=size)
+            often = np.bincount(mine, minlength=len(free))
             for first, b in touched:
                 counted[first : first + len(b)] &= often[b] > 1
             met = [b[counted[first : first + len(b)]] for first, b in touched]
-            unknowns += 3 * len(np.unique(np.concatenate(met)))
+            unknowns += int(free[np.unique(np.concatenate(met))].sum())
     own = {u.name: int(u.free.sum()) for o in problem.observed for u in o.unknowns}
     return counted, unknowns + sum(own.values())
 

@@ -131,7 +131,7 @@ def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, I
     observed : sequence of Observed
         Ties, what is observed of the ground, priors of the bodies.
     start : mapping
-        Points, and poses where ties or others touch images; of these the positions alone are unknown.
+        Points, and poses where ties or others touch images; their rotations are unknown where priors touch them.
     ids : mapping
         Ids of points and images.
     what : str
@@ -152,6 +152,8 @@ def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, I
         place = start[POSE].position_m
         free = np.zeros((len(place), 6), dtype=bool)
         free[np.concatenate(touched[POSE]), :3] = True
+        for block in (block for o in priors for group, block in o.records.touches if group == POSE):
+            free[block] = True
         unknowns.append(pose_unknowns(ids[POSE], free, place))
     tied = np.zeros((len(start[POINT]), 3), dtype=bool)
     tied[np.concatenate([np.zeros(0, dtype=np.int32), *touched[POINT]])] = True

@@ -8,7 +8,6 @@ Derivatives belong to the unknowns (T, d, m) of the updates T <- T + dT, R <- ex
 
     dX = dT + [s R x]x' d + s R x m.
 
-A point may carry an offset b in object units (a lever arm): X = T + R (s x + b); the scale does not act on it.
 Callers reduce both systems to their centroids, or the rotation about the origin and the shift are nearly dependent.
 """
 
@@ -44,22 +43,19 @@ class Similarity:
 IDENTITY = Similarity(np.zeros(3), 1.0, np.eye(3))
 
 
-def transform(similarity: Similarity, x: Float, offset: Float | None = None) -> Float:
+def transform(similarity: Similarity, x: Float) -> Float:
     """Points in the target system.
 
     Parameters
     ----------
     similarity : Similarity
     x : (n, 3) float64, source unit
-    offset : (n, 3) float64, target unit, optional
-        Lever arms, along the axes of the source system.
 
     Returns
     -------
     (n, 3) float64, target unit
     """
-    arm = similarity.scale * x if offset is None else similarity.scale * x + offset
-    return np.asarray(similarity.translation + arm @ similarity.rotation.T)
+    return np.asarray(similarity.translation + similarity.scale * x @ similarity.rotation.T)
 
 
 def transform_covariance(similarity: Similarity, covariance: Float) -> Float:
@@ -73,19 +69,18 @@ def transform_covariance(similarity: Similarity, covariance: Float) -> Float:
     return np.asarray(similarity.scale**2 * (R @ covariance @ R.T))
 
 
-def jacobian(similarity: Similarity, x: Float, offset: Float | None = None) -> Float:
+def jacobian(similarity: Similarity, x: Float) -> Float:
     """Derivatives of the transformed points by T, d and the logarithm of the scale.
 
     Returns
     -------
     (n, 3, 7) float64
     """
-    scaled = similarity.scale * x @ similarity.rotation.T
-    arm = scaled if offset is None else scaled + offset @ similarity.rotation.T
+    arm = similarity.scale * x @ similarity.rotation.T
     J = np.empty((len(x), 3, UNKNOWNS))
     J[:, :, :3] = np.eye(3)
     J[:, :, 3:6] = -skew(arm)
-    J[:, :, 6] = scaled
+    J[:, :, 6] = arm
     return J
 
 

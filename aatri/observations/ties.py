@@ -31,9 +31,10 @@ BODY = "strip"
 """Name of the group of the bodies' unknowns."""
 
 STRIP_TIE, MODEL_TIE, PERSPECTIVE_CENTRE = "strip_tie", "model_tie", "perspective_centre"
-COMPONENT_POINT, HELD = "component_point", "held"
-"""Kinds: points of strips and of models, the perspective centres of these, points of a component made of strips; what
-a component is held by begins with the last."""
+COMPONENT_POINT, COMPONENT_CENTRE, COMPONENT_ROTATION = "component_point", "component_centre", "component_rotation"
+HELD = "held"
+"""Kinds: points of strips and of models, the perspective centres of these; points, projection centres and rotations of
+images of a component; what a component is held by where its datum is free."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import absolute_solution, ground_of_strips, orient_strips
+from aatri.adapters.ground.absolute_orientation import absolute_solution, orient_strips
+from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -31,7 +32,6 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
-from aatri.notes import Note
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -63,15 +63,7 @@ class SimilarityOptions(Options):
 
 @stage(
     version=2,
-    uses=(
-        "images.strip",
-        "ground_points.xyz_m",
-        "ground_points.covariance_m2",
-        "exterior.position_m",
-        "cameras.lever_arm_m",
-        "earth_curvature:frame",
-        "undulation",
-    ),
+    uses=("images.strip", *USES),
     needs=lambda options: datum_needed(positions=options.use_positions),
 )
 def similarity(
@@ -86,30 +78,22 @@ def similarity(
     check_same_block(block, strips.images.id, "strips")
     check_same_block(block, image_points.images.id, "image_points")
     inside = in_tangent_frame(block)
-    solution, notes = _oriented(inside.block, block, strips, image_points, options)
-    if inside.partial:  # once more, with control in plan or height only where the first has found it
-        inside = in_tangent_frame(block, inside.back(solution))
-        solution, notes = _oriented(inside.block, block, strips, image_points, options)
+    oriented = orient_strips(
+        inside.block,
+        ground_observed(block, inside.block, use_positions=options.use_positions),
+        strips,
+        tie_limit=options.tie_limit,
+        control_limit=options.control_limit,
+        two_points=options.start == "two_points",
+        every_component=options.components == "all",
+        max_sigma0=options.max_sigma0,
+    )
+    method = "absolute_orientation/similarity"
+    solution, left_out = absolute_solution(oriented, image_points, method, tests=options.reliability)
     findings = findings_of(inside.block, solution, "absolute_orientation")
     findings += control_left_behind(block, solution, strips.suspects)
     solution = inside.back(solution)
     images = solution.images
     findings += unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
-    report([*notes, *findings], context)
+    report([*oriented.notes, *left_out, *findings], context)
     return solution
-
-
-def _oriented(
-    block: Block, as_given: Block, strips: Strips, image_points: ImagePoints, options: SimilarityOptions
-) -> tuple[Solution, list[Note]]:
-    oriented = orient_strips(
-        ground_of_strips(block, as_given, strips, use_positions=options.use_positions),
-        tie_limit=options.tie_limit,
-        control_limit=options.control_limit,
-        every_component=options.components == "all",
-        max_sigma0=options.max_sigma0,
-        two_points=options.start == "two_points",
-    )
-    method = "absolute_orientation/similarity"
-    solution, left_out = absolute_solution(oriented, image_points, method, tests=options.reliability)
-    return solution, [*oriented.notes, *left_out]

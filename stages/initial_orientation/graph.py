@@ -18,17 +18,15 @@ Photogrammetry (absolute orientation).
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.initial_notes import not_oriented, shown_components
-from aatri.adapters.ground.initial_observed import USES, ground_of
 from aatri.adapters.ground.initial_orientation import to_ground
 from aatri.adapters.ground.initial_solution import initial_solution
-from aatri.adapters.ground.initial_whole import by_all_kinds
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion
@@ -40,8 +38,8 @@ from aatri.artifacts.solution import Solution
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
-from aatri.notes import Note
 from aatri.observations.image_points import rays_of
+from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -70,16 +68,7 @@ class GraphOptions(Options):
 
 @stage(
     version=4,
-    uses=(
-        "ground_points.xyz_m",
-        "ground_points.covariance_m2",
-        "exterior.position_m",
-        "cameras.lever_arm_m",
-        "cameras.distortion",
-        "earth_curvature:frame",
-        "undulation",
-        *USES,
-    ),
+    uses=("cameras.distortion", *USES),
 )
 def graph(
     block: Block,
@@ -106,11 +95,11 @@ def graph(
             "`min_points` goes down to 6); check the ids of images and points; images all taken at one place make no "
             "model",
         )
-    given, inside = block, in_tangent_frame(block)
-    block = inside.block
-    rays, ground = rays_of(block, image_points), ground_of(block, given, use_positions=options.use_positions)
+    inside = in_tangent_frame(block)
+    rays, positions = rays_of(inside.block, image_points), positions_of(inside.block)
     observed = np.full((len(block.images), 3), np.nan)
-    observed[ground.positions.image] = ground.positions.position_m
+    if options.use_positions:
+        observed[positions.image] = positions.position_m
     free = orient_free(
         pairs,
         turns_of(models),
@@ -122,31 +111,27 @@ def graph(
         rng=rng,
         reporter=context,
     )
-
-    def on_the_ground(block: Block) -> tuple[Solution, list[Note]]:
-        ground = ground_of(block, given, use_positions=options.use_positions)
-        by_all = partial(by_all_kinds, given, ground.origin_m, use_positions=options.use_positions)
-        more = len(given.geodetic) or len(given.relative_control_members)
-        parts, notes = to_ground(block, ground, free.components, rays, options.control_limit, by_all if more else None)
-        method = "initial_orientation/graph"
-        made = initial_solution(
-            block, image_points, rays, ground, parts, method, image_points.suspects, tests=options.reliability
-        )
-        return made, list(notes)
-
-    solution, notes = on_the_ground(block)
-    if inside.partial:  # where plan control and heights lie is known better now
-        inside = in_tangent_frame(given, inside.back(solution))
-        solution, notes = on_the_ground(inside.block)
+    ground = ground_observed(block, inside.block, use_positions=options.use_positions)
+    parts, notes = to_ground(ground, free.components, rays, options.control_limit)
+    solution = initial_solution(
+        inside.block,
+        image_points,
+        rays,
+        ground.origin_m,
+        parts,
+        "initial_orientation/graph",
+        image_points.suspects,
+        tests=options.reliability,
+    )
     findings = findings_of(inside.block, solution, "initial_orientation")
     report(
         [
             *of_lens,
             *free.notes,
-            *shown_components(free.components, block),
+            *shown_components(free.components, inside.block),
             *notes,
             *findings,
-            *not_oriented(block, solution),
+            *not_oriented(inside.block, solution),
         ],
         context,
     )

@@ -1,87 +1,45 @@
-"""A free component of strips on the ground: what is known of it as a datum, and its similarity."""
+"""A free component of strips as a body, and its orientation on the ground."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
-from aatri.adapters.ground.initial_datum import Known, datum_of, known_of, without_drifting
+from aatri.adapters.ground.absolute_tables import OrientedPart
+from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.arrays import Float, Int
+from aatri.adapters.strips.tied_tables import not_rejected
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import staying_out
-from aatri.errors import GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
-from aatri.observations.control import KIND as CONTROL
+from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
-from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.absolute import OrientedComponent, orient_component
+from aatri.orientation.bodies.absolute import OrientationRules
 from aatri.orientation.bodies.components import Component
-from aatri.orientation.bodies.datum import Datum, FreeBody
 from aatri.orientation.bodies.deformation import expected_ratio
-
-UNCERTAIN = 0.1
-"""Share of its distance by which a point at infinity, of parallel rays, is uncertain: no part of what is oriented."""
+from aatri.orientation.bodies.free_body import FreeBody
 
 
 def oriented_part(
-    ground: GroundOfStrips, component: Component, what: str, limit: float, *, two_points: bool
+    ground: GroundObserved, strips: Strips, component: Component, what: str, rules: OrientationRules
 ) -> tuple[OrientedPart, list[Note]]:
-    """A component by control and positions; by attitudes as well where these leave something open.
-
-    Positions of drift groups take part only where nothing else determines the component.
+    """A component by what is observed of it; see `oriented_by`.
 
     Raises
     ------
     GeometryError
         If something is not determined.
     """
-    body = _body(ground.block, ground.strips, component)
-    known = known_of(ground, body)
-    steady = without_drifting(ground.block, ground, known)
-    if steady.placed and len(steady.position) < len(known.position):
-        try:
-            return _by_known(ground, component, body, steady, what, limit, two_points=two_points)
-        except GeometryError:
-            pass  # it hangs on the positions that drift
-    return _by_known(ground, component, body, known, what, limit, two_points=two_points)
 
+    def begin(observed: Sequence[Observed]) -> Bool:
+        return not_rejected(observed, {o.kind: strips.suspects for o in observed})
 
-def _by_known(
-    ground: GroundOfStrips,
-    component: Component,
-    body: FreeBody,
-    known: Known,
-    what: str,
-    limit: float,
-    *,
-    two_points: bool,
-) -> tuple[OrientedPart, list[Note]]:
-    block, strips = ground.block, ground.strips
-    datum = datum_of(block, ground, body, known)
-    before = strips.suspects.take(np.flatnonzero(staying_out(strips.suspects)))
-    kinds = ((CONTROL, ground.control.row[known.control]), (POSITION, ground.positions.row[known.position]))
-    began = ~np.concatenate([np.isin(row, before.row[before.kind == kind]) for kind, row in kinds])
-    centres = body.poses.position_m[body.images]
-    spread = np.sqrt(np.einsum("nii->n", component.covariance))
-    near = spread < UNCERTAIN * np.linalg.norm(component.xyz - centres.mean(axis=0), axis=1)
-    places = np.concatenate([component.xyz[near], centres])
-
-    def by(datum: Datum, *, two_points: bool = False) -> OrientedComponent:
-        return orient_component(datum, places, body.up, what=what, active=began, limit=limit, two_points=two_points)
-
-    notes = list[Note]()
-    try:
-        result = by(datum, two_points=two_points)
-    except GeometryError as error:
-        if not len(known.attitude):
-            raise
-        result = by(datum_of(block, ground, body, known, attitudes=True))
-        text = f"{what}: attitudes of {len(known.attitude)} images take part, as control and positions leave it open: "
-        notes.append(Note("note", text + error.what))
-    return OrientedPart(what, component, known.control, known.position, result), notes
+    body = _body(ground.block, strips, component)
+    result, notes = oriented_by(ground, body, rules, what, begin=begin)
+    return OrientedPart(what, component, result), notes
 
 
 def _body(block: Block, strips: Strips, component: Component) -> FreeBody:

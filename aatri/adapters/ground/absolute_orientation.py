@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,12 +10,13 @@ import numpy as np
 
 from aatri.adapters.ground import absolute_tables as tables
 from aatri.adapters.ground.absolute_datum import free_images, oriented_part
-from aatri.adapters.ground.absolute_tables import GroundOfStrips, OrientedPart
+from aatri.adapters.ground.absolute_tables import OrientedPart
 from aatri.adapters.ground.control_fit import height_notes
-from aatri.adapters.ground.initial_observed import ground_of
+from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import names_of, tests_of
+from aatri.adapters.strips.tied_tables import components_of, names_of, tests_of
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
@@ -22,6 +24,9 @@ from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.positions import KIND as POSITION
+from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes, sigma0_notes
 
@@ -33,40 +38,41 @@ WORST = 5
 
 @dataclass(frozen=True)
 class OrientedStrips:
-    """Components on the ground, and what there is to say of them."""
+    """Components on the ground, reduced to the origin, and what there is to say of them."""
 
-    ground: GroundOfStrips
+    block: Block
+    strips: Strips
+    origin_m: Float
     parts: tuple[OrientedPart, ...]
     notes: tuple[Note, ...]
 
 
-def ground_of_strips(block: Block, as_given: Block, strips: Strips, *, use_positions: bool) -> GroundOfStrips:
-    """What a block in the frame of the adjustment knows of the ground; attitudes from that in its own frame."""
-    known = ground_of(block, as_given, use_positions=use_positions)
-    return GroundOfStrips(known.control, known.positions, known.origin_m, (), known.attitudes, (), block, strips)
-
-
 def orient_strips(
-    ground: GroundOfStrips,
+    block: Block,
+    ground: GroundObserved,
+    strips: Strips,
     *,
     tie_limit: float,
     control_limit: float,
+    two_points: bool,
     every_component: bool,
     max_sigma0: float | None,
-    two_points: bool = False,
 ) -> OrientedStrips:
     """Join strips to components and orient each.
 
     Parameters
     ----------
-    ground : GroundOfStrips
+    block : Block
+        In the frame of the adjustment.
+    ground : GroundObserved
+    strips : Strips
     tie_limit, control_limit : float
-        Test statistics of wrong ties and of wrong control.
+        Test statistics of wrong ties, and of what is wrong on the ground.
+    two_points : bool
+        Each starts from two control points.
     every_component : bool
         A component without a datum is an error; else it is left out with a warning.
     max_sigma0 : float or None
-    two_points : bool
-        Each starts from two control points.
 
     Raises
     ------
@@ -75,10 +81,10 @@ def orient_strips(
     ConvergenceError
         If an adjustment does not converge, or its result does not fit.
     """
-    how = (tie_limit, control_limit, two_points)
-    free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=False)
+    rules = OrientationRules(control_limit, two_points)
+    free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=False)
     if any(free.weak) and failed:  # not each has control enough of its own
-        free, parts, failed, notes = _joined_and_oriented(ground, *how, weakly=True)
+        free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (every_component or not parts):
@@ -90,25 +96,24 @@ def orient_strips(
             [tied for _, tied in adjusted],
             [name for name, _ in adjusted],
             tables.pooled(parts)[1],
-            pieces.most_models(ground.strips),
-            Misfit(max_sigma0, _distance_m(ground, parts)),
+            pieces.most_models(strips),
+            Misfit(max_sigma0, _distance_m(strips, parts)),
             _misfit_m(parts),
             "absolute orientation",
         )
     except ConvergenceError as error:
         raise ConvergenceError(error.what + _worst(parts), where=error.where, remedy=error.remedy) from error
-    return OrientedStrips(ground, tuple(parts), tuple(notes))
+    return OrientedStrips(block, strips, ground.origin_m, tuple(parts), tuple(notes))
 
 
 def _joined_and_oriented(
-    ground: GroundOfStrips, tie_limit: float, control_limit: float, two_points: bool, *, weakly: bool
+    ground: GroundObserved, strips: Strips, rules: OrientationRules, tie_limit: float, *, weakly: bool
 ) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError], list[Note]]:
     """Strips joined to components, each of them oriented; those that are not determined with their errors.
 
     Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
     against each other by the errors of these points, magnified, and fit no control.
     """
-    strips = ground.strips
     names = strips.strips.id.tolist()
     points, usable = pieces.strip_points_of(strips), pieces.usable_ties(strips)
     free = join_strips(points, names, point_ids=strips.points.id, active=usable, limit=tie_limit, weakly=weakly)
@@ -117,12 +122,12 @@ def _joined_and_oriented(
     for number, component in enumerate(free.components, 1):
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part, more = oriented_part(ground, component, what, control_limit, two_points=two_points)
+            part, more = oriented_part(ground, strips, component, what, rules)
         except GeometryError as error:
             failed.append(error)
             continue
         parts.append(part)
-        notes += [*more, *_height_notes(ground, part), *_part_notes(part)]
+        notes += [*more, *height_notes(ground.block, part.result, what), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
         Note("note" if weak and not failed else "warning", f"not joined: {text}")
@@ -131,51 +136,52 @@ def _joined_and_oriented(
     return free, parts, failed, [*joined, *notes]
 
 
-def _distance_m(ground: GroundOfStrips, parts: Sequence[OrientedPart]) -> float:
+def _distance_m(strips: Strips, parts: Sequence[OrientedPart]) -> float:
     """From the projection centres to the points, mean of all components, m."""
     found = []
     for part in parts:
-        centres = free_images(ground.strips, part.component)[0]
-        found.append(part.result.ground_from_component.scale * pieces.distance_m(centres, part.component.xyz))
+        centres = free_images(strips, part.component)[0]
+        found.append(part.result.ground_from_body.scale * pieces.distance_m(centres, part.component.xyz))
     return float(np.mean(found)) if found else 0.0
 
 
 def _misfit_m(parts: Sequence[OrientedPart]) -> float:
     """The largest RMS by which control and positions, or strips, do not fit."""
-    found = [rms_m(part.result.residual_m, part.result.active) for part in parts]
+    found = [rms_m(*_off(part.result)) for part in parts]
     for part in parts:
         ties = part.component.tied
         if ties is not None:
-            found.append(part.result.ground_from_component.scale * rms_m(ties.residuals, ties.active))
+            found.append(part.result.ground_from_body.scale * rms_m(ties.residuals, ties.active))
     return max(found, default=0.0)
+
+
+def _off(result: OrientedBody) -> tuple[Float, Bool]:
+    """Body on the ground minus given coordinates, NaN where not given; and which of them are used."""
+    places = result.places
+    return np.where(places.given, places.xyz - places.observed_m, np.nan), result.tied.active[places.row]
 
 
 def _worst(parts: Sequence[OrientedPart]) -> str:
     """The given coordinates that are farthest from where the strips put them, for an error."""
     told = []
     for part in parts:
-        off = np.linalg.norm(np.nan_to_num(part.result.residual_m), axis=1)
+        off = np.linalg.norm(np.nan_to_num(_off(part.result)[0]), axis=1)
         rows = np.argsort(-off, kind="stable")[:WORST]
-        names = names_of(part.result.tied, rows + part.result.tied.problem.n_ties)
-        told += list(zip(off[rows].tolist(), names))
+        told += list(zip(off[rows].tolist(), names_of(part.result.tied, part.result.places.row[rows])))
     worst = [f"{name} {m:.3g} m" for m, name in sorted(told, reverse=True)[:WORST] if m > 0]
     return f"; farthest off: {', '.join(worst)}" if worst else ""
 
 
-def _height_notes(ground: GroundOfStrips, part: OrientedPart) -> list[Note]:
-    component, control = part.component, ground.control
-    x = component.xyz[np.searchsorted(component.point, control.point[part.control])]
-    model = ground.origin_m + transform(part.result.ground_from_component, x)
-    return height_notes(ground.block, control, part.control, model, part.what)
-
-
 def _part_notes(part: OrientedPart) -> list[Note]:
     factor, tied = part.result.analysis.extrapolation, part.result.tied
+    kinds = Counter(o.kind for o in tied.problem.ground for _ in range(len(o)))
+    counts = [f"{kinds.pop(kind, 0)} {name}" for kind, name in ((CONTROL, "control points"), (POSITION, "positions"))]
+    counts += [f"{n} of kind {kind}" for kind, n in kinds.items()]
     notes = [
         Note(
             "note",
-            f"{part.what}: {len(part.control)} control points, {len(part.positions)} positions, errors of "
-            f"control magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
+            f"{part.what}: {', '.join(counts)}, errors of control "
+            f"magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
             "standard deviations of its points",
         )
     ]
@@ -201,26 +207,25 @@ def absolute_solution(
     oriented: OrientedStrips, image_points: ImagePoints, method: str, *, tests: bool = False
 ) -> tuple[Solution, list[Note]]:
     """The Solution of oriented components, and which images are left out."""
-    ground, parts = oriented.ground, oriented.parts
-    block, strips = ground.block, ground.strips
+    block, strips, parts = oriented.block, oriented.strips, oriented.parts
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
     transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [tables.carried(ground, parts)]
+    suspects = [tables.carried(strips, parts)]
     for part in parts:
-        to_ground, component = part.result.ground_from_component, part.component
+        to_ground, component = part.result.ground_from_body, part.component
         centres, rotations, image = free_images(strips, component)
-        position[image] = transform(to_ground, centres) + ground.origin_m
+        position[image] = transform(to_ground, centres) + oriented.origin_m
         rotation[image] = to_ground.rotation @ rotations
-        points[component.point] = transform(to_ground, component.xyz) + ground.origin_m
+        points[component.point] = transform(to_ground, component.xyz) + oriented.origin_m
         for strip, pose in zip(component.strips, component.component_from_strip):
             name = str(strips.strips.id[strip])
-            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), ground.origin_m))
-        parameters += tables.precisions(ground, part)
+            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), oriented.origin_m))
+        parameters += tables.precisions(strips, part)
         residuals += tables.residual_tables(part)
-        suspects += tables.suspect_tables(ground, part)
+        suspects += tables.suspect_tables(strips, part)
     counts, sigma0 = tables.pooled(parts)
-    uncontrolled = tables.uncontrolled_tables(ground, parts)
+    uncontrolled = tables.uncontrolled_tables(block, strips, parts)
     solution = pieces.solution_of(
         block,
         image_points,
@@ -235,5 +240,6 @@ def absolute_solution(
         suspects=stacked(suspects),
         uncontrolled=uncontrolled,
         tests=stacked([tests_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
+        components=stacked([components_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
     )
     return solution, pieces.left_out(block, np.isfinite(position).all(1))

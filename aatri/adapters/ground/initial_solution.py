@@ -6,22 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.initial_observed import Ground
 from aatri.adapters.ground.initial_orientation import OnGround
 from aatri.adapters.ground.initial_tests import (
     STAGE,
     left_out_table,
-    observations_of,
     residuals_at,
 )
 from aatri.adapters.solution import solved_cameras, stacked
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import component_residuals, suspects_of, tests_of
+from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspects_of, tests_of, uncontrolled_kinds
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import DatumCarriers, Parameters, Residuals, Solution, StripTransformations, Tests
+from aatri.artifacts.solution import (
+    DatumCarriers,
+    Parameters,
+    Residuals,
+    Solution,
+    StripTransformations,
+    Tests,
+    VarianceComponents,
+)
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import Poses
@@ -33,7 +40,7 @@ def initial_solution(
     block: Block,
     image_points: ImagePoints,
     rays: ImagePointRows,
-    ground: Ground,
+    origin_m: Float,
     parts: list[OnGround],
     method: str,
     suspects: Suspects,
@@ -43,12 +50,12 @@ def initial_solution(
     """The Solution of components on the ground; an image of several components is that of the first."""
     n, m = len(block.images), len(block.points)
     position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
-    reliability = [Tests.empty()]
+    reliability, components, uncontrolled = [Tests.empty()], [VarianceComponents.empty()], [Uncontrolled.empty()]
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
     found = [suspects]
     kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
     free, member = parts[0].free, np.zeros(n, dtype=np.int64)
-    origin = np.zeros(3) if free else ground.origin_m
+    origin = np.zeros(3) if free else origin_m
     for number, part in enumerate(parts, 1):
         c = part.component
         new, points = c.images & ~finite_rows(position), finite_rows(c.xyz) & ~finite_rows(xyz)
@@ -60,12 +67,13 @@ def initial_solution(
         moves.append(pieces.similarity_rows(f"component {number}", part.similarity, origin))
         if part.oriented is not None:
             tied = part.oriented.tied
-            tables.append(component_residuals(tied))
+            tables.append(residuals_of(tied, part.oriented.state))
             reliability.append(tests_of(tied))
-            found.append(suspects_of(tied, STAGE, np.ones(len(tied.active), dtype=bool)))
-        if part.left is not None:
-            left = observations_of(block, ground, part.left)
-            found += [left_out_table(o, residuals_at(c, o)) for o in left]
+            components.append(components_of(tied))
+            found.append(suspects_of(tied, STAGE, part.oriented.began))
+            uncontrolled.append(uncontrolled_kinds(tied))
+            left_at = {**tied.problem.start, **part.oriented.state}
+            found += [left_out_table(o, residuals_at(left_at, o)) for o in part.left]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
     # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
@@ -88,7 +96,9 @@ def initial_solution(
         parameters=Parameters.empty(),
         residuals=stacked(tables),
         suspects=stacked(found),
+        uncontrolled=stacked(uncontrolled),
         tests=stacked(reliability) if tests else None,
+        components=stacked(components) if tests else None,
     )
     solution = replace(solution, cameras=solved_cameras(block))
     if free:

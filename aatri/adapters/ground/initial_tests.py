@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters.ground.initial_datum import Known
-from aatri.adapters.ground.initial_observed import Ground
+from aatri.adapters.ground.ground_observed import DISTANCES, GroundObserved
 from aatri.adapters.solution import suspect_rows
-from aatri.arrays import Float, Int
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
-from aatri.geometry.rotations import log_rotation
+from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
-from aatri.observations.control import observed_control
+from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, Poses
-from aatri.observations.positions import observed_positions
-from aatri.orientation.bodies.absolute import OrientedComponent
-from aatri.orientation.bodies.given_relations import Lengths
-from aatri.orientation.graph.component import ImageComponent
+from aatri.observations.poses import POINT, POSE, point_generator, pose_generator
+from aatri.orientation.bodies.absolute import OrientedBody
+from aatri.orientation.bodies.free_body import FreeBody
 
 STAGE = "initial_orientation"
 
@@ -38,36 +35,10 @@ SCATTER = 1.4826
 """Standard deviation of a normal variable over the median of its deviations."""
 
 
-def observations_of(block: Block, ground: Ground, known: Known) -> Iterator[Observed]:
-    """Control, positions and distances that are known of a component, as the bundle has them."""
-    control, positions = ground.control.take(known.control), ground.positions.take(known.position)
-    yield from observed_control(control, ground.origin_m, block.points.id[control.point])
-    yield from observed_positions(positions, ground.origin_m, block.images.id[positions.image])
-    for part, rows in known.lengths:
-        yield from part.take(rows).observed()
-
-
-def residuals_at(component: ImageComponent, o: Observed) -> Float:
+def residuals_at(state: State, o: Observed) -> Float:
     """A component on the ground, reduced to the origin, minus what is observed of it; NaN where not observed."""
-    v = o.records.evaluate({POINT: component.xyz, POSE: component.poses}, np.arange(len(o)))[0]
+    v = o.records.evaluate({**o.start, **state}, np.arange(len(o)))[0]
     return np.where(np.isfinite(o.sigmas()), v, np.nan)
-
-
-def lengths_in(component: ImageComponent, part: Lengths, rows: Int) -> Float:
-    """Distances as they are in a component, of its unit."""
-    s = part.sights.take(rows)
-    ends = [
-        np.where(
-            is_image[:, None],
-            component.poses.position_m[np.where(is_image, row, 0)],
-            component.xyz[np.where(is_image, 0, row)],
-        )
-        for row, is_image in ((s.station, s.station_is_image), (s.target, s.target_is_image))
-    ]
-    line = ends[1] - ends[0]
-    line[:, 2] += s.target_height_m - s.station_height_m
-    line[part.plan[rows], 2] = 0.0
-    return np.asarray(np.linalg.norm(line, axis=1))
 
 
 def left_out_table(o: Observed, residual: Float) -> Suspects:
@@ -80,43 +51,29 @@ def left_out_table(o: Observed, residual: Float) -> Suspects:
     )
 
 
-def without_one(known: Known) -> Iterator[tuple[str, Known, Known]]:
-    """One kind, what is left of the known without it, and it alone: distances, positions, control."""
-    none = np.zeros(0, dtype=np.int64)
-    nothing = Known(none, none, (), none)
-    if known.lengths:
-        yield "distances", replace(known, lengths=()), replace(nothing, lengths=known.lengths)
-    if len(known.control) and len(known.position):
-        yield "observed positions", replace(known, position=none), replace(nothing, position=known.position)
-        yield "control", replace(known, control=none), replace(nothing, control=known.control)
-
-
-def contradicts(block: Block, ground: Ground, left: Known, component: ImageComponent, limit: float) -> bool:
+def contradicts(left: Sequence[Observed], state: State, limit: float) -> bool:
     """Whether what is left out is off as a whole by more than `limit` times what one of it is uncertain.
 
     Weakly tied strips bend by less, and fit whatever is left.
     """
-    for o in observations_of(block, ground, left):
-        for v, sigma in zip(residuals_at(component, o).T, o.sigmas().T):
+    for o in _of_places(left):
+        for v, sigma in zip(residuals_at(state, o).T, o.sigmas().T):
             known = np.isfinite(v) & np.isfinite(sigma)
             if known.any() and abs(float(np.median(v[known]))) > limit * float(np.median(sigma[known])):
                 return True
     return False
 
 
-def contradiction_note(
-    block: Block, ground: Ground, left: Known, component: ImageComponent, kind: str, what: str
-) -> Note:
+def contradiction_note(block: Block, left: Sequence[Observed], state: State, kind: str, what: str) -> Note:
     """What is left out as it contradicts all else; the component is on the ground without it."""
-    observed = list(observations_of(block, ground, left))
-    names = np.concatenate([np.char.add(*o.names(np.arange(len(o)))) for o in observed])
+    names = np.concatenate([np.char.add(*o.names(np.arange(len(o)))) for o in left])
     if kind == "distances":
-        ratios = [part.sights.value[rows] / lengths_in(component, part, rows) for part, rows in left.lengths]
-        off = f"longer than in it by {1e6 * (float(np.median(np.concatenate(ratios))) - 1.0):.0f} ppm"
+        ratio, _ = _ratios(_of_places(left), state)
+        off = f"longer than in it by {1e6 * (float(np.median(ratio)) - 1.0):.0f} ppm"
     else:
-        residual = np.concatenate([residuals_at(component, o) for o in observed])
+        residual = np.concatenate([residuals_at(state, o) for o in _of_places(left)])
         off = f"shifted by {_median_shift(residual)} m"
-        images = [of for o in observed for group, of in o.records.touches if group == POSE]
+        images = [of for o in _of_places(left) for group, of in o.records.touches if group == POSE]
         camera = block.images.camera[np.concatenate(images)] if images else np.zeros(0, dtype=np.int32)
         if len(np.unique(camera)) > 1:
             by_camera = [f"{block.cameras.id[k]} {_median_shift(residual[camera == k])}" for k in np.unique(camera)]
@@ -125,18 +82,36 @@ def contradiction_note(
     return Note("warning", text, tuple(names.tolist()))
 
 
+def _of_places(observed: Sequence[Observed]) -> list[Observed]:
+    """Those without unknowns of their own."""
+    return [o for o in observed if all(group in (POINT, POSE) for group, _ in o.records.touches)]
+
+
+def _ratios(distances: Sequence[Observed], state: State) -> tuple[Float, Float]:
+    """Distances over their lengths in a component, and these: the derivatives by its scale."""
+    moves, ratio, lengths = {POINT: point_generator(state), POSE: pose_generator(state)}, [], []
+    for o in distances:
+        v, jacobians = o.records.evaluate(state, np.arange(len(o)))
+        length = np.zeros(len(o))
+        for (group, block), J in zip(o.records.touches, jacobians):
+            length += (J @ moves[group][block])[:, 0, 6]
+        ratio.append(1.0 - v[:, 0] / length)
+        lengths.append(length)
+    return np.concatenate(ratio), np.concatenate(lengths)
+
+
 def _median_shift(residual: Float) -> str:
     """Given less computed along X, Y, Z; a dash where no residual has the coordinate."""
     columns = [axis[np.isfinite(axis)] for axis in -residual.T]
     return ", ".join(f"{np.median(axis):.3f}" if len(axis) else "-" for axis in columns)
 
 
-def deformation_notes(oriented: OrientedComponent, precision: float, what: str) -> list[Note]:
+def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> list[Note]:
     """A component that control and positions do not fit, whatever of them is left out.
 
     `precision` is that of its points, in its unit.
     """
-    expected = precision * oriented.ground_from_component.scale
+    expected = precision * oriented.ground_from_body.scale
     tau = oriented.tied.tau_m
     if tau <= DEFORMED * expected:
         return []
@@ -147,48 +122,51 @@ def deformation_notes(oriented: OrientedComponent, precision: float, what: str) 
     return [Note("warning", text)]
 
 
-def two_that_differ(known: Known, component: ImageComponent, precision_m: float, limit: float) -> list[Note]:
+def two_that_differ(oriented: OrientedBody, precision_m: float, limit: float) -> list[Note]:
     """Where two distances alone tell the scale and differ, nobody can tell which one is wrong.
 
-    `component` is scaled by them, its points are known to `precision_m`.
+    The points of the component, scaled by them, are known to `precision_m`.
     """
-    if sum(len(rows) for _, rows in known.lengths) != 2:
+    observed = [o for o in _of_places(oriented.tied.problem.ground) if o.kind in DISTANCES]
+    if sum(map(len, observed)) != 2 or not all(o.kind in (*DISTANCES, ATTITUDE) for o in oriented.tied.problem.ground):
         return []
-    sights = [part.sights.take(rows) for part, rows in known.lengths]
-    value, sigma = (np.concatenate([getattr(s, name) for s in sights]) for name in ("value", "sigma"))
-    ratio = value / np.concatenate([lengths_in(component, part, rows) for part, rows in known.lengths])
-    error = np.hypot(sigma, np.sqrt(2.0) * precision_m) / value
+    ratio, length = _ratios(observed, oriented.state)
+    sigma = np.concatenate([o.sigmas()[:, 0] for o in observed])
+    names = np.concatenate([o.names(np.arange(len(o)))[1] for o in observed])
+    error = np.hypot(sigma, np.sqrt(2.0) * precision_m) / length
     if abs(ratio[1] - ratio[0]) <= limit * float(np.hypot(*error)):
         return []
-    names = np.concatenate([s.names for s in sights])
     text = (
         f"two distances alone tell the scale; they differ by {abs(ratio[1] / ratio[0] - 1):.2%}, one of them is wrong"
     )
     return [Note("warning", text, tuple(names.tolist()))]
 
 
-def attitude_notes(block: Block, ground: Ground, rows: Int, poses: Poses, what: str, *, took_part: bool) -> list[Note]:
+def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what: str) -> list[Note]:
     """How attitudes agree with an orientation they took no part in: their common offset, camera by camera."""
-    if took_part or not len(rows):
-        return []
-    a, notes = ground.attitudes, []
-    image = a.image[rows]
-    lacking = log_rotation(a.ground_from_image[rows].swapaxes(1, 2) @ poses.ground_from_image[image])
-    camera = block.images.camera[image]
-    for k in np.unique(camera).tolist():
-        mine = np.flatnonzero(camera == k)
-        offset = np.median(lacking[mine], axis=0)
-        off = np.linalg.norm(lacking[mine] - offset, axis=1)
-        sigma = np.sqrt(np.einsum("nii->n", a.covariance_rad2[rows[mine]]) / 3 + (SCATTER * np.median(off)) ** 2 / 3)
-        wrong = block.images.id[image[mine[off > OFF_SIGMAS * sigma]]]
-        text = (
-            f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
-            f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
-            "(median) beyond that"
-        )
-        notes.append(Note("note", text))
-        if len(wrong):
-            notes.append(
-                Note("warning", f"{what}: {len(wrong)} attitudes are far off the others", tuple(wrong.tolist()))
+    block, notes = ground.block, list[Note]()
+    start = body.on_ground(to)
+    for o in ground.of(body, lambda o: o.kind == ATTITUDE, attitudes=True)(to):
+        whole = np.flatnonzero(np.isfinite(o.sigmas()).all(axis=1))
+        start = {**o.start, **start}
+        v, (by_pose, *_) = o.records.evaluate(start, whole)
+        image = o.records.touches[0][1][whole]
+        turned = np.linalg.solve(by_pose[:, :, 3:], v[:, :, None])[:, :, 0]  # on the ground side
+        lacking = np.einsum("nji,nj->ni", start[POSE].ground_from_image[image], turned)
+        variance, camera = (o.sigmas()[whole] ** 2).mean(axis=1), block.images.camera[image]
+        for k in np.unique(camera).tolist():
+            mine = np.flatnonzero(camera == k)
+            offset = np.median(lacking[mine], axis=0)
+            off = np.linalg.norm(lacking[mine] - offset, axis=1)
+            sigma = np.sqrt(variance[mine] + (SCATTER * np.median(off)) ** 2 / 3)
+            wrong = block.images.id[image[mine[off > OFF_SIGMAS * sigma]]]
+            text = (
+                f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
+                f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
+                "(median) beyond that"
             )
+            notes.append(Note("note", text))
+            if len(wrong):
+                text = f"{what}: {len(wrong)} attitudes are far off the others"
+                notes.append(Note("warning", text, tuple(wrong.tolist())))
     return notes

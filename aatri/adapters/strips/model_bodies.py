@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adjusting.added_variance import EXACT, observed_components
+from aatri.adjusting.added_variance import EXACT
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
@@ -215,18 +215,13 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     x = np.concatenate([bodies.points.x, bodies.centres.x])[mine]
     k, of = k[mine], of[mine]
     xyz = s.translation[k] + s.scale[k][:, None] * np.einsum("nij,nj->ni", s.rotation[k], x)
-    point, first = np.unique(of, return_index=True)
-    ids, at, given = list[str](), list[Float](), list[Bool]()
-    for o, objects in bodies.known(block):
-        known = observed_components(o)
-        there = np.flatnonzero(np.isin(objects, point) & known.any(axis=1))
-        ids += [f"image {i}" if i else f"point {p}" for i, p in zip(*o.names(there))]
-        at.append(xyz[first[np.searchsorted(point, objects[there])]])
-        given.append(known[there])
+    there, first = np.unique(of, return_index=True)
+    place = np.full((len(block.points) + len(block.images), 3), np.nan)
+    place[there] = xyz[first]
+    observed = [o.take(np.flatnonzero(np.isin(objects, there))) for o, objects in bodies.known(block)]
     of_models = f"{len(models)} models, {names[models[0]]} to {names[models[-1]]}"
-    if not ids:
+    if not any(map(len, observed)):
         return f"{of_models}: they hold no control point and no observed position"
-    found = analyse_datum(np.concatenate(at), np.concatenate(given), ids, xyz[first], weakest=WEAKEST)
-    if not (found.open or found.defect):
-        return ""
-    return f"{of_models}: not determined: {', '.join(found.open) or f'{found.defect} of the seven parameters'}"
+    poses = Poses(place[len(block.points) :], bodies.poses.ground_from_image)
+    found = analyse_datum(observed, {POINT: place[: len(block.points)], POSE: poses}, xyz[first], weakest=WEAKEST)
+    return f"{of_models}: not determined: {', '.join(found.open)}" if found.open else ""

@@ -21,7 +21,7 @@ from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
-from aatri.observations.ties import BODY, COMPONENT_POINT, HELD
+from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT
 from aatri.orientation.bundle.variance_groups import squares_and_redundancy
 
 CALLED = {
@@ -55,9 +55,8 @@ def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -
     before : mapping
         Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
     """
-    return np.concatenate(
-        [~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool) for o in observed]
-    )
+    parts = [~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool) for o in observed]
+    return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
 
 def _rejected(o: Observed, before: Suspects) -> Bool:
@@ -72,7 +71,7 @@ def _rejected(o: Observed, before: Suspects) -> Bool:
 def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:
     """Kinds of observation that are the block's, and where they are among all: not what a free body is held by."""
     for o, first in zip(result.problem.observed, result.problem.edges):
-        if o.kind != COMPONENT_POINT and not o.kind.startswith(HELD):
+        if o.kind not in (COMPONENT_POINT, COMPONENT_CENTRE):
             yield o, slice(first, first + len(o))
 
 
@@ -87,14 +86,6 @@ def residuals_of(result: TiedResult, state: State | None = None) -> Residuals:
     """
     values = result.state if state is None else state
     return stacked([Residuals.empty(), *(residual_table(found, values) for found in _shown(result))])
-
-
-def component_residuals(result: TiedResult) -> Residuals:
-    """A component as it lies on the ground minus what is observed there."""
-    X = result.state[POINT].copy()
-    for o in result.problem.ties:  # where its points are, not where they are adjusted to
-        X[o.records.touches[1][1]] -= o.records.evaluate(result.state, np.arange(len(o)))[0]
-    return residuals_of(result, {**result.state, POINT: X})
 
 
 def tests_of(result: TiedResult) -> Tests:
@@ -119,7 +110,8 @@ def components_of(result: TiedResult) -> VarianceComponents:
         parts.append(squares_and_redundancy(found, result.state, number))
     squares, redundancy, group = (np.concatenate(of) for of in zip(*parts))
     made = group_sigmas(squares, redundancy, group.astype(np.int64), len(names))
-    low, high = (np.where(made.estimable, x, np.nan) for x in sigma_limits(made.factor, made.redundancy))
+    redundancy = np.where(made.estimable, made.redundancy, 1.0)
+    low, high = (np.where(made.estimable, x, np.nan) for x in sigma_limits(made.factor, redundancy))
     differs = made.estimable & ((low > 1) | (high < 1))
     return VarianceComponents(
         group=np.array(names, dtype=np.str_),

@@ -1,11 +1,13 @@
-"""What control determines of the seven parameters of a free body, and what it leaves open.
+"""What observations determine of the seven parameters of a free body, and what they leave open.
 
-A motion z = (shift, rotation, change of scale) displaces the observed coordinates by J z and the points of the body by
-J_p z. With N = J'J over the observed coordinates (a row per coordinate) and M the mean of J_p'J_p over the points,
+A motion z = (shift, rotation, change of scale) changes the observed values by J z and displaces the points of the body
+by J_p z. Lengths count as they are, angles as what they move at the edge of the body; unknowns that kinds of
+observation have of their own (drifts, orientations of sets) are eliminated from J. With N = J'J and M the mean of
+J_p'J_p over the points,
 
     N z = lambda M z
 
-compares them: a motion that moves the body's points by 1 (RMS) moves the control by sqrt(lambda) in all. So
+compares them: a motion that moves the body's points by 1 (RMS) moves what is observed by sqrt(lambda) in all. So
 1 / sqrt(lambda) is by how much errors of control are magnified in the body: the extrapolation factor. Motions with
 lambda below `UNDETERMINED` (a factor above 5) count as not determined; control on a line is the usual case. The
 measure depends neither on units nor on the choice of parameters.
@@ -18,13 +20,71 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import coo_array, csc_array, eye_array
+from scipy.sparse.linalg import splu
 
-from aatri.arrays import Bool, Float
-from aatri.geometry.similarity import Similarity, jacobian
+from aatri.adjusting.added_variance import observed_components
+from aatri.adjusting.tied_problem import is_coordinates
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.geometry.similarity import IDENTITY, jacobian
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE, point_generator, pose_generator, position
 
 UNDETERMINED = 0.04
 NAMED = 0.3
 """A parameter is named if at least this share of it lies in what is not determined."""
+
+RIDGE = 1e-12
+"""Added to normal equations of unit diagonal, of which some unknowns may be open."""
+
+
+@dataclass(frozen=True)
+class GivenPlaces:
+    """Points and images of which coordinates are observed.
+
+    Attributes
+    ----------
+    kind : (n,) str
+    name : (n,) str
+        For messages.
+    xyz : (n, 3) float64
+        Where they are.
+    observed_m : (n, 3) float64, m
+        Where they are observed to be; of the coordinates that are not the place itself.
+    given : (n, 3) bool
+        Coordinates that are observed.
+    row : (n,) int
+        Among all observations, kind by kind.
+    """
+
+    kind: np.ndarray
+    name: np.ndarray
+    xyz: Float
+    observed_m: Float
+    given: Bool
+    row: Int
+
+    def take(self, some: Int | Bool) -> GivenPlaces:
+        """The chosen ones."""
+        return GivenPlaces(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+
+
+def given_places(observed: Sequence[Observed], state: State) -> GivenPlaces:
+    """Given coordinates among observations, at the places of a state."""
+    empty = (np.zeros(0, dtype="U1"),) * 2, (np.zeros((0, 3)),) * 2, (np.zeros((0, 3), bool), np.zeros(0, np.int64))
+    parts = [tuple(column for columns in empty for column in columns)]
+    first = 0
+    for o in observed:
+        ((group, block), *others) = o.records.touches
+        if is_coordinates(o) and group in (POINT, POSE) and not any(g in (POINT, POSE) for g, _ in others):
+            place, given = position(state, group)[block], observed_components(o)
+            v, (J, *_) = o.records.evaluate(state, np.arange(len(o)))
+            target = place - np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :, :3]), v)
+            names = [f"image {i}" if i else f"point {p}" for i, p in zip(*o.names(np.arange(len(o))))]
+            parts.append((np.full(len(o), o.kind), np.array(names), place, target, given, first + np.arange(len(o))))
+        first += len(o)
+    return GivenPlaces(*(np.concatenate(columns) for columns in zip(*parts)))
 
 
 @dataclass(frozen=True)
@@ -35,53 +95,49 @@ class DatumAnalysis:
     ----------
     open : tuple of str
         Names of what is not determined; empty if all is.
-    defect : int
-        Number of independent motions not determined.
+    motions : (7, d) float64
+        The motions that are not: shift, rotation and change of scale about the origin.
     extrapolation : float
         Largest magnification of control errors in the body; infinite with a defect of rank.
     """
 
     open: tuple[str, ...]
-    defect: int
+    motions: Float
     extrapolation: float
 
 
 def analyse_datum(
-    observed: Float,
-    given: Bool,
-    names: Sequence[str],
-    body: Float,
-    *,
-    length: Float | None = None,
-    turned: int = 0,
-    weakest: float = UNDETERMINED,
+    observed: Sequence[Observed], state: State, body: Float, use: Bool | None = None, weakest: float = UNDETERMINED
 ) -> DatumAnalysis:
-    """Find what control leaves open.
+    """Find what observations leave open.
 
     Parameters
     ----------
-    observed : (n, 3) float64
-        Control points and observed positions in the levelled frame of the body (Z up).
-    given : (n, 3) bool
-        Coordinates observed.
-    names : (n,) sequence of str
-    body : (m, 3) float64
-        Points of the body in the same frame.
-    length : (k,) float64, optional
-        Of observed distances in the body: they see the scale.
-    turned : int
-        How many attitudes are observed: they see the rotation, each like a point at the edge of the body.
+    observed : sequence of Observed
+        Of the body.
+    state : State
+        Where the body lies on the ground, about.
+    body : (m, 3) float64, m
+        Points of the body there.
+    use : (n,) bool, optional
+        Observations that count, kind by kind; default: all.
     weakest : float
         Motions with a smaller lambda count as not determined.
     """
+    places = given_places(observed, state)
+    places = places if use is None else places.take(use[places.row])
     # Where heights are known is what the body can still turn about.
-    some: Bool = given[:, 2] if given[:, 2].any() else np.asarray(given.any(1))
-    centre = observed[some].mean(0) if some.any() else body.mean(0)
-    extent = float(np.sqrt(((body - body.mean(0)) ** 2).sum(1).mean()))
-    axes, line = _axes(observed[some] - centre, extent)
-    J = _design((observed - centre) / extent, axes)[given]
-    J = np.concatenate([J, *_relations(np.zeros(0) if length is None else length / extent, turned, axes)])
-    J_body = _design((body - centre) / extent, axes).reshape(-1, 7)
+    some: Bool = places.given[:, 2] if places.given[:, 2].any() else np.asarray(places.given.any(axis=1))
+    centre = places.xyz[some].mean(axis=0) if some.any() else body.mean(axis=0)
+    extent = float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    axes, line = _axes(places.xyz[some] - centre, extent)
+    about_centre = np.eye(7)
+    about_centre[3:6, 3:6] = axes
+    about_centre[:3, :3] *= extent
+    about_centre[:3, 3:6] = np.cross(centre, axes.T).T
+    about_centre[:3, 6] = -centre
+    J = _seen(observed, state, use, extent) @ about_centre / extent
+    J_body = (jacobian(IDENTITY, body) @ about_centre / extent).reshape(-1, 7)
     M = J_body.T @ J_body / len(body)
     M += 1e-9 * np.trace(M) * np.eye(7)
     values, vectors = eigh(J.T @ J, M)
@@ -89,9 +145,42 @@ def analyse_datum(
     smallest = max(float(values[0]), 0.0)
     # Parameters refer to the centre of control, so that a rotation about the line of control is one of them.
     share = np.linalg.norm(np.linalg.qr(missing)[0], axis=1)
-    labels = _labels(line, observed - centre, axes, some, names)
-    named = tuple(label for label, s in zip(labels, share) if s > NAMED)
-    return DatumAnalysis(named, missing.shape[1], 1 / np.sqrt(smallest) if smallest > 1e-12 else float("inf"))
+    labels = _labels(line, places, centre, axes, some)
+    names = tuple(label for label, s in zip(labels, share) if s > NAMED)
+    if missing.shape[1] and not names:
+        names = (f"{missing.shape[1]} of the seven parameters",)
+    factor = 1 / np.sqrt(smallest) if smallest > 1e-12 else float("inf")
+    return DatumAnalysis(names, about_centre @ missing, factor)
+
+
+def _seen(observed: Sequence[Observed], state: State, use: Bool | None, extent: float) -> Float:
+    """What observations see of shift, rotation and change of scale, (k, 7), their own unknowns eliminated."""
+    moves = {POINT: point_generator(state)} | ({POSE: pose_generator(state)} if POSE in state else {})
+    free = {u.name: u.free for o in observed for u in o.unknowns}
+    own = list(free)
+    seen, parts, k, first = [np.zeros((0, 7))], list[list[Float]](), 0, 0
+    for o in observed:
+        rows = np.flatnonzero(np.ones(len(o), dtype=bool) if use is None else use[first : first + len(o)])
+        counted = np.where(observed_components(o)[rows], 1.0 if o.unit == "m" else extent, 0.0)[:, :, None]
+        J, number = np.zeros((len(rows), o.records.rows, 7)), k + np.arange(counted.size).reshape(counted.shape)
+        for (group, block), by_block in zip(o.records.touches, o.records.evaluate(state, rows)[1]):
+            if group in moves:
+                J += by_block @ moves[group][block[rows]]
+            else:
+                at = number, own.index(group), block[rows].astype(np.int64)[:, None, None], np.arange(by_block.shape[2])
+                value, *of = np.broadcast_arrays(counted * by_block * free[group][block[rows]][:, None], *at)
+                parts.append([value.ravel(), *(x.ravel() for x in of)])
+        seen.append((counted * J).reshape(-1, 7))
+        k, first = k + counted.size, first + len(o)
+    J = np.concatenate(seen)
+    if not parts:
+        return J
+    value, row, *of = (np.concatenate(columns) for columns in zip(*parts))
+    column = np.unique(np.stack(of), axis=1, return_inverse=True)[1].ravel()
+    size = np.sqrt(np.maximum(np.bincount(column, value**2), 1e-300))
+    A = csc_array(coo_array((value / size[column], (row, column)), shape=(k, len(size))))
+    normal = csc_array(A.T @ A + RIDGE * eye_array(len(size)))
+    return np.asarray(J - A @ splu(normal).solve(A.T @ J))
 
 
 def _axes(reduced: Float, extent: float) -> tuple[Float, bool]:
@@ -107,23 +196,10 @@ def _axes(reduced: Float, extent: float) -> tuple[Float, bool]:
     return np.stack([along, across, np.cross(along, across)], 1), True
 
 
-def _design(x: Float, axes: Float) -> Float:
-    J = jacobian(Similarity(np.zeros(3), 1.0, np.eye(3)), x)
-    J[:, :, 3:6] = J[:, :, 3:6] @ axes
-    return J
-
-
-def _relations(length: Float, turned: int, axes: Float) -> tuple[Float, Float]:
-    """Rows of distances and of attitudes."""
-    scale, turns = np.zeros((len(length), 7)), np.zeros((turned, 3, 7))
-    scale[:, 6], turns[:, :, 3:6] = length, axes
-    return scale, turns.reshape(-1, 7)
-
-
-def _labels(line: bool, reduced: Float, axes: Float, some: Bool, names: Sequence[str]) -> list[str]:
-    first, second = "tilt about X", "tilt about Y"
+def _labels(line: bool, places: GivenPlaces, centre: Float, axes: Float, some: Bool) -> list[str]:
+    first, second = "rotation about X", "rotation about Y"
     if line:
-        along = np.where(some, reduced @ axes[:, 0], np.nan)
-        a, b = names[int(np.nanargmin(along))], names[int(np.nanargmax(along))]
+        along = np.where(some, (places.xyz - centre) @ axes[:, 0], np.nan)
+        a, b = places.name[int(np.nanargmin(along))], places.name[int(np.nanargmax(along))]
         first, second = f"rotation about the line through {a} and {b}", "tilt along that line"
-    return ["shift in X", "shift in Y", "height", first, second, "azimuth", "scale"]
+    return ["shift X", "shift Y", "shift Z", first, second, "rotation about Z", "scale"]

@@ -1,134 +1,194 @@
-"""Start values of an absolute orientation: rotation, scale and shift of a component on the ground.
+"""Start of the orientation of a free body on the ground, by observations of any kind.
 
-In this order: the closed form of at least three full points that are not on a line; with attitudes their rotation, and
-scale and shift by least squares of all coordinates given; otherwise, or where asked for (`two_points`), the component
-levelled by the mean viewing direction of its images and fitted in plan: to all points known in plan, or to the two that
-lie farthest apart (the frame tp, geometry.two_point). The scale is that of the distances where coordinates tell none.
+The closed form of at least three places known in full that are not on a line, with the least sum of distances, so that
+wrong ones hardly disturb it. Else the body is levelled by the mean viewing direction of its images and turned through
+all headings, with scale and shift by linear least squares of all observations; from each of them the seven parameters,
+and the unknowns that kinds have of their own, are adjusted:
+
+    X = T + s R x,   X0 = T + s R x0,   R_image = R R_image'        T, s, R from all records of the points and images,
+
+a step (t, r, m) moves the body by the generators G of a similarity, so that the derivatives of a record are those to
+its images and points times these,
+
+    dv = sum J_b G_b (t, r, m),      T <- (1 + m) E T + t,   R <- E R,   s <- (1 + m) s,   E = exp([r]x)
+
+and the end of least cost counts. Where asked for, two places known in plan, the farthest apart, turn the levelled body
+instead (the frame tp, geometry.two_point).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from aatri.arrays import Bool, Float
-from aatri.errors import GeometryError
-from aatri.geometry.rotations import levelling, nearest_rotation
+from aatri.adjusting.added_variance import whitener_beside
+from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.unknowns import State, Unknowns
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.rotations import exp_rotation, levelling
 from aatri.geometry.similarity import Similarity, robust_closed_form
 from aatri.geometry.two_point import two_point_frame
-from aatri.orientation.bodies.datum import Datum
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE, point_generator, pose_generator
+from aatri.observations.ties import BODY
+from aatri.orientation.bodies.datum_analysis import GivenPlaces
+from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.similarity_ties import LABELS
 
 COLLINEAR = 0.01
-"""Full points count as lying on a line if the ratio of the eigenvalues of their scatter is below this."""
+"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below this."""
 
-TURNS = 20
-"""Reweighted means of rotations."""
+HEADINGS = 12
+"""Starts: every 30 degrees one."""
+
+LINEAR_STEPS = 3
+"""Steps of shift and scale, in which distances are nearly linear."""
+
+SMALLEST = 0.1
+"""A step reduces the scale to no less than this share."""
+
+ITERATIONS, TOLERANCE = 60, 0.1
+
+ROUGH_M = 0.1
+"""Standard deviation of the points of a body, about, beside which exact coordinates are weighed."""
+
+UPWARDS = 0.7
+"""Sine of the elevation above which images look upwards: such an end counts only where there is no other."""
+
+Observe = Callable[[Similarity], tuple[Observed, ...]]
+"""Where a body lies -> the observations that concern it, of all kinds."""
 
 
-def attitude_of(datum: Datum, up: Float, use: Bool) -> tuple[Float, Similarity | None]:
-    """Rotation to a levelled frame, and the closed form where full points allow it.
+def closed_start(places: GivenPlaces, x: Float) -> Similarity | None:
+    """Ground from body, by places known in full; None where these do not determine it. `x` are they in the body."""
+    full = np.flatnonzero(places.given.all(axis=1))
+    if len(full) < 3:
+        return None
+    spread = np.linalg.svd(x[full] - x[full].mean(axis=0), compute_uv=False)
+    if spread[1] ** 2 <= COLLINEAR * spread[0] ** 2:
+        return None
+    return robust_closed_form(x[full], places.observed_m[full])[0]
+
+
+def searched_start(observe: Observe, body: FreeBody, use: Bool) -> Similarity:
+    """Ground from body, by all observations together.
 
     Parameters
     ----------
-    datum : Datum
-    up : (3,) float64
-        Direction against the mean viewing direction, in the component.
+    observe : callable
+    body : FreeBody
     use : (n,) bool
-    """
-    full = np.flatnonzero(datum.given.all(1) & use)
-    if len(full) >= 3:
-        x, X = datum.x[full], datum.xyz_m[full]
-        spread = np.linalg.svd(x - x.mean(0), compute_uv=False)
-        if spread[1] ** 2 > COLLINEAR * spread[0] ** 2:
-            similarity, _ = robust_closed_form(x, X)
-            if datum.offset_m[full].any():
-                similarity, _ = robust_closed_form(x, X - datum.offset_m[full] @ similarity.rotation.T)
-            return similarity.rotation, similarity
-    if datum.attitudes is not None:
-        return _mean_rotation(datum), None
-    return levelling(up), None
-
-
-def _mean_rotation(datum: Datum) -> Float:
-    """The rotation that brings the images to their attitudes, with the least sum of angles."""
-    assert datum.attitudes is not None
-    each = datum.attitudes.observed_rotation @ datum.attitudes.strip_from_image.swapaxes(1, 2)
-    weight = np.ones(len(each))
-    for _ in range(TURNS):
-        turn = nearest_rotation(np.einsum("n,nij->ij", weight, each))
-        weight = 1.0 / np.maximum(np.linalg.norm(each - turn, axis=(1, 2)), 1e-6)
-    return turn
-
-
-def turned_start(datum: Datum, rotation: Float, use: Bool, what: str) -> Similarity:
-    """Scale and shift of a component that is turned already, by all coordinates given, and by distances.
+        Observations that count, kind by kind.
 
     Raises
     ------
     GeometryError
-        If they do not tell shift and scale.
+        If something of the seven is left open.
+    ConvergenceError
     """
-    turned = datum.x @ rotation.T
-    rows, axis = np.nonzero(datum.given & use[:, None])
-    value = (datum.xyz_m - datum.offset_m @ rotation.T)[rows, axis]
-    x = turned[rows, axis]
-    count = np.bincount(axis, minlength=3)
-    if not count.all():
-        raise GeometryError(
-            f"{what}: no coordinate {'XYZ'[int(np.argmin(count))]} is known",
-            remedy="give control or positions with X, Y and Z",
-        )
-    mean_x, mean_X = (np.bincount(axis, a, 3) / count for a in (x, value))
-    dx, dX = x - mean_x[axis], value - mean_X[axis]
-    extent = float(np.linalg.norm(turned - turned.mean(axis=0), axis=1).max(initial=0.0))
-    scale = distance_scale(datum, datum.x, rotation)
-    if float(np.abs(dx).max()) > 1e-6 * extent:
-        scale = float(dx @ dX / (dx @ dx))
-    if scale is None or scale <= 0:
-        raise GeometryError(f"{what}: its scale is not known", remedy="give two known points, or a distance")
-    return Similarity(mean_X - scale * mean_x, scale, rotation)
+    failure: GeometryError | ConvergenceError | None = None
+    ends: list[tuple[bool, float, Similarity]] = []
+    for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
+        rotation = exp_rotation(np.array([0.0, 0.0, turn])) @ levelling(body.up)
+        try:
+            found, cost = _adjusted(observe, body, use, Similarity(np.zeros(3), 1.0, rotation))
+        except (ConvergenceError, GeometryError) as error:
+            failure = failure or error
+            continue
+        upwards = float((found.rotation @ body.up)[2]) < -UPWARDS * float(np.linalg.norm(body.up))
+        ends.append((upwards, cost, found))
+    if not ends:
+        raise failure or GeometryError("nothing is observed of it", remedy="give control or observed positions")
+    return min(ends, key=lambda end: end[:2])[2]
 
 
-def distance_scale(datum: Datum, x: Float, rotation: Float) -> float | None:
-    """Median of given distances over their length in the component; None without distances."""
-    ratios = []
-    for d in datum.distances:
-        line = (x[d.sights.target] - x[d.sights.station]) @ rotation.T
-        line[d.plan, 2] = 0.0
-        ratios.append(d.sights.value / np.maximum(np.linalg.norm(line, axis=1), 1e-300))
-    return float(np.median(np.concatenate(ratios))) if ratios else None
+def _adjusted(observe: Observe, body: FreeBody, use: Bool, start: Similarity) -> tuple[Similarity, float]:
+    first = scaled(observe(start), use, body, start)
+    observed = _used(observe(first), use)
+    own = {name: value for o in observed for name, value in o.start.items()}
+    unknowns = [Unknowns(BODY, np.ones((1, 7), dtype=bool), LABELS, ("as a whole",), _retracted)]
+    unknowns += [replace(u, generator=None) for o in observed for u in o.unknowns]
+    records = [_of_body(o.records, body) for o in observed]
+    done = adjust_large(unknowns, records, {**own, BODY: first}, max_iterations=ITERATIONS, tolerance=TOLERANCE)
+    return done.state[BODY], done.cost
 
 
-def levelled_start(datum: Datum, rotation: Float, use: Bool, what: str, *, two_points: bool) -> Similarity:
-    """Plan similarity of a levelled component by all points or by two, and a mean height."""
-    level = datum.x @ rotation.T
-    plan = np.flatnonzero(datum.given[:, :2].all(1) & use)
-    heights = np.flatnonzero(datum.given[:, 2] & use)
+def _used(observed: Sequence[Observed], use: Bool) -> list[Observed]:
+    """Those that count, exact ones nearly so."""
+    edges = np.cumsum([len(o) for o in observed])[:-1]
+    used = [o.take(np.flatnonzero(some)) for o, some in zip(observed, np.split(use, edges))]
+    weights = [whitener_beside(o, o.covariances(), ROUGH_M**2) for o in used]
+    return [replace(o, records=replace(o.records, whitener=T)) for o, T in zip(used, weights)]
+
+
+def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Similarity) -> Similarity:
+    """Shift and scale, the rotation held, from the observations without unknowns of their own."""
+    plain = [
+        _of_body(o.records, body)
+        for o in _used(observed, use)
+        if len(o) and {group for group, _ in o.records.touches} <= {POSE, POINT}
+    ]
+    for _ in range(LINEAR_STEPS if plain else 0):
+        rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
+        J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])
+        used = [0, 1, 2, 6]
+        step = np.zeros((1, 7))
+        step[0, used] = -np.linalg.lstsq(J[:, used], np.concatenate([w.ravel() for w, _ in rows]), rcond=1e-9)[0]
+        start = _retracted(start, step)
+    return start
+
+
+def _retracted(value: Similarity, step: Float) -> Similarity:
+    t, r, m = step[0, :3], step[0, 3:6], max(1.0 + float(step[0, 6]), SMALLEST)
+    turn = exp_rotation(r)
+    return Similarity(m * turn @ value.translation + t, m * value.scale, turn @ value.rotation)
+
+
+def _of_body(records: Records, body: FreeBody) -> Records:
+    """The same records, as observations of the body."""
+    mine = [group in (POSE, POINT) for group, _ in records.touches]
+    others = tuple(touch for touch, of_body in zip(records.touches, mine) if not of_body)
+
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        now = {**state, **body.on_ground(state[BODY])}
+        v, jacobians = records.evaluate(now, rows)
+        moves, J = {POSE: pose_generator(now), POINT: point_generator(now)}, np.zeros((*v.shape, 7))
+        for (group, block), by_block in zip(records.touches, jacobians):
+            if group in moves:
+                J += by_block @ moves[group][block[rows]]
+        return v, (J, *(by_block for by_block, of_body in zip(jacobians, mine) if not of_body))
+
+    if not any(mine):  # what is known beforehand of unknowns of their own
+        return records
+    touches = ((BODY, np.zeros(len(records.active), dtype=np.int32)), *others)
+    return Records(records.name, touches, evaluate, records.whitener, records.active, label=records.label)
+
+
+def two_point_start(places: GivenPlaces, x: Float, body: FreeBody, what: str) -> Similarity:
+    """The levelled body turned to the two places known in plan that lie farthest apart, and a mean height.
+
+    By way of tp, which is the levelled body: the ground goes to tp, and back.
+
+    Raises
+    ------
+    GeometryError
+        If fewer are known.
+    """
+    rotation = levelling(body.up)
+    level, xyz_m = x @ rotation.T, places.observed_m
+    plan, heights = np.flatnonzero(places.given[:, :2].all(axis=1)), np.flatnonzero(places.given[:, 2])
     if len(plan) < 2 or not len(heights):
         raise GeometryError(
             f"{what}: no initial values from {len(plan)} points known in plan and {len(heights)} in height",
             remedy="give two points with X and Y and one with Z",
         )
-    if two_points:
-        turn, scale, shift = _by_two_points(level[plan], datum.xyz_m[plan])
-    else:
-        z = level[plan, 0] + 1j * level[plan, 1]
-        Z = datum.xyz_m[plan, 0] + 1j * datum.xyz_m[plan, 1]
-        dz, dZ = z - z.mean(), Z - Z.mean()
-        a = (dZ * dz.conj()).sum() / (abs(dz) ** 2).sum()
-        scale, cos, sin = abs(a), a.real / abs(a), a.imag / abs(a)
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        shift = Z.mean() - a * z.mean()
-    height = float(np.mean(datum.xyz_m[heights, 2] - scale * level[heights, 2]))
-    return Similarity(np.array([shift.real, shift.imag, height]), float(scale), turn @ rotation)
-
-
-def _by_two_points(level: Float, xyz_m: Float) -> tuple[Float, float, complex]:
-    """Rotation about Z, scale and shift in plan from a levelled component to the ground, by its two farthest points.
-
-    By way of tp, which is the levelled component: the ground goes to tp, and back.
-    """
-    first = int(np.argmax(np.linalg.norm((xyz_m - xyz_m.mean(axis=0))[:, :2], axis=1)))
-    second = int(np.argmax(np.linalg.norm((xyz_m - xyz_m[first])[:, :2], axis=1)))
+    away = np.linalg.norm((xyz_m[plan] - xyz_m[plan].mean(axis=0))[:, :2], axis=1)
+    first = int(plan[np.argmax(away)])
+    second = int(plan[np.argmax(np.linalg.norm((xyz_m[plan] - xyz_m[first])[:, :2], axis=1))])
     ends = [first, second]
     north_east = np.column_stack([xyz_m[ends, 1], xyz_m[ends, 0], np.zeros(2)])
     tp = two_point_frame(level[ends] * np.array([1.0, 1.0, 0.0]), north_east)
@@ -137,4 +197,5 @@ def _by_two_points(level: Float, xyz_m: Float) -> tuple[Float, float, complex]:
     scale = float(np.hypot(*along))
     cos, sin = along / scale
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return turn, scale, complex(*corner[0])
+    height = float(np.mean(xyz_m[heights, 2] - scale * level[heights, 2]))
+    return Similarity(np.array([*corner[0], height]), scale, turn @ rotation)

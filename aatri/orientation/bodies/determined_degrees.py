@@ -110,7 +110,7 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     reasons = {}
     for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
         mine = np.flatnonzero(strip == k)
-        largest = mine[np.argsort(-weight[mine], kind="stable")][:4]
+        largest = mine[np.argsort(-np.round(weight[mine], 6), kind="stable")][:4]
         named = [basis.labels[c] for c in coefficient[largest[weight[largest] > 0.05]]]
         reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
     return reasons

@@ -1,9 +1,9 @@
 """Points of strips that go to the ground by one similarity each.
 
-    x_o = T_j + s_j R_j x + R_j b,     dx_o = dT + [s R x + R b]x' d + s R x m
+    x_o = T_j + s_j R_j x,     dx_o = dT + [s R x]x' d + s R x m
 
 with the seven unknowns of geometry.similarity per strip; x are coordinates in the strip, reduced to a centre of its
-own, b lever arms along the strip's axes in metres. Covariances turn with the strip: s^2 R C R'.
+own. Covariances turn with the strip: s^2 R C R'.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def similarity_ties(
     *,
     names: Sequence[str] | Text,
     free: Bool | None = None,
-    offset_m: Float | None = None,
+    group: str = POINT,
 ) -> Ties[Similarities]:
     """Ties by similarities.
 
@@ -96,40 +96,38 @@ def similarity_ties(
     names : (n_strips,) sequence of str
     free : (n_strips,) bool, optional
         False for strips that are held.
-    offset_m : (n, 3) float64, m, optional
-        Lever arms, along the strip's axes.
+    group : str
+        Ground points, or images: of projection centres.
     """
     strip, point = strip.astype(np.int32), point.astype(np.int32)
     values, vectors = spectrum_of(covariance)
 
-    def arms(state: Similarities, rows: Int) -> tuple[Float, Float]:
-        """s R x, and the same with R b."""
+    def arms(state: Similarities, rows: Int) -> Float:
+        """s R x."""
         k = strip[rows]
-        R = state.rotation[k]
-        scaled = state.scale[k][:, None] * np.einsum("nij,nj->ni", R, x[rows])
-        return scaled, scaled if offset_m is None else scaled + np.einsum("nij,nj->ni", R, offset_m[rows])
+        turned: Float = np.einsum("nij,nj->ni", state.rotation[k], x[rows])
+        return np.asarray(state.scale[k][:, None] * turned)
 
     def on_ground(state: Similarities, rows: Int) -> Float:
-        return state.translation[strip[rows]] + arms(state, rows)[1]
+        return np.asarray(state.translation[strip[rows]] + arms(state, rows))
 
     def derivatives(state: Similarities, rows: Int) -> Float:
-        scaled, arm = arms(state, rows)
+        arm = arms(state, rows)
         J = np.empty((len(rows), 3, 7))
         J[:, :, :3] = np.eye(3)
         J[:, :, 3:6] = -skew(arm)
-        J[:, :, 6] = scaled
+        J[:, :, 6] = arm
         return J
 
     def compiled(order: Int) -> Weigh:
         k, q, own = strip[order], point[order], np.ascontiguousarray(x[order])
-        arm = np.zeros_like(own) if offset_m is None else np.ascontiguousarray(offset_m[order])
 
         def weigh(T: Float) -> Bind:
             def bind(state: State) -> Fill:
                 poses: Similarities = state[BODY]
                 moved_by = (np.ascontiguousarray(poses.translation), np.ascontiguousarray(poses.scale))
                 R, X = np.ascontiguousarray(poses.rotation), np.ascontiguousarray(state[POINT])
-                given = (k, q, np.ascontiguousarray(T), X, own, arm, *moved_by, R)
+                given = (k, q, np.ascontiguousarray(T), X, own, *moved_by, R)
                 return lambda first, last, v, J: kernels.similarity(first, last, *given, v, *J)
 
             return bind
@@ -141,4 +139,5 @@ def similarity_ties(
 
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(BODY, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
-    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, compiled=compiled)
+    lane = compiled if group == POINT else None
+    return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, compiled=lane, group=group)

@@ -25,7 +25,7 @@ NAMES = ["1", "2", "3"]
 
 
 def _similarities():
-    ties = similarity_ties(STRIP_OF, POINT_OF, XYZ, COVARIANCE, names=NAMES, offset_m=RNG.normal(size=(N, 3)))
+    ties = similarity_ties(STRIP_OF, POINT_OF, XYZ, COVARIANCE, names=NAMES)
     return ties, Similarities(RNG.normal(size=(3, 3)), RNG.uniform(0.5, 2, 3), exp_rotation(RNG.normal(size=(3, 3))))
 
 

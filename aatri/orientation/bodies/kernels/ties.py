@@ -53,21 +53,19 @@ def polynomial(first, last, strip, point, T, X, x, p, G, coefficients, v, A, B):
 
 
 @njit(
-    f"void({_COMMON}, float64[:,::1], float64[:,::1], float64[::1], float64[:,:,::1], {_FILLED})",
+    f"void({_COMMON}, float64[:,::1], float64[::1], float64[:,:,::1], {_FILLED})",
     **OPTIONS,
 )
-def similarity(first, last, strip, point, T, X, x, offset, shift, scale, R, v, A, B):
-    """Ties by similarities: shift + scale R x + R offset."""
-    d, scaled, arm = np.empty(3), np.empty(3), np.empty(3)
+def similarity(first, last, strip, point, T, X, x, shift, scale, R, v, A, B):
+    """Ties by similarities: shift + scale R x."""
+    d, arm = np.empty(3), np.empty(3)
     for r in range(first, last):
         k, q, i = strip[r], point[r], r - first
         for a in range(3):
-            s, b = 0.0, 0.0
+            s = 0.0
             for e in range(3):
                 s += R[k, a, e] * x[r, e]
-                b += R[k, a, e] * offset[r, e]
-            scaled[a] = scale[k] * s
-            arm[a] = scaled[a] + b
+            arm[a] = scale[k] * s
             d[a] = X[q, a] - (shift[k, a] + arm[a])
         for a in range(3):
             t0, t1, t2 = T[r, a, 0], T[r, a, 1], T[r, a, 2]
@@ -76,5 +74,5 @@ def similarity(first, last, strip, point, T, X, x, offset, shift, scale, R, v, A
             A[i, a, 3] = t1 * arm[2] - t2 * arm[1]
             A[i, a, 4] = t2 * arm[0] - t0 * arm[2]
             A[i, a, 5] = t0 * arm[1] - t1 * arm[0]
-            A[i, a, 6] = -(t0 * scaled[0] + t1 * scaled[1] + t2 * scaled[2])
+            A[i, a, 6] = -(t0 * arm[0] + t1 * arm[1] + t2 * arm[2])
             B[i, a, 0], B[i, a, 1], B[i, a, 2] = t0, t1, t2

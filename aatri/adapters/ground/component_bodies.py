@@ -1,0 +1,81 @@
+"""Components of images as bodies, and what those on the ground tell of one that has too little of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aatri.adapters.ground.ground_observed import NEIGHBOUR
+from aatri.artifacts.block import Block
+from aatri.geometry.similarity import Similarity, transform
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.control import Control, observed_control
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.observed import Observed
+from aatri.observations.poses import Poses
+from aatri.observations.positions import Positions, observed_positions
+from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
+from aatri.orientation.graph.component import ImageComponent
+
+PRECISION = 3.0
+"""Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
+
+
+def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
+    """A component as a body: points and images are as precise as rays of typical length."""
+    variance = precision(component, rays) ** 2
+    covariance = np.broadcast_to(variance * np.eye(3), (len(component.xyz), 3, 3))
+    return FreeBody(component.poses, component.xyz, covariance, variance, angle_precision(component, rays))
+
+
+def moved(component: ImageComponent, to: Similarity) -> ImageComponent:
+    """A component after a similarity."""
+    poses = Poses(transform(to, component.poses.position_m), to.rotation @ component.poses.ground_from_image)
+    return ImageComponent(poses, transform(to, component.xyz), component.kept, component.spread)
+
+
+def precision(component: ImageComponent, rays: ImagePointRows) -> float:
+    """Standard deviation of points and centres of a component, in its unit: that of a ray at its typical length."""
+    rows = np.flatnonzero(component.kept)
+    away = component.xyz[rays.point[rows]] - component.poses.position_m[rays.image[rows]]
+    per_mm = np.linalg.norm(away, axis=1) / rays.c_mm[rows]
+    return PRECISION * max(component.spread, 0.1) * float(np.median(per_mm * rays.sigma_mm[rows].mean(axis=1)))
+
+
+def angle_precision(component: ImageComponent, rays: ImagePointRows) -> float:
+    """Standard deviation of the rotations of a component, rad: that of a ray."""
+    rows = np.flatnonzero(component.kept)
+    angle = float(np.median(rays.sigma_mm[rows].mean(axis=1) / rays.c_mm[rows]))
+    return PRECISION * max(component.spread, 0.1) * angle
+
+
+def observed_by_neighbours(
+    block: Block, neighbours: Sequence[ImageComponent], component: ImageComponent, rays: ImagePointRows
+) -> tuple[Observed, ...]:
+    """The images and points that a component shares with others, as these have them; each by the first of them.
+
+    Parameters
+    ----------
+    neighbours : sequence of ImageComponent
+        On the ground, reduced to the origin.
+    component : ImageComponent
+        In a frame of its own.
+    """
+    images, points, found = component.images, finite_rows(component.xyz), list[Observed]()
+    for other in neighbours:
+        image, point = np.flatnonzero(images & other.images), np.flatnonzero(points & finite_rows(other.xyz))
+        images, points = images & ~other.images, points & ~finite_rows(other.xyz)
+        C, all_ = precision(other, rays) ** 2 * np.eye(3), np.ones((len(point), 3), dtype=bool)
+        none, ids = np.full(len(point), -1, dtype=np.int32), block.images.id[image]
+        control = Control(none, point.astype(np.int32), other.xyz[point], np.tile(C, (len(point), 1, 1)), all_, ~all_)
+        found += observed_control(control, np.zeros(3), block.points.id[point], kind=NEIGHBOUR)
+        if len(image):
+            arm, variances = np.zeros((len(image), 3)), np.tile(C, (len(image), 1, 1))
+            none = np.full(len(image), -1, dtype=np.int32)
+            centres = Positions(none, image.astype(np.int32), other.poses.position_m[image], variances, arm)
+            found += observed_positions(centres, np.zeros(3), ids)
+            turned = other.poses.ground_from_image[image]
+            found.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
+    return tuple(found)

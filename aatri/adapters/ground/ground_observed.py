@@ -1,0 +1,195 @@
+"""What a block observes of the ground, held against free bodies: every kind, as the bundle has it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
+from aatri.adapters.strips import oriented_strips as pieces
+from aatri.arrays import Bool, Float
+from aatri.artifacts.block import Block
+from aatri.errors import GeometryError
+from aatri.frames.tangent import TangentFrame
+from aatri.geometry.similarity import Similarity
+from aatri.notes import Note
+from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.control import control_of
+from aatri.observations.geodetic.distances import HORIZONTAL
+from aatri.observations.geodetic.distances import KIND as DISTANCE
+from aatri.observations.kinds import catalogue
+from aatri.observations.kinds.catalogue import KindOptions, observe
+from aatri.observations.observed import Given, Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.observations.positions import KIND as POSITION
+from aatri.observations.positions import positions_of
+from aatri.observations.relative.distances import KIND as RELATIVE
+from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
+from aatri.orientation.bodies.datum_start import Observe
+from aatri.orientation.bodies.free_body import FreeBody, concerning
+
+NOT_USED = ("ground_point_covariances", "geodetic_covariances", "images.rig")
+
+USES = tuple(name for name in (*catalogue.USES, "undulation", "earth_curvature:frame") if name not in NOT_USED)
+"""What the orientation of bodies uses of a block: neither correlations between points nor rigs."""
+
+HARDLY = 1e-4
+"""Motions with a lambda above this (errors of control magnified less than 100 times) may start a bundle, which tells
+how well they are known, where nothing better is there; see `datum_analysis`."""
+
+NEIGHBOUR = "neighbour"
+"""Kind of the points that bodies on the ground give others."""
+
+DISTANCES = (DISTANCE, HORIZONTAL, RELATIVE)
+PLACES = (CONTROL, POSITION, NEIGHBOUR)
+"""Kinds of given coordinates."""
+
+Chosen = Callable[[Observed], bool]
+
+
+@dataclass(frozen=True)
+class GroundObserved:
+    """What is observed of a block.
+
+    Attributes
+    ----------
+    block : Block
+        In its own frame, without correlations between points.
+    origin_m : (3,) float64, m
+        In the frame of the adjustment; all places are reduced to it.
+    use_positions : bool
+    frame, geodesy : TangentFrame or None
+        See `Given`.
+    beside : tuple of Observed
+        Further observations, such as what neighbours of a body tell of it.
+    """
+
+    block: Block
+    origin_m: Float
+    use_positions: bool
+    frame: TangentFrame | None
+    geodesy: TangentFrame | None
+    beside: tuple[Observed, ...] = ()
+
+    def of(self, body: FreeBody, chosen: Chosen, *, attitudes: bool = False, drift: bool = True) -> Observe:
+        """Observations that concern a body, wherever it lies.
+
+        Parameters
+        ----------
+        chosen : callable
+            Observed -> whether they take part.
+        attitudes : bool
+            Attitudes take part.
+        drift : bool
+            Positions of a drift group have a shift and a drift; else these are neglected.
+        """
+        options = KindOptions.model_validate(
+            {
+                "positions": {"use": self.use_positions, "drift": "linear" if drift else "none"},
+                "attitudes": {"use": attitudes},
+                "rigs": {"use": False},
+            }
+        )
+        level = level_of(self.frame, self.geodesy, self.origin_m)
+
+        def observed(to: Similarity) -> tuple[Observed, ...]:
+            start = body.on_ground(to)
+            given = Given(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
+            beside = tuple(o for o in self.beside if attitudes or o.kind != ATTITUDE)
+            return concerning([o for o in (*observe(given, options), *beside) if chosen(o)], body)
+
+        return observed
+
+
+def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> GroundObserved:
+    """What is observed of a block, given in its own frame and in that of the adjustment."""
+    positions = positions_of(inside)
+    if not use_positions:
+        positions = positions.take(np.zeros(0, dtype=np.int64))
+    alone = replace(
+        as_given,
+        ground_point_covariances=as_given.ground_point_covariances.take(np.zeros(0, dtype=np.int64)),
+        geodetic_covariances=as_given.geodetic_covariances.take(np.zeros(0, dtype=np.int64)),
+    )
+    frame = frame_of(as_given)
+    origin = pieces.origin_of(control_of(inside), positions)
+    return GroundObserved(alone, origin, use_positions, frame, geodesy_of(as_given, frame))
+
+
+def everything(_: Observed) -> bool:
+    """All kinds."""
+    return True
+
+
+def oriented_by(
+    ground: GroundObserved,
+    body: FreeBody,
+    rules: OrientationRules,
+    what: str,
+    *,
+    chosen: Chosen = everything,
+    begin: Callable[[Sequence[Observed]], Bool] | None = None,
+) -> tuple[OrientedBody, list[Note]]:
+    """A body on the ground by given coordinates; by all kinds where these leave something open.
+
+    Distances take part at once in a body that is hardly deformed; attitudes come last but for all other kinds, as a
+    boresight that nobody measured turns them all. Where positions with a shift and a drift of their groups leave the
+    body open, these are neglected.
+
+    Raises
+    ------
+    GeometryError
+        If something is not determined.
+    ConvergenceError
+    """
+    kinds = {o.kind for o in ground.of(body, chosen, attitudes=True)(NOWHERE) if not o.components}
+    first: tuple[str, ...] = (*PLACES, *DISTANCES) if rules.stiff else PLACES
+    ways: list[tuple[tuple[str, ...], float]] = [(first, rules.weakest)]
+    ways += [((*first, ATTITUDE), rules.weakest)] if ATTITUDE in kinds else []
+    if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
+        ways.append((tuple(kinds | {*first, ATTITUDE}), min(rules.weakest, HARDLY)))
+    images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError]()
+    for (used, weakest), drift in product(ways, (True, False) if _drifting(ground, body) else (True,)):
+
+        def taking_part(o: Observed, used: tuple[str, ...] = used) -> bool:
+            return chosen(o) and (bool(o.components) or o.kind in used)
+
+        seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
+        try:
+            how = replace(rules, weakest=weakest)
+            found = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
+        except GeometryError as error:
+            failed.append(error)
+            continue
+        return found, [] if used == first else [_of_more(found, first, what, failed[0].what)]
+    raise failed[-1]
+
+
+def _of_more(found: OrientedBody, first: Sequence[str], what: str, alone: str) -> Note:
+    """That more than given coordinates takes part, and why."""
+    kinds = {o.kind for o in found.tied.problem.ground}
+    turned = sum(len(o) for o in found.tied.problem.ground if o.kind == ATTITUDE)
+    text = f"{what}: oriented by observations of all kinds together; without them {alone}"
+    if kinds <= {*first, ATTITUDE}:
+        text = f"{what}: attitudes of {turned} images take part, as control and positions leave it open: {alone}"
+    return Note("note", text)
+
+
+NOWHERE = Similarity(np.zeros(3), 1.0, np.eye(3))
+
+
+def _drifting(ground: GroundObserved, body: FreeBody) -> bool:
+    """Whether positions with a shift of their group concern the body."""
+    exterior = ground.block.exterior
+    drifts = exterior.image[(exterior.drift_group != "") & np.isfinite(exterior.position_m).any(axis=1)]
+    return bool(ground.use_positions and body.has[POSE][drifts].any())
+
+
+def placed(observed: Sequence[Observed]) -> bool:
+    """Whether coordinates tell where a body lies."""
+    ends = [[group for group, _ in o.records.touches if group in (POINT, POSE)] for o in observed]
+    return any(len(e) == 1 and o.unit == "m" and o.records.rows == 3 for e, o in zip(ends, observed))
