@@ -212,8 +212,7 @@ def exchanged_images(chain: Chain, rng: np.random.Generator) -> Spoilt:
     order = np.arange(len(e))
     order[rows] = rows[::-1]
     block = replace(chain.block, exterior=replace(e, position_m=e.position_m[order], angles_rad=e.angles_rad[order]))
-    names = chain.block.images.id[e.image[rows]]
-    words = ("position: these two fit if their numbers are exchanged", *map(str, names))
+    words = ("position: these two fit if their numbers are exchanged", *map(str, chain.block.images.id[e.image[rows]]))
     return Spoilt(block, chain.refined, words, {"position": rows, "attitude": rows})
 
 
@@ -223,9 +222,8 @@ def exchanged_control(chain: Chain, rng: np.random.Generator) -> Spoilt:
     rows = rng.choice(np.flatnonzero((g.role == 1).all(axis=1)), 2, replace=False)
     xyz = g.xyz_m.copy()
     xyz[rows] = xyz[rows[::-1]]
-    names = chain.block.points.id[g.point[rows]]
     block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
-    words = ("control: these two fit if their numbers are exchanged", *map(str, names))
+    words = ("control: these two fit if their numbers are exchanged", *map(str, chain.block.points.id[g.point[rows]]))
     return Spoilt(block, chain.refined, words, {"control": rows})
 
 
