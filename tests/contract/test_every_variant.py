@@ -37,6 +37,8 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
     """Options for variants in which some have no default: files to read."""
     if name in MADE_FILES:
         return {"path": MADE_FILES[name](folder / "made")}
+    if name == "block/combined":
+        return {"sources": (str(colmap_model(folder / "made")),)}
     if name in REAL_FILES:
         shared_data: Path = request.getfixturevalue("shared_data")
         return {option: shared_data / path for option, path in REAL_FILES[name].items()}

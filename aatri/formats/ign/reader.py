@@ -1,11 +1,12 @@
 """IGN's lists beside its OPK list: image points (`.mes`), ground points (`.app`), cameras.
 
+    .OPK       NOM X Y Z O P K CAMERA                     m, degrees, a header; R = Rx(O) Ry(P) Rz(K) image to ground
     .mes       point image column row                     px from the upper left corner, y down
     .app       "point" type X Y Z [sX sY sZ]              m; names may stand in quotes
     camera     Name = ...  PPAx = ...  PPAy = ...  focal = ...  width = ...  height = ...      px
 
-The OPK list itself (`NOM X Y Z O P K CAMERA`, degrees) is read as a list of orientations. None of these files states a
-height system: in the sample the OPK list has altitudes, the ground points ellipsoidal heights. Say so by `vertical`.
+None of these files states a height system: in the sample the OPK list has altitudes, the ground points ellipsoidal
+heights. Say so by `vertical`, or by `geoid` with the grid file.
 
 Source: IGNF/Borea, documentation and data set.
 """
@@ -14,11 +15,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from aatri.codes import CONTROL
 from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
@@ -52,6 +55,39 @@ def read_marks(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     )
 
 
+def read_orientations(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+    """Read orientations, `.OPK`; they are start values unless `use: observed` says more.
+
+    Raises
+    ------
+    InputError
+        If a line is not of this form, or an image stands twice.
+    """
+    first: dict[str, TextLine] = {}
+    lines = word_lines(path, reporter)
+    if lines[0].words[:7] != ["NOM", "X", "Y", "Z", "O", "P", "K"]:
+        raise lines[0].error("the first line is not `NOM X Y Z O P K CAMERA`", "write the names of the columns")
+    for line in lines[1:]:
+        if len(line.words) not in (7, 8):
+            raise line.error(f"{len(line.words)} words", "write `image X Y Z O P K camera`")
+        line.once(line.words[0], first, "image")
+    names = [line.words[0] for line in lines[1:]]
+    at = places(lines[1:], [path])
+    return BlockParts(
+        "ign_opk",
+        [path],
+        name=path.stem,
+        frame=PLANE,
+        images={"id": names, "camera": ["".join(line.words[7:]) for line in lines[1:]], **at},
+        exterior={
+            "image": names,
+            "position_m": [line.numbers(1, 4) for line in lines[1:]],
+            "angles_rad": np.radians([line.numbers(4, 7) for line in lines[1:]]),
+            **at,
+        },
+    )
+
+
 def read_ground_points(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     """Read ground points, `.app`; all are control, whatever their type.
 
@@ -75,6 +111,7 @@ def read_ground_points(path: Path, reporter: Reporter = SILENT) -> BlockParts:
         "ign_app",
         [path],
         name=path.stem,
+        frame=PLANE,
         notes=[f"points of type {', '.join(types)} are all control: no type is a check point here"],
         ground_points={
             "point": [_name(line) for line in lines],

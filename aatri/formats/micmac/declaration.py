@@ -15,10 +15,10 @@ LOOKED_FOR = "XML with `ExportAPERO`, `MMVII_Serialization`, `DicoAppuisFlottant
 WORDS = ("<ExportAPERO", "MMVII_Serialization", "<DicoAppuisFlottant", "<SetOfMesureAppuisFlottants")
 
 
-def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     from aatri.formats.micmac.reader import read_micmac
 
-    return read_micmac(path, reporter)
+    return read_micmac(path, reporter, allowed_px=reading.lens_misfit_px)
 
 
 def _recognised(view: FileView) -> str:
@@ -30,10 +30,14 @@ def _recognised(view: FileView) -> str:
     return f"{seen}, {_recognised(view.of(seen))}" if seen else ", ".join(folders)
 
 
+def _files(view: FileView) -> list[Path]:
+    return [view.path / name for name in view.names] if view.is_folder else [view.path]
+
+
 MICMAC = Format(
     "micmac", "MicMac and MMVII", _recognised, LOOKED_FOR,
     carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
              "start orientations"),
     drops=("check points", "strips", "times", "frame", "rigs", "film"),
-    page="docs/formats.md#micmac", read=_read,
+    page="docs/formats.md#micmac", read=_read, files_of=_files,
 )  # fmt: skip

@@ -195,6 +195,7 @@ def _fill(covariance_m2: Float, sigma_m: Float) -> Any:
     lacking = np.isnan(variance)
     for axis in range(3):
         covariance_m2[lacking[:, axis], axis, axis] = sigma_m[axis] ** 2
+    covariance_m2[np.isnan(covariance_m2)] = 0.0  # what is stated or taken by standard deviations has no correlations
     return lacking.any(axis=1)
 
 

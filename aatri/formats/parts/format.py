@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from aatri.options import Options
 from aatri.progress import Reporter
@@ -82,6 +82,15 @@ class FileView:
         return FileView(self.path / name)
 
 
+TakenPart = Literal["cameras", "image points", "ground points", "positions", "attitudes"]
+"""What may be taken of a source."""
+
+
+def _as_tuple(values: Any) -> Any:
+    """A list of pipeline.yaml as the tuple that it stands for, within a source given by its path alone too."""
+    return tuple(values) if isinstance(values, list) else values
+
+
 class Reading(Options):
     """What may be said of a source that its files do not say."""
 
@@ -94,8 +103,11 @@ class Reading(Options):
     rotation: Literal["omega-phi-kappa", "phi-omega-kappa"] | None = Field(
         None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
     )
-    take: tuple[Literal["cameras", "image points", "ground points", "positions", "attitudes"], ...] = Field(
+    take: Annotated[tuple[TakenPart, ...], BeforeValidator(_as_tuple)] = Field(
         (), description="what is taken of the source; empty: all that it has"
+    )
+    lens_misfit_px: float = Field(
+        0.05, ge=0, description="largest misfit that a distortion may have which is none of aatri's, px"
     )
     use: Literal["observed", "approximate"] | None = Field(
         None, description="positions and attitudes are observations, or start values; null: as the format has it"

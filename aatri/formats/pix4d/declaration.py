@@ -27,9 +27,13 @@ def _recognised(view: FileView) -> str:
     return next((name for name in view.names if name.endswith(ending) and _recognised(view.of(name))), "")
 
 
+def _files(view: FileView) -> list[Path]:
+    return [view.path / name for name in view.names] if view.is_folder else [view.path]
+
+
 PIX4D = Format(
     "pix4d", "Pix4D parameters", _recognised, "`*_calibrated_camera_parameters.txt`",
     carries=("cameras", "distortion", "start orientations"),
     drops=("image points", "control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
-    page="docs/formats.md#pix4d-parameters", read=_read,
+    page="docs/formats.md#pix4d-parameters", read=_read, files_of=_files,
 )  # fmt: skip

@@ -1,0 +1,113 @@
+"""What the files of OpenSfM and OpenDroneMap are recognised by, and what they carry."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.progress import Reporter
+
+if TYPE_CHECKING:
+    from aatri.formats.parts.block_parts import BlockParts
+
+PAGE = "docs/formats.md#opensfm-and-opendronemap"
+_NUMBER = r"[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?"
+_CRS = re.compile(r"\s*(EPSG:[0-9]+|\+proj=.*|\+init=.*|WGS84(?:\s+UTM\s+[0-9]+\s*[NS])?)\s*$", re.IGNORECASE)
+_GCP_ROW = re.compile(rf"\s*(?:{_NUMBER}\s+){{5}}\S+")
+_GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
+
+
+def _read_reconstruction(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.opensfm.reconstruction import read_reconstruction
+
+    return read_reconstruction(path)
+
+
+def _read_tracks(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.opensfm.tracks import read_tracks
+
+    return read_tracks(path, reporter)
+
+
+def _read_ground_control(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.opensfm.ground_control import read_ground_control
+
+    return read_ground_control(path)
+
+
+def _read_gcp_list(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+    from aatri.formats.opensfm.lists import read_gcp_list
+
+    return read_gcp_list(path, reading.crs, reporter)
+
+
+def _read_geo(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+    from aatri.formats.opensfm.lists import read_geo
+
+    return read_geo(path, reading.crs, reporter)
+
+
+def _reconstruction(view: FileView) -> str:
+    head = view.head.lstrip()
+    is_one = head.startswith("[") and '"cameras"' in head and ('"projection_type"' in head or '"shots"' in head)
+    return "a JSON list with `cameras` and `shots`" if is_one else ""
+
+
+def _tracks(view: FileView) -> str:
+    lines = view.lines[:2]
+    if lines and lines[0].startswith("OPENSFM_TRACKS_VERSION"):
+        return lines[0].strip()
+    return ""
+
+
+def _ground_control(view: FileView) -> str:
+    head = view.head.lstrip()
+    return "JSON `points` with `observations`" if re.match(r'\{\s*"points"\s*:', head) and '"shot_id"' in head else ""
+
+
+def _rows(view: FileView) -> list[str]:
+    return [line for line in view.lines[1:6] if not line.lstrip().startswith("#")]
+
+
+def _gcp_list(view: FileView) -> str:
+    rows = _rows(view)
+    numbers = bool(rows) and all(map(_GCP_ROW.match, rows))
+    if numbers and view.lines[0].count(" ") < 12 and not re.match(rf"\s*{_NUMBER}\s", view.lines[0]):
+        return "a coordinate system, then rows `x y z column row image`"
+    return ""
+
+
+def _geo(view: FileView) -> str:
+    rows = _rows(view)
+    if rows and _CRS.match(view.lines[0]) and all(map(_GEO_ROW.match, rows)):
+        return "a coordinate system, then rows `image x y ...`"
+    return ""
+
+
+RECONSTRUCTION = Format(
+    "opensfm", "OpenSfM reconstruction", _reconstruction, "a JSON list with `cameras` and `shots`",
+    carries=("cameras", "distortion", "start orientations", "start values of points", "times", "frame"),
+    drops=("image points", "control", "standard deviations", "strips", "rigs", "film"),
+    page=PAGE, read=_read_reconstruction,
+)  # fmt: skip
+TRACKS = Format(
+    "opensfm_tracks", "OpenSfM tracks.csv", _tracks, "a first line OPENSFM_TRACKS_VERSION",
+    carries=("image points",), drops=("cameras", "control", "start orientations"), page=PAGE, read=_read_tracks,
+)  # fmt: skip
+GROUND_CONTROL = Format(
+    "opensfm_gcp", "OpenSfM ground_control_points.json", _ground_control, "JSON `points` with `observations`",
+    carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
+    page=PAGE, read=_read_ground_control,
+)  # fmt: skip
+GCP_LIST = Format(
+    "odm_gcp", "OpenDroneMap gcp_list.txt", _gcp_list, "a coordinate system, then rows `x y z column row image`",
+    carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
+    page=PAGE, read=_read_gcp_list,
+)  # fmt: skip
+GEO = Format(
+    "odm_geo", "OpenDroneMap geo.txt", _geo, "a coordinate system, then rows `image x y ...`",
+    carries=("positions", "attitudes", "standard deviations", "frame"), drops=("image points", "control"),
+    page=PAGE, read=_read_geo,
+)  # fmt: skip

@@ -1,0 +1,183 @@
+"""OpenDroneMap's lists: gcp_list.txt and geo.txt, a coordinate system in the first line, rows separated by blanks.
+
+    gcp_list.txt   x y z column row image [name] [more]      z NaN: plan control
+    geo.txt        image x y [z] [yaw pitch roll] [horizontal and vertical accuracy] [more]
+
+The coordinate system is `EPSG:n`, `WGS84 UTM 17N`, `WGS84` (longitude, latitude) or a PROJ text; `#` begins a remark. x
+is longitude or easting, y latitude or northing. Heights are those of the system, ellipsoidal unless it or the source
+names a vertical one. Columns and rows count from the centre of the first pixel, as OpenSfM takes them. Without a name a
+point is where it is: rows of the same x y z are one point, numbered in their order.
+
+Yaw, pitch and roll are those of a camera that looks straight down at pitch 0, its upper edge ahead, yaw clockwise from
+true north: start values. Accuracies are standard deviations, m; NaN is not known.
+
+Sources: OpenDroneMap documentation, Ground control points; Image geolocation files. OpenSfM documentation, gcp.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import CONTROL, NO_ROLE, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.opensfm.ground_control import control_parts
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.frames.conversion import Frame
+from aatri.frames.crs_text import crs_from
+from aatri.geometry.rotations import rotation_from_angles
+from aatri.ids import clipped
+from aatri.progress import Reporter
+
+NEAR_M, NEAR_DEG = 0.01, 1e-7
+"""Points nearer to each other than this, and not equal, are told: one point with a mistyped digit?"""
+
+BODY_FROM_CAMERA = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Camera x right, y up, z backward, in a body x forward, y right, z down: the upper edge of the image is ahead."""
+
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def read_gcp_list(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
+    """Read a list of control.
+
+    Raises
+    ------
+    InputError
+        If a line is not of this form.
+    """
+    frame, rows = _lines(path, crs, reporter)
+    ids: dict[object, str] = {}
+    ground, measured = [], []
+    for row in rows:
+        if len(row.words) < 6:
+            raise row.error(f"{len(row.words)} words", "write x y z column row image [name]")
+        xyz = [*(_number(row, k) for k in range(2)), _number(row, 2, nan=True)]
+        name = row.words[6] if len(row.words) > 6 else ""
+        key = name or tuple(xyz)
+        if key not in ids:
+            ids[key] = name or _next_name(ids)
+            role = [CONTROL, CONTROL, CONTROL if np.isfinite(xyz[2]) else NO_ROLE]
+            ground.append((ids[key], xyz, role, row.line))
+        elif not np.array_equal(xyz, _of(ground, ids[key]), equal_nan=True):
+            raise row.error(f"point {name!r} has other coordinates than before", "mend one of the lines")
+        measured.append((row.words[5], ids[key], [row.number(3), row.number(4)], row.line))
+    parts = control_parts("odm_gcp", path, frame, ground, measured, "odm_gcp")
+    _tell_near(parts, path, reporter)
+    return parts
+
+
+def _of(ground: list[tuple[str, list[float], list[int], int]], name: str) -> list[float]:
+    return next(xyz for point, xyz, _, _ in ground if point == name)
+
+
+def _next_name(ids: dict[object, str]) -> str:
+    taken, n = set(ids.values()), len(ids) + 1
+    while f"gcp{n}" in taken:
+        n += 1
+    return f"gcp{n}"
+
+
+def _tell_near(parts: BlockParts, path: Path, reporter: Reporter) -> None:
+    xyz = np.array(parts.ground_points["xyz_m"])
+    near = NEAR_DEG if parts.frame is not None and parts.frame.geographic else NEAR_M
+    for k in range(1, len(xyz)):
+        gap = np.abs(xyz[:k, :2] - xyz[k, :2]).max(axis=1)
+        if len(close := np.flatnonzero(gap < near)):
+            a, b = parts.ground_points["point"][int(close[0])], parts.ground_points["point"][k]
+            reporter.warn(f"{path}:{parts.ground_points['line'][k]}: points {a} and {b} are at almost one place: one?")
+
+
+def read_geo(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
+    """Read a list of positions.
+
+    Raises
+    ------
+    InputError
+        If a line is not of this form.
+    """
+    frame, rows = _lines(path, crs, reporter)
+    n = len(rows)
+    xyz, sigma, angles = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    for k, row in enumerate(rows):
+        if len(row.words) < 3:
+            raise row.error(f"{len(row.words)} words", "write image x y [z] [yaw pitch roll] [accuracies]")
+        x, y = _number(row, 1), _number(row, 2)
+        xyz[k] = [x, y, _number(row, 3, nan=True)]
+        if len(row.words) > 6:
+            angles[k] = [_number(row, j, nan=True) for j in (6, 5, 4)]
+        if len(row.words) > 8:
+            plan, height = _number(row, 7, nan=True), _number(row, 8, nan=True)
+            if plan <= 0 or height <= 0:
+                raise row.error(f"accuracies are {plan:g} and {height:g}", "write standard deviations in m, or NaN")
+            sigma[k] = [plan, plan, height]
+    parts = BlockParts("odm_geo", [path], frame=frame)
+    parts.exterior = {
+        "image": [row.words[0] for row in rows],
+        "position_m": xyz,
+        "sigma_m": sigma,
+        "position_use": OBSERVED_VALUE,
+        "line": [row.line for row in rows],
+    }
+    if np.isfinite(angles).all(axis=1).any():
+        parts.exterior |= {"ground_from_image": _rotations(angles)}
+        if frame is not None and not frame.geographic:
+            parts.notes.append(
+                "yaw counts from true north, the map from grid north: start values, the angle between is left"
+            )
+    return parts
+
+
+def _rotations(roll_pitch_yaw_deg: Float) -> Float:
+    """East, north, up from the camera."""
+    body = rotation_from_angles(np.radians(roll_pitch_yaw_deg), "roll-pitch-heading")
+    return np.asarray(ENU_FROM_NED @ body @ BODY_FROM_CAMERA)
+
+
+def _lines(path: Path, crs: str | None, reporter: Reporter) -> tuple[Frame | None, list[TextLine]]:
+    """The frame of the first line, and the rows."""
+    first, *rows = word_lines(path, reporter, remark="#")
+    if not rows:
+        raise first.error("the file has no rows", "write them below the coordinate system")
+    text = " ".join(first.words)
+    return _frame(_crs(crs or text, first), crs or text, first), rows
+
+
+def _crs(text: str, first: TextLine) -> str:
+    if utm := re.fullmatch(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS]?)", text, re.IGNORECASE):
+        zone, south = int(utm.group(1)), utm.group(2).upper() == "S"
+        if 1 <= zone <= 60:
+            return f"EPSG:{(32700 if south else 32600) + zone}"
+    if text.upper() == "WGS84":
+        return "EPSG:4326"
+    if re.fullmatch(r"EPSG:[0-9]{4,6}", text, re.IGNORECASE) or "+proj=" in text or "+init=" in text:
+        return text
+    what = f"{clipped(text)!r} names no coordinate system"
+    raise first.error(what, "write EPSG:2180, WGS84 UTM 17N, a PROJ text, or say `crs` at the source")
+
+
+def _frame(crs: str, text: str, first: TextLine) -> Frame:
+    import pyproj
+
+    try:
+        system = crs_from(crs)
+    except pyproj.exceptions.CRSError as error:
+        what = f"{clipped(text)!r} is no known coordinate system"
+        raise first.error(what, "write EPSG:32617 or another PROJ text") from error
+    axes = ("longitude", "latitude", "height") if system.is_geographic else ("east", "north", "up")
+    return Frame("list", axes, crs)
+
+
+def _number(row: TextLine, k: int, *, nan: bool = False) -> float:
+    if nan and k < len(row.words) and row.words[k].lower() == "nan":
+        return float("nan")
+    try:
+        return row.number(k)
+    except InputError:
+        if nan and k >= len(row.words):
+            return float("nan")
+        raise

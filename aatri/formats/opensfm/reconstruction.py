@@ -1,0 +1,123 @@
+"""OpenSfM's reconstruction.json: cameras, oriented images, points; image points are in tracks.csv.
+
+A shot has the rotation vector w and the translation t of the world to the camera, whose axes are x right, y down, z
+forward: P = exp([w]x) X + t. So ground_from_image = exp([w]x)' diag(1, -1, -1), X0 = -exp([w]x)' t. The world is the
+horizon (east, north, up) of `reference_lla` on WGS 84; where that is missing or 0, 0, 0, the model is free.
+
+The file may hold several reconstructions: parts of the block that OpenSfM could not join. In one horizon all of them
+are start values; free models are not in one frame, so that only the largest is.
+
+Source: OpenSfM documentation, Geometric Models; Dataset Structure, reconstruction file format.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aatri.codes import APPROXIMATE
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES
+from aatri.formats.opensfm.cameras import camera_columns
+from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.parts.one_frame import topocentric
+from aatri.formats.text.json_text import JsonText
+from aatri.frames.conversion import Frame
+from aatri.geometry.rotations import exp_rotation
+
+WANTED = "a reconstruction.json of OpenSfM"
+Y_UP = np.array([1.0, -1.0, -1.0])
+
+
+def read_reconstruction(path: Path) -> BlockParts:
+    """Read a reconstruction.
+
+    Raises
+    ------
+    InputError
+        If the file is not of this form.
+    """
+    document = JsonText(path, WANTED)
+    number = range(len(document.get(list)))
+    if not number:
+        raise document.fault((), "no reconstruction in it", "run OpenSfM to its end")
+    cameras, parameters = camera_columns(document, [(k, "cameras") for k in number])
+    frame = _frame(document)
+    parts = BlockParts("opensfm", [path], name=path.resolve().parent.name, frame=frame)
+    parts.cameras, parts.camera_parameters, parts.pixel_axes = cameras, parameters, PIXEL_AXES["opensfm"]
+    shots = _shots(document, number, cameras["id"])
+    used = [True] * len(shots["id"])
+    if frame == LOCAL and len(number) > 1:
+        largest = max(number, key=lambda k: len(document.get(dict, k, "shots")))
+        used = [of == largest for of in shots["of"]]
+        parts.notes.append(f"{len(number)} free models: only the {sum(used)} images of the largest have start values")
+    parts.images = {k: shots[k] for k in ("id", "camera", "time_s", "line")}
+    parts.exterior = _exterior(shots, used)
+    parts.ground_points = _points(document, [k for k in number if frame != LOCAL or used[_first(shots["of"], k)]])
+    if any(document.get(dict, k, "points", default={}) for k in number):
+        parts.notes.append("its points are start values of those that tracks.csv measures")
+    return parts
+
+
+def _first(values: list[int], value: int) -> int:
+    return values.index(value) if value in values else 0
+
+
+def _frame(document: JsonText) -> Frame:
+    if not document.get(dict, 0, "reference_lla", default={}):
+        return LOCAL
+    place = [document.get(float, 0, "reference_lla", key) for key in ("latitude", "longitude", "altitude")]
+    if not any(place):
+        return LOCAL
+    if not (abs(place[0]) <= 90 and abs(place[1]) <= 360):
+        what = f"reference_lla is at latitude {place[0]}, longitude {place[1]}"
+        raise document.fault((0, "reference_lla"), what, "degrees, latitude up to 90")
+    return topocentric(*place)
+
+
+def _shots(document: JsonText, numbers: range, cameras: list[str]) -> dict[str, Any]:
+    """Shots of all reconstructions, in their order."""
+    columns: dict[str, list[Any]] = {k: [] for k in ("id", "camera", "time_s", "line", "of", "w", "t")}
+    for k in numbers:
+        shots = document.get(dict, k, "shots")
+        lines = document.lines(k, "shots") if shots else {}
+        for name in shots:
+            keys = (k, "shots", name)
+            camera = document.get(str, *keys, "camera")
+            if camera not in cameras:
+                raise document.fault(keys, f"shot {name!r} names camera {camera!r}, which is not there", "export again")
+            if name in columns["id"]:
+                raise document.fault(keys, f"shot {name!r} is in two reconstructions", "remove one of them")
+            time = document.get(float, *keys, "capture_time", default=0.0)
+            pose = [document.numbers(*keys, part, count=3) for part in ("rotation", "translation")]
+            for column, value in zip(columns.values(), (name, camera, time or np.nan, lines[name], k, *pose)):
+                column.append(value)
+    if not columns["id"]:
+        raise document.fault((0,), "no shots in it", "run OpenSfM to its end")
+    return columns
+
+
+def _exterior(shots: dict[str, Any], used: list[bool]) -> dict[str, Any]:
+    chosen = np.flatnonzero(used)
+    world_from_camera = exp_rotation(np.array(shots["w"])[chosen]).swapaxes(1, 2)
+    return {
+        "image": [shots["id"][k] for k in chosen],
+        "position_m": -np.einsum("nij,nj->ni", world_from_camera, np.array(shots["t"])[chosen]),
+        "ground_from_image": world_from_camera * Y_UP,
+        "line": [shots["line"][k] for k in chosen],
+    }
+
+
+def _points(document: JsonText, numbers: list[int]) -> dict[str, Any]:
+    ids: list[str] = []
+    xyz: list[list[float]] = []
+    for k in numbers:
+        for name in document.get(dict, k, "points", default={}):
+            ids.append(name)
+            xyz.append(document.numbers(k, "points", name, "coordinates", count=3))
+    first = dict(zip(reversed(ids), reversed(range(len(ids)))))  # a track of two models has the place of the first
+    rows = sorted(first.values())
+    if not rows:
+        return {}
+    return {"point": [ids[k] for k in rows], "xyz_m": np.array(xyz)[rows], "role": APPROXIMATE}

@@ -1,0 +1,1 @@
+"""The list of formats, and which of them a file is of."""

@@ -1,0 +1,44 @@
+"""The formats, in the order in which a file is held against them: what is told apart more surely comes first.
+
+A new format is a `Format` in its own room, and a line here.
+"""
+
+from __future__ import annotations
+
+from aatri.formats.bingo.declaration import BINGO, GEOIN
+from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_OPK, IGN_POINTS
+from aatri.formats.micmac.declaration import MICMAC
+from aatri.formats.nvm.declaration import BUNDLER, NVM
+from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
+from aatri.formats.parts.format import Format
+from aatri.formats.pix4d.declaration import PIX4D
+from aatri.formats.registry.own_stages import BAL, COLMAP, DBAT, GAMA, PAIRS, TABLES, WUCAPS
+from aatri.formats.socet.declaration import GPF, IPF
+
+FORMATS: tuple[Format, ...] = (
+    TABLES,
+    COLMAP,
+    RECONSTRUCTION,
+    TRACKS,
+    GROUND_CONTROL,
+    GAMA,
+    MICMAC,
+    NVM,
+    BUNDLER,
+    PIX4D,
+    GPF,
+    IPF,
+    GEOIN,
+    IGN_OPK,
+    IGN_CAMERA,
+    IGN_POINTS,
+    BINGO,
+    GCP_LIST,
+    GEO,
+    IGN_MARKS,
+    WUCAPS,
+    DBAT,
+    PAIRS,
+    BAL,
+)
+"""All formats."""

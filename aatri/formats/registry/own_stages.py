@@ -1,0 +1,156 @@
+"""Formats that have a variant of the role `block` of their own: how they are recognised, and read beside others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.progress import Reporter
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.formats.parts.block_parts import BlockParts
+
+_NUMBER = r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
+_BAL_HEAD = re.compile(r"\s*[0-9]+\s+[0-9]+\s+[0-9]+\s*$")
+_BAL_ROW = re.compile(rf"\s*[0-9]+\s+[0-9]+\s+{_NUMBER}\s+{_NUMBER}\s*$")
+_PAIR_HEAD = re.compile(rf"\s*{_NUMBER}(?:[\s,]+{_NUMBER}[\s,]+{_NUMBER})?\s*$")
+_PAIR_ROW = re.compile(rf"\s*\S+(?:[\s,]+{_NUMBER}){{4}}\s*$")
+_WUCAPS = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
+_COLMAP = ("cameras", "images", "points3D")
+
+
+def _reads(name: str) -> Callable[[Path, Reading, Reporter], BlockParts]:
+    """A reader of a Block as a reader of parts."""
+
+    def read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+        from aatri.formats.parts.of_block import parts_of
+
+        return parts_of(_block(name, path, reporter), name)
+
+    return read
+
+
+def _block(name: str, path: Path, reporter: Reporter) -> Block:
+    if name == "tables":
+        from aatri.formats.tables.reader import read_block
+
+        return read_block(path, reporter)
+    if name == "wucaps":
+        from aatri.formats.wucaps.reader import read_wucaps
+
+        return read_wucaps(path, image_sigma_mm=0.01, reporter=reporter)
+    if name == "dbat":
+        from aatri.formats.dbat.reader import read_dbat
+
+        return read_dbat(path, None, reporter=reporter)
+    if name == "bal":
+        from aatri.formats.bal.reader import read_bal
+
+        return read_bal(path, reporter=reporter)
+    if name == "colmap":
+        from aatri.formats.colmap.reader import read_colmap
+
+        return read_colmap(path, reporter=reporter)
+    from aatri.formats.gama.reader import read_gama
+
+    return read_gama(path, reporter)
+
+
+def _tables(view: FileView) -> str:
+    text = view.of("block.yaml").head if "block.yaml" in view.names else ""
+    return "block.yaml with aatri_block" if re.search(r"^aatri_block\s*:", text, re.M) else ""
+
+
+def _colmap(view: FileView) -> str:
+    for ending in (".txt", ".bin"):
+        if view.is_folder and all(f"{name}{ending}" in view.names for name in _COLMAP):
+            return f"cameras{ending}, images{ending}, points3D{ending}"
+    return ""
+
+
+def _wucaps(view: FileView) -> str:
+    names = {name.upper().partition(".")[0] for name in view.names}
+    return ", ".join(_WUCAPS) if view.is_folder and names.issuperset(_WUCAPS) else ""
+
+
+def _gama(view: FileView) -> str:
+    return "<gama-local>" if re.search(r"<gama-local[\s>]", view.head) else ""
+
+
+def _dbat(view: FileView) -> str:
+    head = [len(line.split()) for line in view.lines[1:5]]
+    plain = all(re.fullmatch(rf"\s*(?:{_NUMBER}\s*)+", line) for line in view.lines[1:5])
+    return "the head of a PhotoModeler export" if head == [4, 9, 10, 10] and plain else ""
+
+
+def _bal(view: FileView) -> str:
+    lines = view.lines
+    is_problem = len(lines) > 3 and _BAL_HEAD.match(lines[0]) and all(map(_BAL_ROW.match, lines[1:4]))
+    return "numbers of cameras, points and observations, then observations" if is_problem else ""
+
+
+def _pairs(view: FileView) -> str:
+    names = [name for name in view.names if name.lower().endswith(".dat")]
+    if not view.is_folder or not names:
+        return ""
+    for name in names:
+        lines = [line for line in view.of(name).lines if not line.lstrip().startswith("#")]
+        if len(lines) < 2 or not _PAIR_HEAD.match(lines[0]) or not all(map(_PAIR_ROW.match, lines[1:4])):
+            return ""
+    return f"{len(names)} files *.dat of point pairs"
+
+
+def _all_files(view: FileView) -> Sequence[Path]:
+    return [view.path / name for name in view.names]
+
+
+def _format(name: str, title: str, recognise: Callable[[FileView], str], looked_for: str, **more: Any) -> Format:
+    return Format(name, title, recognise, looked_for, stage=f"block/{name}", read=_reads(name), **more)
+
+
+TABLES = _format(
+    "tables", "block folder of aatri", _tables, "a folder with block.yaml",
+    carries=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
+             "attitudes", "start orientations", "strips", "times", "frame", "standard deviations", "covariances",
+             "rigs", "film", "geodetic observations"),
+    page="docs/formats.md#the-block-folder", files_of=_all_files,
+)  # fmt: skip
+WUCAPS = _format(
+    "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
+    carries=("cameras", "image points", "control", "check points", "strips", "film"),
+    drops=("distortion", "standard deviations", "positions", "attitudes", "frame"),
+    page="docs/formats.md#wucaps", files_of=_all_files,
+)  # fmt: skip
+DBAT = _format(
+    "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler",
+    carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
+             "standard deviations"),
+    drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",
+)  # fmt: skip
+BAL = _format(
+    "bal", "Bundle Adjustment in the Large", _bal, "three numbers, then rows `camera point x y`",
+    carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
+    drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
+    page="docs/formats.md#bundle-adjustment-in-the-large",
+)  # fmt: skip
+COLMAP = _format(
+    "colmap", "COLMAP sparse model", _colmap, "a folder with cameras, images, points3D (.txt or .bin)",
+    carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
+    drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
+    page="docs/formats.md#colmap-models", files_of=_all_files,
+)  # fmt: skip
+PAIRS = _format(
+    "pairs", "pair files of models", _pairs, "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",
+    carries=("cameras", "image points", "control", "check points", "strips", "film"),
+    drops=("distortion", "positions", "attitudes", "frame", "standard deviations"), page="docs/formats.md#pair-files",
+    files_of=_all_files,
+)  # fmt: skip
+GAMA = _format(
+    "gama", "GNU Gama network", _gama, "XML with <gama-local>",
+    carries=("control", "start values of points", "geodetic observations", "standard deviations", "covariances"),
+    drops=("cameras", "image points", "positions", "attitudes"), page="docs/formats.md#gnu-gama-networks",
+)  # fmt: skip

@@ -1,0 +1,124 @@
+"""Of which format a file or folder is, by its content alone.
+
+A folder is looked at as a whole; each of its files that no format of the whole reads is looked at by itself, and those
+of its folders, so that a project of several programs comes out as several sources.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from aatri.errors import InputError
+from aatri.formats.parts.format import FileView, Format
+from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.text.text_file import missing
+from aatri.ids import clipped, did_you_mean
+
+MOST_FILES = 500
+"""So many files of a folder are looked at by themselves."""
+MOST_LEVELS = 2
+"""Folders within the folder, and within these."""
+MOST_TOLD = 12
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """A file or folder of a format, and by what it was seen."""
+
+    format: Format
+    path: Path
+    seen: str
+
+
+def format_named(name: str) -> Format:
+    """The format of a name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    names = {f.name: f for f in FORMATS}
+    if name not in names:
+        what = f"no format {clipped(name)!r}{did_you_mean(name, names)}"
+        raise InputError(what, remedy=f"formats are {', '.join(names)}: aatri formats")
+    return names[name]
+
+
+def recognised_file(path: Path) -> Recognised:
+    """The format of one source.
+
+    Raises
+    ------
+    InputError
+        If it is missing or of no known format, with what was looked for.
+    """
+    if not path.exists():
+        raise missing(path)
+    found = _as_one(path)
+    if found is None:
+        raise unrecognised(path)
+    return found
+
+
+def recognised(path: Path) -> list[Recognised]:
+    """What a path holds: one source, or those of a folder of several.
+
+    Raises
+    ------
+    InputError
+        If it is missing, or nothing in it is of a known format.
+    """
+    if not path.exists():
+        raise missing(path)
+    whole = _as_one(path)
+    if not path.is_dir():
+        if whole is None:
+            raise unrecognised(path)
+        return [whole]
+    found = [] if whole is None else [whole]
+    read = {file for r in found for file in r.format.files_of(FileView(path))}
+    found += _within(path, read, MOST_LEVELS)
+    if not found:
+        raise unrecognised(path)
+    return found
+
+
+def _as_one(path: Path) -> Recognised | None:
+    view = FileView(path)
+    for f in FORMATS:
+        if seen := f.recognise(view):
+            return Recognised(f, path, seen)
+    return None
+
+
+def _within(folder: Path, read: Collection[Path], levels: int) -> list[Recognised]:
+    """Sources among the files of a folder, and folders of it."""
+    found: list[Recognised] = []
+    for path in sorted(folder.iterdir())[:MOST_FILES]:
+        if path.name.startswith(".") or path in read:
+            continue
+        one = _as_one(path)
+        if one is not None:
+            found.append(one)
+        elif path.is_dir() and not path.is_symlink() and levels > 1:
+            found += _within(path, read, levels - 1)
+    return found
+
+
+def unrecognised(path: Path) -> InputError:
+    """The error for what is of no known format: what was looked for, and what the files begin with."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    begins = "; ".join(f"{p.name} begins with {clipped(_beginning(p), 40)!r}" for p in files[:MOST_TOLD])
+    more = f" and {len(files) - MOST_TOLD} more files" if len(files) > MOST_TOLD else ""
+    looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
+    what = f"of no known format ({begins or 'no file in it'}{more})"
+    remedy = f"looked for were {looked}. A list without a header: say `format: table` and its `columns`"
+    return InputError(what, where=str(path), remedy=remedy)
+
+
+def _beginning(path: Path) -> str:
+    lines = FileView(path).lines
+    return lines[0].strip() if lines else ""
