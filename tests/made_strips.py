@@ -29,7 +29,9 @@ ORIGIN_M = np.array([446000.0, 4504000.0, 20.0])
 class MadeBlock:
     """Strips along X, images every `BASE_M`; ground points on a grid that neighbouring strips share."""
 
-    def __init__(self, n_strips=2, n_images=6, *, seed=1, deformation=None, noise_m=0.0, gap_m=0.0):
+    def __init__(
+        self, n_strips: int = 2, n_images=6, *, seed: int = 1, deformation=None, noise_m: float = 0.0, gap_m=0.0
+    ) -> None:
         rng = np.random.default_rng(seed)
         self.truth_R, self.truth_X0, self.image_strip = [], [], []
         for strip in range(n_strips):
@@ -53,7 +55,7 @@ class MadeBlock:
         self.sigma = {}
         self.observed_positions = {}
 
-    def _measure(self):
+    def _measure(self) -> None:
         rows = []
         for i, (X0, R) in enumerate(zip(self.truth_X0, self.truth_R)):
             u = (self.truth - X0) @ R
@@ -61,7 +63,7 @@ class MadeBlock:
             rows += [(i, p, *xy[p]) for p in np.flatnonzero((abs(xy) < 110).all(1))]
         self.rows = np.array(rows)
 
-    def _strips(self, rng, deformation, noise_m):
+    def _strips(self, rng: np.random.Generator, deformation, noise_m: float) -> None:
         self.strip_points = []
         image, point = self.rows[:, 0].astype(int), self.rows[:, 1].astype(int)
         for strip, frame in enumerate(self.frames):
@@ -75,7 +77,7 @@ class MadeBlock:
         t, scale, R = frame
         return t + scale * R @ (X - self.truth_X0[0])
 
-    def control(self, points, roles=(1, 1, 1), sigma_m=0.0, error_m=(0, 0, 0)):
+    def control(self, points, roles=(1, 1, 1), sigma_m: float = 0.0, error_m=(0, 0, 0)):
         """Make points control."""
         for p in points:
             self.given[p] = (np.array(roles), self.truth[p] + error_m, sigma_m)
@@ -87,7 +89,7 @@ class MadeBlock:
         at = [(low[0], low[1]), (low[0], high[1]), (high[0], low[1]), (high[0], high[1])]
         return [int(np.argmin(np.linalg.norm(self.truth[:, :2] - c, axis=1))) for c in at]
 
-    def positions(self, images, sigma_m=0.1, error_m=None, lever_arm_m=(0, 0, 0)):
+    def positions(self, images, sigma_m: float = 0.1, error_m=None, lever_arm_m=(0, 0, 0)):
         """Observe positions of images, of the antenna if there is a lever arm."""
         self.lever_arm_m = np.array(lever_arm_m, dtype=float)
         for i in images:
@@ -186,7 +188,7 @@ class MadeBlock:
             suspects=Suspects.empty(),
         )
 
-    def strips(self, sigma_m=0.015):
+    def strips(self, sigma_m: float = 0.015):
         block = self.block()
         strip = np.array([row[0] for row in self.strip_points])
         scale = np.array([self.frames[k][1] for k in strip])
@@ -225,14 +227,14 @@ def _tables():
 class Heard:
     """A reporter that keeps what it is told."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.warnings, self.lines = [], []
 
-    def log(self, message):
+    def log(self, message: str) -> None:
         self.lines.append(message)
 
-    def warn(self, message):
+    def warn(self, message: str) -> None:
         self.warnings.append(message)
 
-    def progress(self, done, total, what=""):
+    def progress(self, done, total, what="") -> None:
         pass

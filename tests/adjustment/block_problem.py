@@ -8,19 +8,19 @@ from aatri.adjustment.records import Records, whitener_of_covariances
 from aatri.adjustment.unknowns import Unknowns, add_step
 
 
-def _rays(rng, n_kept, n_points, rays):
+def _rays(rng: np.random.Generator, n_kept: int, n_points: int, rays):
     """Each point meets some neighbouring kept blocks, so that the graph has a shape."""
     first = rng.integers(0, n_kept - rays + 1, n_points)
     kept = (first[:, None] + np.arange(rays)).ravel().astype(np.int32)
     return kept, np.repeat(np.arange(n_points), rays).astype(np.int32)
 
 
-def _covariances(rng, n):
+def _covariances(rng: np.random.Generator, n: int):
     half = rng.normal(size=(n, 2, 2))
     return half @ half.swapaxes(1, 2) + 0.2 * np.eye(2)
 
 
-def _observed(rng, groups, touches):
+def _observed(rng: np.random.Generator, groups, touches):
     """Mildly non-linear observations of the touched blocks."""
     n = len(touches[0])
     B = [rng.normal(size=(n, 2, size)) for _, size in groups]
@@ -36,7 +36,7 @@ def _observed(rng, groups, touches):
     return evaluate
 
 
-def _prior(name, n, size, value=0.3):
+def _prior(name: str, n: int, size, value=0.3):
     def evaluate(state, rows):
         return state[name][rows] - value, (np.broadcast_to(np.eye(size), (len(rows), size, size)),)
 
@@ -45,13 +45,13 @@ def _prior(name, n, size, value=0.3):
     return Records(f"prior of {name}", ((name, np.arange(n, dtype=np.int32)),), evaluate, whitener, np.ones(n, bool))
 
 
-def _group(name, free, **more):
+def _group(name: str, free, **more):
     n, k = free.shape
     labels = tuple(f"{name}{i + 1}" for i in range(k))
     return Unknowns(name, free, labels, [f"{name}{i}" for i in range(n)], add_step, **more)
 
 
-def _along(n):
+def _along(n: int):
     return np.column_stack([np.arange(n, dtype=float), np.zeros(n)])
 
 

@@ -19,7 +19,7 @@ def _figures(block, solution, **options):
     return evaluate(block, solution, **options).metrics()
 
 
-def test_a_constant_shift_is_rmse_bias_and_largest_at_check_points():
+def test_a_constant_shift_is_rmse_bias_and_largest_at_check_points() -> None:
     block = made_block()
     figures = _figures(block, made_solution(block, shift_m=[0.03, -0.04, 0.12]))
     assert figures["check_points"] == 4
@@ -31,7 +31,7 @@ def test_a_constant_shift_is_rmse_bias_and_largest_at_check_points():
         assert figures[f"control_rmse_{axis}_m"] == pytest.approx(abs(shift), rel=1e-9)
 
 
-def test_truth_is_taken_at_points_without_control_role_and_check_points_are_among_them():
+def test_truth_is_taken_at_points_without_control_role_and_check_points_are_among_them() -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[:, 0] = np.where(np.arange(20) % 2, 0.02, -0.02)
@@ -45,7 +45,7 @@ def test_truth_is_taken_at_points_without_control_role_and_check_points_are_amon
     assert figures["truth_nees"] == pytest.approx(0.8**2 / 3)
 
 
-def test_a_point_that_is_not_determined_counts_nowhere():
+def test_a_point_that_is_not_determined_counts_nowhere() -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[4] = np.nan  # p10, a check point
@@ -55,7 +55,7 @@ def test_a_point_that_is_not_determined_counts_nowhere():
     assert figures["theory_rmse_x_m"] == pytest.approx(0.02)
 
 
-def test_without_check_points_there_are_no_check_figures_and_the_verdict_says_so():
+def test_without_check_points_there_are_no_check_figures_and_the_verdict_says_so() -> None:
     block = made_block(check=False)
     result = evaluate(block, made_solution(block))
     assert result.metrics()["check_points"] == 0
@@ -65,20 +65,20 @@ def test_without_check_points_there_are_no_check_figures_and_the_verdict_says_so
     assert result.verdict.startswith("No independent check")
 
 
-def test_without_covariances_there_is_no_theory():
+def test_without_covariances_there_is_no_theory() -> None:
     block = made_block()
     solution = made_solution(block, sigma_m=np.nan)
     assert not [name for name in _figures(block, solution) if name.startswith("theory_rmse") or "over_theory" in name]
 
 
-def test_without_truth_theory_is_over_the_determined_new_points():
+def test_without_truth_theory_is_over_the_determined_new_points() -> None:
     block = made_block(truth=False)
     figures = _figures(block, made_solution(block, sigma_m=0.03))
     assert figures["theory_rmse_y_m"] == pytest.approx(0.03)
     assert not [name for name in figures if name.startswith("truth")]
 
 
-def test_roles_per_coordinate_are_kept_apart():
+def test_roles_per_coordinate_are_kept_apart() -> None:
     block = made_block()
     role = block.ground_points.role.copy()
     role[0] = [b.CONTROL, b.CONTROL, b.CHECK]
@@ -92,7 +92,7 @@ def test_roles_per_coordinate_are_kept_apart():
     assert figures["truth_points"] == 16  # control in X and Y: not a new point
 
 
-def test_control_that_nobody_measured_is_no_proof_of_the_fit():
+def test_control_that_nobody_measured_is_no_proof_of_the_fit() -> None:
     block = made_block()
     solution = made_solution(block)
     rays = solution.points.rays.copy()
@@ -101,7 +101,7 @@ def test_control_that_nobody_measured_is_no_proof_of_the_fit():
     assert _figures(block, solution)["control_points"] == 3
 
 
-def test_rejected_control_is_counted_apart_and_stays_in_the_table():
+def test_rejected_control_is_counted_apart_and_stays_in_the_table() -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[0] = 5.0  # p00
@@ -118,7 +118,7 @@ def test_rejected_control_is_counted_apart_and_stays_in_the_table():
     assert "1 rejected" in result.verdict
 
 
-def test_check_points_outside_the_control_are_counted_and_summarised_apart():
+def test_check_points_outside_the_control_are_counted_and_summarised_apart() -> None:
     block = made_block()
     xyz = made_solution(block).points.xyz_m
     shift = np.where(xyz[:, :1] == 100.0, 1.0, 0.0) * [0.0, 0.0, 0.1]
@@ -130,7 +130,7 @@ def test_check_points_outside_the_control_are_counted_and_summarised_apart():
     assert "2 outside the control" in result.verdict
 
 
-def test_the_chi_square_interval_of_a_check_rmse_is_the_tables():
+def test_the_chi_square_interval_of_a_check_rmse_is_the_tables() -> None:
     # chi-square 0.975 and 0.025 quantiles for 4 degrees of freedom: 11.143 and 0.4844 (any statistics table)
     block = made_block()
     figures = _figures(block, made_solution(block, shift_m=[0.1, 0.0, 0.0]))
@@ -138,7 +138,7 @@ def test_the_chi_square_interval_of_a_check_rmse_is_the_tables():
     assert figures["check_rmse_x_high_m"] == pytest.approx(0.1 * (4 / 0.48442) ** 0.5, rel=1e-4)
 
 
-def test_orientations_are_compared_with_the_truth():
+def test_orientations_are_compared_with_the_truth() -> None:
     block = made_block()
     solution = made_solution(block)
     turn = np.tile([0.0, 3e-5, 4e-5], (len(block.images), 1))
@@ -156,7 +156,7 @@ def test_orientations_are_compared_with_the_truth():
     assert figures["theory_rotation_rmse_rad"] == pytest.approx(3**0.5 * 1e-5)
 
 
-def test_an_image_that_is_not_oriented_does_not_count():
+def test_an_image_that_is_not_oriented_does_not_count() -> None:
     block = made_block()
     solution = made_solution(block)
     oriented = np.ones(len(block.images), bool)
@@ -173,7 +173,7 @@ def test_an_image_that_is_not_oriented_does_not_count():
 
 
 @pytest.mark.parametrize(("refers_to", "lever"), [(0, 0.0), (1, 0.5)])
-def test_observed_positions_are_compared_at_what_they_refer_to(refers_to, lever):
+def test_observed_positions_are_compared_at_what_they_refer_to(refers_to: int, lever: float) -> None:
     block = made_block()
     n = len(block.images)
     exterior = b.Exterior(
@@ -194,7 +194,7 @@ def test_observed_positions_are_compared_at_what_they_refer_to(refers_to, lever)
     assert figures["position_rmse_z_m"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_exact_control_is_named_in_the_verdict():
+def test_exact_control_is_named_in_the_verdict() -> None:
     block = made_block()
     exact = dataclasses.replace(block.ground_points, covariance_m2=np.zeros((len(block.ground_points), 3, 3)))
     result = evaluation(dataclasses.replace(block, ground_points=exact), made_solution(block))
@@ -202,7 +202,7 @@ def test_exact_control_is_named_in_the_verdict():
     assert "fewer than 30" in result.verdict
 
 
-def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size():
+def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size() -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[4, 2] = 0.9  # p10, a check point
@@ -211,7 +211,7 @@ def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size():
     assert "Beyond" not in evaluate(block, made_solution(block, sigma_m=0.02)).verdict
 
 
-def test_a_large_sigma0_widens_the_bound_of_check_points():
+def test_a_large_sigma0_widens_the_bound_of_check_points() -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[4, 2] = 0.9
@@ -219,7 +219,7 @@ def test_a_large_sigma0_widens_the_bound_of_check_points():
     assert "Beyond every bound" not in evaluate(block, solution).verdict
 
 
-def test_check_errors_are_divided_by_what_theory_expects_of_them():
+def test_check_errors_are_divided_by_what_theory_expects_of_them() -> None:
     block = made_block()
     figures = _figures(block, made_solution(block, shift_m=[0.03, 0.0, 0.06], sigma_m=0.02))
     for axis, shift in (("x", 0.03), ("z", 0.06)):

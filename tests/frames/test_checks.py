@@ -32,7 +32,7 @@ ENU, GEO = ("east", "north", "up"), ("latitude", "longitude", "height")
         (GEO, "EPSG:4807", "", "crs", "in grad"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_key(axes, crs, vertical, key, what):
+def test_what_is_wrong_is_told_with_its_key(axes, crs: str, vertical: str, key: str, what: str) -> None:
     found = fault_of_frame(Frame("f", axes, crs, vertical))
     assert found is not None
     assert found[0] == key
@@ -50,11 +50,11 @@ def test_what_is_wrong_is_told_with_its_key(axes, crs, vertical, key, what):
         (ENU, "+proj=topocentric +R=6371000 +lat_0=0 +lon_0=0 +h_0=0", ""),
     ],
 )
-def test_sound_frames_pass(axes, crs, vertical):
+def test_sound_frames_pass(axes, crs: str, vertical: str) -> None:
     assert fault_of_frame(Frame("f", axes, crs, vertical)) is None
 
 
-def test_a_latitude_beyond_90_degrees_is_out_of_range_in_geographic_frames_only():
+def test_a_latitude_beyond_90_degrees_is_out_of_range_in_geographic_frames_only() -> None:
     xyz = np.array([[40.0, 117.0, 5.0], [117.0, 40.0, 5.0], [np.nan, 40.0, 5.0]])
     assert out_of_range(xyz, GEO).tolist() == [False, True, False]
     assert not out_of_range(xyz * 1e4, ENU).any()
@@ -79,7 +79,7 @@ def test_the_reader_names_file_and_line(tmp_path: Path) -> None:
         read_block(write_folder(tmp_path / "b", {"block.yaml": yaml, "ground_points.csv": ground}))
 
 
-def test_a_block_far_from_where_its_system_is_used_is_told():
+def test_a_block_far_from_where_its_system_is_used_is_told() -> None:
     zone_50 = Frame("map", ENU, "EPSG:32650")
     there = np.array([[446263.976, 4505079.577, 6.4], [446287.4, 4504679.4, 4.1], [np.nan, np.nan, 3.0]])
     assert place_outside(zone_50, there) == ""
@@ -91,5 +91,5 @@ def test_a_block_far_from_where_its_system_is_used_is_told():
     assert place_outside(dateline, np.array([[0.0, 0.0, 0.0]])) == ""  # 150 degrees east
 
 
-def test_without_coordinates_nothing_is_told():
+def test_without_coordinates_nothing_is_told() -> None:
     assert place_outside(Frame("map", ENU, "EPSG:32650"), np.full((2, 3), np.nan)) == ""

@@ -50,7 +50,7 @@ def _rays(coordinates):
     return np.hstack([coordinates[:, :2], z]), np.hstack([coordinates[:, 2:], z])
 
 
-def test_derivatives_by_the_unknowns_are_exact(pair):
+def test_derivatives_by_the_unknowns_are_exact(pair) -> None:
     R, b, rays = pair
     T = tangents(b)
     numeric = complex_step(lambda p: _condition(b + T @ p[3:], _turned(p[:3], R), rays.left, rays.right), np.zeros(5))
@@ -58,7 +58,7 @@ def test_derivatives_by_the_unknowns_are_exact(pair):
     np.testing.assert_allclose(analytic, numeric, rtol=1e-12, atol=1e-10 * np.abs(numeric).max())
 
 
-def test_derivatives_by_the_four_image_coordinates_are_exact(pair):
+def test_derivatives_by_the_four_image_coordinates_are_exact(pair) -> None:
     R, b, rays = pair
     x = np.hstack([rays.left[:, :2], rays.right[:, :2]])
     numeric = complex_step(lambda c: _condition(b, R, *_rays(c)), x).reshape(9, 9, 4)
@@ -84,7 +84,7 @@ def test_derivatives_of_the_sampson_distance_hold_the_change_of_its_standard_dev
     np.testing.assert_allclose(J, numeric, rtol=1e-10, atol=1e-10 * np.abs(numeric).max())
 
 
-def test_the_y_parallax_of_parallel_images_is_y2_minus_y1():
+def test_the_y_parallax_of_parallel_images_is_y2_minus_y1() -> None:
     xy = np.array([[10.0, 20.0, -80.0, 20.013], [5.0, -60.0, -85.0, -60.02]])
     sigma = np.full((2, 2), 0.005)
     p, s = parallax(np.eye(3), np.array([1.0, 0, 0]), RayPairs(*_rays(xy), sigma, sigma))
@@ -92,7 +92,7 @@ def test_the_y_parallax_of_parallel_images_is_y2_minus_y1():
     np.testing.assert_allclose(s, 0.005 * np.sqrt(2), rtol=1e-12)
 
 
-def test_corrected_rays_are_coplanar_and_the_correction_is_the_smallest(pair):
+def test_corrected_rays_are_coplanar_and_the_correction_is_the_smallest(pair) -> None:
     R, b, rays = pair
     X = np.random.default_rng(1).uniform(-1, 1, (9, 3)) - np.array([0, 0, 4.0])
     R = exp_rotation([0.1, -0.05, 0.3])
@@ -107,7 +107,7 @@ def test_corrected_rays_are_coplanar_and_the_correction_is_the_smallest(pair):
     np.testing.assert_allclose(np.linalg.norm(moved, axis=1), np.abs(v), rtol=1e-3)
 
 
-def test_projection_coefficients_are_those_of_the_textbook_where_the_rays_meet():
+def test_projection_coefficients_are_those_of_the_textbook_where_the_rays_meet() -> None:
     # N1 = (Bx Z2 - Bz X2) / (X1 Z2 - X2 Z1), N2 = (Bx Z1 - Bz X1) / (X1 Z2 - X2 Z1)
     rng = np.random.default_rng(3)
     X, b = rng.uniform(-1, 1, (6, 3)) - np.array([0, 0, 4.0]), np.array([0.9, 0.1, -0.2])
@@ -117,7 +117,7 @@ def test_projection_coefficients_are_those_of_the_textbook_where_the_rays_meet()
     np.testing.assert_allclose(projection_coefficients(u1, w, b), expected.T, rtol=1e-12)
 
 
-def test_intersection_covariance_is_that_of_repeated_measurement():
+def test_intersection_covariance_is_that_of_repeated_measurement() -> None:
     rng = np.random.default_rng(5)
     b, R = np.array([1.0, 0, 0]), exp_rotation([0.02, -0.03, 0.05])
     X = np.array([[0.4, 0.7, -1.6]])
@@ -132,7 +132,7 @@ def test_intersection_covariance_is_that_of_repeated_measurement():
     assert (found.depth > 0).all()
 
 
-def test_parallel_rays_have_no_intersection():
+def test_parallel_rays_have_no_intersection() -> None:
     u, sigma = np.array([[1.0, 2.0, -150.0]]), np.full((1, 2), 0.01)
     found = intersect_pair(np.eye(3), np.array([1.0, 0, 0]), RayPairs(u, u, sigma, sigma))
     assert np.isnan(found.xyz).all()
@@ -140,7 +140,7 @@ def test_parallel_rays_have_no_intersection():
     assert np.isnan(intersect_rays(np.eye(3)[:2], np.vstack([u, u]), np.array([0, 0]), 2)).all()
 
 
-def test_many_rays_meet_in_their_points():
+def test_many_rays_meet_in_their_points() -> None:
     rng = np.random.default_rng(6)
     points, centres = rng.uniform(-1, 1, (4, 3)), rng.uniform(-1, 1, (20, 3)) + np.array([0, 0, 500.0])
     row = np.arange(20) % 4
@@ -149,7 +149,7 @@ def test_many_rays_meet_in_their_points():
     assert np.isnan(found[4]).all()
 
 
-def test_intersection_engo431(shared_data: Path):
+def test_intersection_engo431(shared_data: Path) -> None:
     text = (shared_data / "worked_examples" / "resection_intersection.yaml").read_text()
     example = next(e for e in yaml.safe_load(text) if e["id"] == "engo431_intersection")
     X1, X2 = (np.array(example[side]["X"]) for side in ("left_EO", "right_EO"))

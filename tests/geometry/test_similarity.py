@@ -36,14 +36,14 @@ def _opk(rotation):
     return np.rad2deg(angles_from_rotation(rotation, "omega-phi-kappa"))
 
 
-def test_any_rotation_is_found_exactly_without_initial_values():
+def test_any_rotation_is_found_exactly_without_initial_values() -> None:
     found = closed_form(X, transform(TRUE, X))
     np.testing.assert_allclose(found.rotation, TRUE.rotation, atol=1e-14)
     np.testing.assert_allclose(found.translation, TRUE.translation, atol=1e-13)
     assert found.scale == pytest.approx(3.5, rel=1e-14)
 
 
-def test_points_in_a_plane_do_not_make_a_reflection():
+def test_points_in_a_plane_do_not_make_a_reflection() -> None:
     flat = X * [1.0, 1.0, 0.0]
     found = closed_form(flat, transform(TRUE, flat))
     assert np.linalg.det(found.rotation) == pytest.approx(1.0)
@@ -59,7 +59,7 @@ def test_jacobian_equals_complex_step():
     np.testing.assert_allclose(jacobian(TRUE, X).reshape(-1, 7), complex_step(f, np.zeros(7)), rtol=1e-12, atol=1e-13)
 
 
-def test_update_inverse_and_composition_agree():
+def test_update_inverse_and_composition_agree() -> None:
     step = np.array([0.1, 0.2, -0.1, 0.02, -0.03, 0.01, 0.04])
     moved = updated(TRUE, step)
     assert moved.scale == pytest.approx(3.5 * np.exp(0.04))
@@ -67,13 +67,13 @@ def test_update_inverse_and_composition_agree():
     np.testing.assert_allclose(transform(compose(moved, TRUE), X), transform(moved, transform(TRUE, X)), atol=1e-12)
 
 
-def test_covariance_turns_and_scales_with_the_points():
+def test_covariance_turns_and_scales_with_the_points() -> None:
     C = np.diag([1.0, 4.0, 9.0])[None]
     expected = 3.5**2 * TRUE.rotation @ C[0] @ TRUE.rotation.T
     np.testing.assert_allclose(transform_covariance(TRUE, C)[0], expected)
 
 
-def test_a_third_of_wrong_points_do_not_disturb_the_robust_form():
+def test_a_third_of_wrong_points_do_not_disturb_the_robust_form() -> None:
     target = transform(TRUE, X)
     target[[1, 4, 6, 9]] += [[30, 5, 2], [-3, 40, 7], [8, 8, -50], [20, -20, 10]]
     found, distance = robust_closed_form(X, target)
@@ -85,7 +85,7 @@ def _both(example, model, ground):
     return np.array(list(example[model].values())), np.array(list(example[ground].values()))
 
 
-def test_mikhail_six_points(examples):
+def test_mikhail_six_points(examples) -> None:
     # object = lambda M model + T, where M' = Rx(omega) Ry(phi) Rz(kappa)
     example = examples["mikhail_ao"]
     answer = example["answer_converged_here"]
@@ -96,7 +96,7 @@ def test_mikhail_six_points(examples):
     np.testing.assert_allclose(found.translation, answer["T"], atol=1e-6)
 
 
-def test_dewitt_program_3dconf(examples):
+def test_dewitt_program_3dconf(examples) -> None:
     # X = scale M' x + T
     example = examples["dewitt_3dconf"]
     both, answer = np.array(list(example["control"].values())), example["answer"]
@@ -112,7 +112,7 @@ def test_dewitt_program_3dconf(examples):
     np.testing.assert_allclose(transform(found, new), list(answer["transformed"].values()), atol=6e-4)
 
 
-def test_six_points_far_from_the_origin(examples):
+def test_six_points_far_from_the_origin(examples) -> None:
     example = examples["whu_ao_6pt"]
     both, answer = np.array(list(example["points"].values())), example["answer_converged_here"]
     found = closed_form(both[:, :3], both[:, 3:])
@@ -126,7 +126,7 @@ def test_six_points_far_from_the_origin(examples):
     )
 
 
-def test_three_real_points_and_their_check_points(examples):
+def test_three_real_points_and_their_check_points(examples) -> None:
     # The printed answer stopped before full convergence: its angles are right to some 4e-4 degrees only.
     example = examples["uofc_ao_3pt"]
     answer = example["answer"]

@@ -9,7 +9,7 @@ from aatri.report.drawing.charts import convergence_chart, residual_histogram, s
 from tests.report.marks import paths, size, texts
 
 
-def test_sigma0_stands_on_a_logarithmic_axis_each_stage_in_a_row_of_its_own():
+def test_sigma0_stands_on_a_logarithmic_axis_each_stage_in_a_row_of_its_own() -> None:
     sigma0 = {"models": 1.0, "absolute": 10.0, "strip_block": 0.1, "bundle": 1.2}
     picture = str(sigma0_chart(sigma0)[0])
     width, height = size(picture)
@@ -38,14 +38,14 @@ def test_sigma0_stands_on_a_logarithmic_axis_each_stage_in_a_row_of_its_own():
     assert all(t.y > y[-1] and t.y < height for t in written if t.anchor == "middle")
 
 
-def test_a_sigma0_of_zero_is_drawn_at_the_edge():
+def test_a_sigma0_of_zero_is_drawn_at_the_edge() -> None:
     picture = str(sigma0_chart({"a": 0.0, "b": 1.0})[0])
     x = np.concatenate(paths(picture, "dots mark"))[:, 0]
     assert x[0] == pytest.approx(135.0)
     assert x[0] < x[1]
 
 
-def test_convergence_goes_down_from_left_to_right_the_decrement_below_the_cost():
+def test_convergence_goes_down_from_left_to_right_the_decrement_below_the_cost() -> None:
     cost, decrement = np.array([1e6, 1e4, 1e4, 1e4]), np.array([1e3, 1.0, 1e-3, np.nan])
     picture = str(convergence_chart(cost, decrement)[0])
     _, height = size(picture)
@@ -63,7 +63,7 @@ def test_convergence_goes_down_from_left_to_right_the_decrement_below_the_cost()
     np.testing.assert_array_equal(np.concatenate(paths(picture, "dots cost")), upper)
 
 
-def test_one_iteration_is_no_chart_and_a_hundred_have_few_figures():
+def test_one_iteration_is_no_chart_and_a_hundred_have_few_figures() -> None:
     assert convergence_chart(np.ones(1), np.ones(1)) is None
     assert convergence_chart(np.ones(2), np.ones(2)) is not None
     many = str(convergence_chart(np.full(100, 5.0), np.full(100, np.nan))[0])
@@ -95,6 +95,6 @@ def test_the_histogram_has_the_area_of_the_normal_curve_and_its_shape():
     assert ticks["-5"] == 20.0
 
 
-def test_residuals_beyond_the_picture_are_counted():
+def test_residuals_beyond_the_picture_are_counted() -> None:
     caption = residual_histogram(np.array([*np.zeros(20), 5.1, -6.0, 5.0]))[1]
     assert "2 beyond 5." in caption

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,18 +68,18 @@ class Elements(HTMLParser):
         self.text = ""
         self.feed(text)
 
-    def handle_starttag(self, tag, attrs):
+    def handle_starttag(self, tag, attrs) -> None:
         self.names.add(tag)
         self.attributes |= {(name, value or "") for name, value in attrs}
 
-    def handle_comment(self, data):
+    def handle_comment(self, data) -> None:
         raise AssertionError(f"a comment: {data}")
 
-    def handle_data(self, data):
+    def handle_data(self, data) -> None:
         self.text += data
 
 
-def make_run(folder, artifacts, *, status="done", **record):
+def make_run(folder: Path, artifacts, *, status="done", **record):
     stages = [{"stage": s, "use": u, "from": f, "kind": k} for s, u, f, k in STAGES]
     overview = {"pipeline": "p/pipeline.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages}
     store.begin(folder, overview | {"status": status})
@@ -98,7 +99,7 @@ def made_artifacts(block=None, **changes):
     return {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)}
 
 
-def test_a_complete_run_has_a_verdict_counts_accuracy_and_pictures(tmp_path):
+def test_a_complete_run_has_a_verdict_counts_accuracy_and_pictures(tmp_path: Path) -> None:
     page = write_report(make_run(tmp_path / "run", made_artifacts()))
     text = page.read_text(encoding="utf-8")
     found = Elements(text)
@@ -117,7 +118,7 @@ def test_a_complete_run_has_a_verdict_counts_accuracy_and_pictures(tmp_path):
     assert found.names <= ELEMENTS
 
 
-def test_the_page_loads_nothing_and_has_no_script(tmp_path):
+def test_the_page_loads_nothing_and_has_no_script(tmp_path: Path) -> None:
     text = write_report(make_run(tmp_path / "run", made_artifacts())).read_text(encoding="utf-8")
     assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in text
     assert "http" not in text.replace("http-equiv", "")
@@ -126,7 +127,7 @@ def test_the_page_loads_nothing_and_has_no_script(tmp_path):
 
 
 @pytest.mark.parametrize("payload", ["".join(PAYLOADS), PAYLOADS[0]])
-def test_text_from_the_data_is_never_markup(tmp_path, payload):
+def test_text_from_the_data_is_never_markup(tmp_path: Path, payload) -> None:
     block = made_block(
         rejects=Rejects(kind=["image"], id=[payload], reason=[payload], file=[-1], line=[0]), name=payload
     )
@@ -164,12 +165,12 @@ def test_text_from_the_data_is_never_markup(tmp_path, payload):
     assert not {"src", "style"} & {name for name, _ in found.attributes}
 
 
-def test_the_same_folder_gives_the_same_page(tmp_path):
+def test_the_same_folder_gives_the_same_page(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts())
     assert write_report(run).read_bytes() == write_report(run).read_bytes()
 
 
-def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path):
+def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path: Path) -> None:
     artifacts = made_artifacts()
     run = make_run(tmp_path / "run", {"block": artifacts["block"]}, status="failed")
     error = {
@@ -197,12 +198,12 @@ def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path):
     assert "complete, 3" not in found.text
 
 
-def test_a_run_that_made_nothing_still_has_a_page(tmp_path):
+def test_a_run_that_made_nothing_still_has_a_page(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", {}, status="interrupted")
     assert "not complete: 0 of 3 stages done" in write_report(run).read_text(encoding="utf-8")
 
 
-def test_an_altered_artifact_is_named_and_not_shown(tmp_path):
+def test_an_altered_artifact_is_named_and_not_shown(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts())
     path = store.artifact_path(run, "bundle")
     path.write_bytes(path.read_bytes()[:-1])
@@ -211,19 +212,19 @@ def test_an_altered_artifact_is_named_and_not_shown(tmp_path):
     assert "altered since it was written" in text
 
 
-def test_a_folder_without_a_run_is_an_error(tmp_path):
+def test_a_folder_without_a_run_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ArtifactError, match="not the folder of a run"):
         write_report(tmp_path)
 
 
-def test_without_check_points_there_is_no_check_figure_on_the_page(tmp_path):
+def test_without_check_points_there_is_no_check_figure_on_the_page(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts(made_block(check=False)))
     text = write_report(run).read_text(encoding="utf-8")
     assert "no independent check" in text
     assert "No independent check" in text
 
 
-def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
+def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path: Path) -> None:
     block = made_block(columns=1000, rows=10, rays=False)
     page = write_report(make_run(tmp_path / "run", made_artifacts(block)))
     assert page.stat().st_size < 5e6
@@ -239,7 +240,7 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path):
         ("readmitted", "none rejected, 1 kept"),
     ],
 )
-def test_only_rejected_suspects_turn_the_light(tmp_path, verdict, words):
+def test_only_rejected_suspects_turn_the_light(tmp_path: Path, verdict: str, words: str) -> None:
     suspects = Suspects(
         kind=["image_point"],
         row=[0],
@@ -256,7 +257,7 @@ def test_only_rejected_suspects_turn_the_light(tmp_path, verdict, words):
     assert f"bundle: {words}" in text
 
 
-def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_path):
+def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_path: Path) -> None:
     n = 100
     kind = ["strip_tie"] * (n - 2) + ["model_tie", "control"]
     stage = ["strip_formation"] * (n - 1) + ["bundle_adjustment"]

@@ -21,7 +21,7 @@ from tests.formats.results.test_readable import full_solution
 from tests.made_solutions import made_block, made_solution
 
 
-def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_figures_only():
+def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_figures_only() -> None:
     values, correlations, film = parameter_tables(full_solution())
     assert [row[2] for row in values.rows] == ["k1", "k2", "p1"]
     assert values.rows[0] == ("additional", "cam", "k1", "mm^-2", "3e-08", "2e-09", "15")
@@ -30,7 +30,7 @@ def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_fi
     assert film.rows[0][:4] == ("film correction d0", "mm", "1-0", "1")
 
 
-def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use():
+def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use() -> None:
     by_kind, largest, effects = reliability_tables(full_solution())
     kinds = {row[0]: row for row in by_kind.rows}
     # the rejected image point takes no part: redundancy 0.6 and 0.7
@@ -45,7 +45,7 @@ def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use():
     assert reliability_tables(made_solution(made_block())) == []
 
 
-def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id():
+def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id() -> None:
     summary, listed = suspects_tables(full_solution().suspects)
     assert summary.rows == [
         ("absolute_orientation", "control", "rejected", "1"),
@@ -54,7 +54,7 @@ def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id():
     assert listed.rows[0][:5] == ("bundle_adjustment", "image_point", "1-1", "p10", "rejected")
 
 
-def test_all_control_and_check_points_are_there_the_largest_first():
+def test_all_control_and_check_points_are_there_the_largest_first() -> None:
     block = made_block(columns=40, rows=10)
     block = replace(block, ground_points=replace(block.ground_points))
     evaluation = evaluate(block, made_solution(block, shift_m=[0.0, 0.0, 0.05]))
@@ -64,7 +64,7 @@ def test_all_control_and_check_points_are_there_the_largest_first():
     assert tables[0].rows[0][3] == "0.0500"
 
 
-def test_every_image_has_its_orientation_in_the_table():
+def test_every_image_has_its_orientation_in_the_table() -> None:
     block = made_block()
     made = PageSection(None, "")
     show(made, made_solution(block), Surroundings(block, None, None))
@@ -73,14 +73,14 @@ def test_every_image_has_its_orientation_in_the_table():
     assert table.rows[0][3] == "400.000"
 
 
-def test_residuals_are_told_in_their_own_unit():
+def test_residuals_are_told_in_their_own_unit() -> None:
     rows = {row[0]: row for row in residual_classes(full_solution()).rows}
     assert rows["image_point"][1] == "um"
     assert rows["control"][1] == "mm"
     assert rows["control"][7] == "20"
 
 
-def test_rejected_observations_are_counted_apart_from_those_in_use():
+def test_rejected_observations_are_counted_apart_from_those_in_use() -> None:
     solution = made_solution(made_block())
     mine = np.flatnonzero(solution.residuals.kind == "image_point")
     active = np.ones(len(solution.residuals), dtype=bool)
@@ -89,7 +89,7 @@ def test_rejected_observations_are_counted_apart_from_those_in_use():
     assert next(row[3:5] for row in rows if row[0] == "image_point") == (str(len(mine) - 3), "3")
 
 
-def test_a_check_point_thousands_of_sigmas_off_is_named():
+def test_a_check_point_thousands_of_sigmas_off_is_named() -> None:
     block = made_block()
     evaluation = evaluate(block, made_solution(block))
     assert _far_off(evaluation) == []

@@ -29,7 +29,7 @@ def _of_key(picture: str) -> tuple[float, float]:
     return float(vector[0, 0]), float(label.text.split()[0]) * 1e-3
 
 
-def test_plan_vectors_point_where_the_differences_do_in_the_scale_of_the_key():
+def test_plan_vectors_point_where_the_differences_do_in_the_scale_of_the_key() -> None:
     d = np.array([[0.03, 0.0, 9.0], [0.0, 0.04, 9.0], [-0.05, 0.0, 9.0], [0.0, -0.02, np.nan]])
     picture, caption = plan_vectors({"control": (XYZ_M, d)})
     picture = str(picture)
@@ -60,7 +60,7 @@ def test_many_vectors_are_drawn_half_as_long() -> None:
     assert times[1] < times[0]
 
 
-def test_bars_go_up_where_the_height_is_too_large():
+def test_bars_go_up_where_the_height_is_too_large() -> None:
     d = np.array([[9.0, 9.0, 0.03], [np.nan, 9.0, -0.05], [9.0, 9.0, np.nan], [9.0, 9.0, 0.0]])
     picture, caption = height_bars({"check": (XYZ_M, d)})
     _start, vector = _vectors(str(picture), "check")
@@ -69,7 +69,7 @@ def test_bars_go_up_where_the_height_is_too_large():
     assert "at 3 check points (green); the largest is 50 mm" in caption
 
 
-def test_points_far_off_are_left_out_and_counted():
+def test_points_far_off_are_left_out_and_counted() -> None:
     rng = np.random.default_rng(1)
     xyz, d = np.column_stack([rng.uniform(0, 1000, (40, 2)), np.zeros(40)]), np.full((40, 3), 0.01)
     xyz[5, 0], d[5] = 90_000.0, 0.7
@@ -79,7 +79,7 @@ def test_points_far_off_are_left_out_and_counted():
     assert "the largest is 990 mm" in caption  # said, though it is not drawn
 
 
-def test_cells_of_the_format_show_their_own_mean():
+def test_cells_of_the_format_show_their_own_mean() -> None:
     rng = np.random.default_rng(2)
     xy = rng.uniform(-100.0, 100.0, (20_000, 2))
     residual = np.where(xy[:, :1] > 0, [[0.004, 0.0]], [[0.0, 0.002]]) + 0.0005 * rng.standard_normal((20_000, 2))
@@ -100,7 +100,7 @@ def _of_key_um(picture: str) -> tuple[float, float]:
     return float(vector[0, 0]), float(label.text.split()[0]) * 1e-6
 
 
-def test_each_strip_has_its_tie_residuals_in_plan_and_height():
+def test_each_strip_has_its_tie_residuals_in_plan_and_height() -> None:
     d = np.array([[0.03, 0.0, 0.1], [0.0, 0.04, 0.1], [-0.05, 0.0, -0.1], [0.0, -0.02, -0.1]])
     pictures = tie_pictures({"1": (XYZ_M, d), "2": (XYZ_M, 2 * d)})
     assert len(pictures) == 4

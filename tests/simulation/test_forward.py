@@ -18,14 +18,14 @@ TABLE = {"distortion": "table", "symmetry_point_mm": (0.02, -0.03)}
 FILM = {"principal_point_mm": (0.011, 0.002), "symmetry_point_mm": (0.02, -0.03), "distortion": "brown", "brown": BROWN}
 
 
-def error_free(seed=3, **options):
+def error_free(seed: int = 3, **options):
     options = {"noise": False, "gnss": {"observed": False}, **options}
     return simulate(options=SimulateOptions(**options), rng=np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("earth", ["flat", "tangent"])
 @pytest.mark.parametrize("camera", [FILM, {**FILM, **TABLE}, {"principal_point_mm": (0.01, 0.02)}])
-def test_the_corrections_in_their_order_give_collinear_coordinates(earth, camera):
+def test_the_corrections_in_their_order_give_collinear_coordinates(earth: str, camera) -> None:
     block = error_free(earth=earth, camera=camera, flight={"tilt_sigma_deg": 2.0, "cross_strips": 1})
     xy = later.lens_corrected(later.photo_from_block(block), block)
     heights = later.station_heights(block)[block.image_points.image]
@@ -33,7 +33,7 @@ def test_the_corrections_in_their_order_give_collinear_coordinates(earth, camera
     np.testing.assert_allclose(xy, later.projected(block), rtol=0, atol=1e-10)
 
 
-def test_the_presets_are_undone_by_the_corrections():
+def test_the_presets_are_undone_by_the_corrections() -> None:
     for preset, earth in (("rc30", "tangent"), ("uav", "tangent"), ("uav", "flat")):
         block = error_free(preset=preset, earth=earth)
         c = block.cameras.principal_distance_mm[0]
@@ -43,7 +43,7 @@ def test_the_presets_are_undone_by_the_corrections():
         np.testing.assert_allclose(xy, later.projected(block), rtol=0, atol=1e-10)
 
 
-def test_in_a_map_the_curvature_correction_leaves_what_the_scale_of_heights_makes():
+def test_in_a_map_the_curvature_correction_leaves_what_the_scale_of_heights_makes() -> None:
     # A point at height h is shown d h / R too near to the nadir, which the correction does not know: subtracted here.
     block = error_free(
         earth="map",
@@ -59,7 +59,7 @@ def test_in_a_map_the_curvature_correction_leaves_what_the_scale_of_heights_make
     np.testing.assert_allclose(xy, model, rtol=0, atol=2e-5)
 
 
-def test_refraction_has_the_size_of_the_table():
+def test_refraction_has_the_size_of_the_table() -> None:
     # docs/formulas.md 2.3: r = 100 mm, c = 152 mm; (H, h) in km -> micrometres
     for H, h, micrometres in ((0.4, 0.02, 0.56), (1, 0, 1.41), (4, 0, 5.71), (9, 0, 11.2)):
         K = forward.refraction_constant_rad(np.array([H]), h)
@@ -67,7 +67,7 @@ def test_refraction_has_the_size_of_the_table():
         assert 1e3 * (np.hypot(*displaced[0]) - 100.0) == pytest.approx(micrometres, abs=0.06)
 
 
-def test_refraction_and_lens_are_solved_to_the_last_bits():
+def test_refraction_and_lens_are_solved_to_the_last_bits() -> None:
     xy = np.random.default_rng(1).uniform(-110, 110, (2000, 2))
     K = np.full(2000, 2e-5)
     displaced = forward.refracted_radially(xy, K, 150.0)
@@ -75,7 +75,7 @@ def test_refraction_and_lens_are_solved_to_the_last_bits():
     np.testing.assert_allclose(displaced * (1 - K * (1 + (r / 150.0) ** 2))[:, None], xy, rtol=0, atol=1e-13)
 
 
-def test_bending_in_the_vertical_plane_keeps_the_azimuth_and_equals_the_radial_form_in_a_vertical_image():
+def test_bending_in_the_vertical_plane_keeps_the_azimuth_and_equals_the_radial_form_in_a_vertical_image() -> None:
     rng = np.random.default_rng(2)
     d = np.column_stack([rng.uniform(-300, 300, (500, 2)), np.full(500, -385.0)])
     K = np.full(500, 1e-5)
@@ -85,7 +85,7 @@ def test_bending_in_the_vertical_plane_keeps_the_azimuth_and_equals_the_radial_f
     np.testing.assert_allclose(forward.ideal(bent, 153.84), radial, rtol=0, atol=1e-12)
 
 
-def test_in_a_tilted_image_the_two_kinds_of_refraction_differ_by_a_little():
+def test_in_a_tilted_image_the_two_kinds_of_refraction_differ_by_a_little() -> None:
     radial, physical = (
         error_free(flight={"tilt_sigma_deg": 2.0}, refraction=kind) for kind in ("radial", "vertical_plane")
     )
@@ -93,20 +93,20 @@ def test_in_a_tilted_image_the_two_kinds_of_refraction_differ_by_a_little():
     assert 1e-6 < difference < 1e-4  # 0.6 micrometres of refraction, 2 degrees of tilt
 
 
-def test_a_camera_frame_vector_is_the_rotated_difference():
+def test_a_camera_frame_vector_is_the_rotated_difference() -> None:
     R = rotation_from_angles([[0.02, -0.01, 1.0]])
     u = np.array([[10.0, -20.0, -300.0]])
     X = np.array([[5.0, 6.0, 400.0]]) + u @ R[0].T
     np.testing.assert_allclose(forward.camera_frame(X, np.array([[5.0, 6.0, 400.0]]), R), u, atol=1e-12)
 
 
-def test_a_lens_too_strong_is_refused():
+def test_a_lens_too_strong_is_refused() -> None:
     camera = CameraOptions(distortion="brown", brown={"k1": -1e-3})
     with pytest.raises(InputError, match="distortion"):
         forward.through_lens(np.array([[100.0, 50.0]]), camera)
 
 
-def test_nothing_of_the_correction_code_is_used():
+def test_nothing_of_the_correction_code_is_used() -> None:
     root = Path(__file__).parents[2]
     forbidden = ("aatri.camera", "aatri.observations", "aatri.orientation", "aatri.geometry.collinearity")
     for file in [*sorted((root / "aatri/simulation").glob("*.py")), root / "stages/block/simulate.py"]:

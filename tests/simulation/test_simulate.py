@@ -1,6 +1,9 @@
 """The stage block/simulate: presets, switches, noise, gross errors, determinism."""
 
+from __future__ import annotations
+
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from aatri.tables.digest import content_digest
 from tests.reading import read_block
 
 
-def made(seed=1, **options):
+def made(seed: int = 1, **options):
     return simulate(options=SimulateOptions(**options), rng=np.random.default_rng(seed))
 
 
@@ -24,7 +27,7 @@ def rc30():
     return made(preset="rc30")
 
 
-def test_rc30_has_the_counts_of_the_notes(rc30):
+def test_rc30_has_the_counts_of_the_notes(rc30) -> None:
     metrics = rc30.metrics()
     assert (metrics["images"], metrics["strips"], metrics["control_points"]) == (255, 11, 72)
     assert metrics["check_points"] == 36
@@ -37,7 +40,7 @@ def test_rc30_has_the_counts_of_the_notes(rc30):
     assert rc30.images.id[-1] == "C215"
 
 
-def test_rc30_has_the_scale_overlaps_and_sigmas_of_the_notes(rc30):
+def test_rc30_has_the_scale_overlaps_and_sigmas_of_the_notes(rc30) -> None:
     ground = rc30.true_images.position_m[:, 2].mean() - rc30.terrain_height_m
     assert ground == pytest.approx(2500 * 0.15384, abs=1.0)
     first = rc30.true_images.position_m[rc30.images.strip == 0]
@@ -52,7 +55,7 @@ def test_rc30_has_the_scale_overlaps_and_sigmas_of_the_notes(rc30):
     assert 1.0 < tilt.max() <= 2.0
 
 
-def test_rc30_flies_to_and_fro(rc30):
+def test_rc30_flies_to_and_fro(rc30) -> None:
     x_axis = rc30.true_images.ground_from_image[:, :2, 0]
     for strip, direction in ((0, (1, 0)), (1, (-1, 0)), (9, (0, 1)), (10, (0, -1))):
         mine = rc30.images.strip == strip
@@ -61,7 +64,7 @@ def test_rc30_flies_to_and_fro(rc30):
         assert (steps @ direction > 150).all()
 
 
-def test_rc30_ties_every_pair_and_triple_with_points_well_spread(rc30):
+def test_rc30_ties_every_pair_and_triple_with_points_well_spread(rc30) -> None:
     sees = np.zeros((255, 3704), dtype=bool)
     sees[rc30.image_points.image, rc30.image_points.point] = True
     assert sees.sum(axis=0).min() >= 2
@@ -84,7 +87,7 @@ def spread_across(block, common, strip):
     return np.ptp(block.true_points.xyz_m[common, 0 if strip >= 9 else 1])
 
 
-def test_control_is_at_the_corners_and_everywhere(rc30):
+def test_control_is_at_the_corners_and_everywhere(rc30) -> None:
     g = rc30.ground_points
     control = rc30.true_points.xyz_m[g.point[(g.role == CONTROL).any(axis=1)], :2]
     everything = rc30.true_points.xyz_m[:, :2]
@@ -95,7 +98,7 @@ def test_control_is_at_the_corners_and_everywhere(rc30):
     assert nearest.max() < 600
 
 
-def test_uav_is_a_pixel_block():
+def test_uav_is_a_pixel_block() -> None:
     block = made(preset="uav")
     assert len(block.images) == 200
     assert block.cameras.image_coordinates[0] == "pixel"
@@ -106,7 +109,7 @@ def test_uav_is_a_pixel_block():
     assert np.bincount(block.image_points.image).mean() > 200
 
 
-def test_what_the_user_gives_is_laid_over_the_preset():
+def test_what_the_user_gives_is_laid_over_the_preset() -> None:
     options = SimulateOptions(preset="rc30", flight={"strips": 3}, noise=False, earth="flat")
     assert options.flight.strips == 3
     assert options.flight.images_per_strip == 25
@@ -116,7 +119,7 @@ def test_what_the_user_gives_is_laid_over_the_preset():
     assert SimulateOptions(**options.model_dump()) == options
 
 
-def test_options_that_make_no_sense_are_refused():
+def test_options_that_make_no_sense_are_refused() -> None:
     with pytest.raises(ValidationError):
         SimulateOptions(preset="rc31")
     with pytest.raises(ValidationError):
@@ -135,11 +138,11 @@ def test_options_that_make_no_sense_are_refused():
         made(gross_errors={"control": 9}, known={"full": 8})
 
 
-def test_the_same_seed_gives_the_same_block_and_another_seed_another():
+def test_the_same_seed_gives_the_same_block_and_another_seed_another() -> None:
     assert content_digest(made(7)) == content_digest(made(7)) != content_digest(made(8))
 
 
-def test_noise_has_the_size_of_the_sigmas_and_changes_nothing_else(rc30):
+def test_noise_has_the_size_of_the_sigmas_and_changes_nothing_else(rc30) -> None:
     exact = made(preset="rc30", noise=False)
     noisy = frozenset({"image_points", "fiducial_points", "ground_points", "exterior"})
     assert content_digest(rc30, without=noisy) == content_digest(exact, without=noisy)
@@ -156,14 +159,14 @@ def test_noise_has_the_size_of_the_sigmas_and_changes_nothing_else(rc30):
         assert error.std() == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
 
 
-def test_error_free_control_and_positions_are_the_truth():
+def test_error_free_control_and_positions_are_the_truth() -> None:
     block = made(noise=False)
     g = block.ground_points
     np.testing.assert_array_equal(g.xyz_m, block.true_points.xyz_m[g.point])
     np.testing.assert_array_equal(block.exterior.position_m, block.true_images.position_m)
 
 
-def test_film_deformation_is_of_the_size_asked_for_and_can_be_switched_off():
+def test_film_deformation_is_of_the_size_asked_for_and_can_be_switched_off() -> None:
     for deformed in (True, False):
         block = made(noise=False, film={"deformation": deformed})
         side = []
@@ -179,7 +182,7 @@ def test_film_deformation_is_of_the_size_asked_for_and_can_be_switched_off():
             assert change.max() < 1e-12
 
 
-def test_gross_errors_are_listed_with_row_and_size():
+def test_gross_errors_are_listed_with_row_and_size() -> None:
     kinds = {"image_points": 0.02, "fiducials": 3, "control": 2, "positions": 1}
     clean, spoilt = made(), made(gross_errors={**kinds, "size_sigmas": (20, 30)})
     g = spoilt.gross_errors
@@ -202,7 +205,7 @@ def test_gross_errors_are_listed_with_row_and_size():
     assert in_sigmas.max() <= 30
 
 
-def test_plan_and_height_control_lack_the_other_coordinates():
+def test_plan_and_height_control_lack_the_other_coordinates() -> None:
     block = made(known={"full": 4, "plan": 3, "height": 5, "check_full": 2, "check_plan": 1, "check_height": 1})
     g = block.ground_points
     np.testing.assert_array_equal(np.isnan(g.xyz_m), g.role == NO_ROLE)
@@ -212,14 +215,14 @@ def test_plan_and_height_control_lack_the_other_coordinates():
     assert {kind: kinds.count(kind) for kind in wanted} == wanted
 
 
-def test_without_gnss_positions_are_approximate_or_absent():
+def test_without_gnss_positions_are_approximate_or_absent() -> None:
     approximate = made(gnss={"observed": False}).exterior
     assert (approximate.position_use == 0).all()
     assert np.isnan(approximate.position_covariance_m2).all()
     assert len(made(gnss={"observed": False, "approximate_positions": False}).exterior) == 0
 
 
-def test_a_shift_of_the_positions_is_common_to_a_strip():
+def test_a_shift_of_the_positions_is_common_to_a_strip() -> None:
     block = made(noise=False, gnss={"shift_m": 2.0})
     error = block.exterior.position_m - block.true_images.position_m
     assert (block.exterior.drift_group == block.strips.id[block.images.strip]).all()
@@ -234,7 +237,7 @@ SWITCHES = list(
 
 
 @pytest.mark.parametrize("kind", ["film", "digital"])
-def test_every_combination_of_switches_gives_a_valid_block(kind, tmp_path):
+def test_every_combination_of_switches_gives_a_valid_block(kind: str, tmp_path: Path) -> None:
     digital = {
         "format": (5472.0, 3648.0),
         "principal_distance_mm": 8.8,
@@ -271,13 +274,13 @@ def test_every_combination_of_switches_gives_a_valid_block(kind, tmp_path):
         {"preset": "uav", "flight": {"strips": 2, "images_per_strip": 5}, "known": {"full": 4, "check_full": 0}},
     ],
 )
-def test_a_block_folder_holds_all_but_the_truth(options, tmp_path):
+def test_a_block_folder_holds_all_but_the_truth(options, tmp_path: Path) -> None:
     block = made(**options)
     write_block(block, tmp_path / "block")
     assert content_digest(read_block(tmp_path / "block")) == content_digest(block, without=TRUTH)
 
 
-def test_a_large_block_with_few_points_in_each_image():
+def test_a_large_block_with_few_points_in_each_image() -> None:
     block = made(flight={"strips": 40, "images_per_strip": 50, "forward_overlap": 60.0}, ties={"per_position": 1})
     assert len(block.images) == 2000
     assert np.bincount(block.image_points.image, minlength=2000).min() >= 3

@@ -24,7 +24,7 @@ def _small_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
     _many_fronts(monkeypatch)
 
 
-def _condition(rng, unknowns, name, *touches):
+def _condition(rng: np.random.Generator, unknowns, name: str, *touches):
     """Two mildly non-linear conditions a row among the touched blocks."""
     sizes = {u.name: u.size for u in unknowns}
     blocks = tuple(np.array(block, dtype=np.int32) for _, block in touches)

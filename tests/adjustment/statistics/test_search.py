@@ -13,7 +13,7 @@ from aatri.adjustment.statistics.variance_components import common_sigma
 RNG = np.random.default_rng(3)
 
 
-def _records(name, n, **touches):
+def _records(name: str, n: int, **touches):
     groups = tuple((group, np.asarray(block)) for group, block in touches.items())
     return Records(name, groups, lambda state, rows: (np.zeros((len(rows), 1)), ()), np.ones((n, 1)), np.ones(n, bool))
 
@@ -26,7 +26,7 @@ def _pool(rule=None, ties=20, controls=4, strips=2):
     return pool_of(rule or Snooping(4.0), kinds, [np.ones(ties), np.ones(controls)])
 
 
-def test_of_small_matrices_the_inverse_factor_is_that_of_numpy():
+def test_of_small_matrices_the_inverse_factor_is_that_of_numpy() -> None:
     root = RNG.normal(size=(50, 3, 3))
     C = root @ root.swapaxes(1, 2) + 0.1 * np.eye(3)
     np.testing.assert_allclose(inverse_cholesky(C), np.linalg.inv(np.linalg.cholesky(C)), rtol=1e-9, atol=1e-12)
@@ -34,14 +34,14 @@ def test_of_small_matrices_the_inverse_factor_is_that_of_numpy():
         inverse_cholesky(-C)
 
 
-def test_of_two_records_of_a_point_one_is_rejected_control_before_a_strip():
+def test_of_two_records_of_a_point_one_is_rejected_control_before_a_strip() -> None:
     test = np.zeros(24)
     test[[2, 12, 22]] = 9.0  # point 2 in both strips, and its control
     pool = _pool()
     assert np.flatnonzero(clearest(Snooping(4.0, most=1.0), pool, test, np.ones(24, bool))).tolist() == [22]
 
 
-def test_only_the_clearest_are_rejected_and_few_of_one_strip():
+def test_only_the_clearest_are_rejected_and_few_of_one_strip() -> None:
     test = np.full(24, 5.0)
     test[20:] = 0.0
     rule = Snooping(4.0, most=1.0)
@@ -52,19 +52,19 @@ def test_only_the_clearest_are_rejected_and_few_of_one_strip():
     assert clearest(rule, _pool(), test, np.ones(24, bool), controlled=test < 50).sum() == 4
 
 
-def test_a_record_without_a_test_is_never_rejected():
+def test_a_record_without_a_test_is_never_rejected() -> None:
     test = np.full(24, np.nan)
     assert not clearest(Snooping(4.0), _pool(), test, np.ones(24, bool)).any()
 
 
-def test_the_last_tie_of_a_point_is_not_rejected_in_place_of_its_control():
+def test_the_last_tie_of_a_point_is_not_rejected_in_place_of_its_control() -> None:
     active, test = np.ones(24, bool), np.zeros(24)
     active[[12, 20]] = False  # the other strip of point 2; all control that may be
     test[[2, 22]] = 9.0
     assert not clearest(Snooping(4.0), _pool(), test, active).any()
 
 
-def test_what_fits_comes_back_and_what_was_rejected_without_a_test_too():
+def test_what_fits_comes_back_and_what_was_rejected_without_a_test_too() -> None:
     active, test = np.ones(24, bool), np.full(24, 1.0)
     active[[0, 1, 2, 12]] = False
     test[[1]] = 7.0
@@ -74,7 +74,7 @@ def test_what_fits_comes_back_and_what_was_rejected_without_a_test_too():
     assert np.flatnonzero(stranded(pool, test, active)).tolist() == [2]
 
 
-def test_the_added_standard_deviation_is_found_and_zero_where_none_is_needed():
+def test_the_added_standard_deviation_is_found_and_zero_where_none_is_needed() -> None:
     n, tau = 4000, 0.3
     values = RNG.uniform(0.01, 0.2, (n, 3)) ** 2
     v = RNG.normal(size=(n, 3)) * np.sqrt(values + tau**2)

@@ -72,7 +72,7 @@ def test_an_order_that_is_asked_for_is_obeyed_in_a_small_problem_and_auto_takes_
         )
 
 
-def test_vertices_that_nothing_joins_leave_no_node_empty():
+def test_vertices_that_nothing_joins_leave_no_node_empty() -> None:
     """As of points intersected from held images, each for itself."""
     n = 200
     graph = Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))

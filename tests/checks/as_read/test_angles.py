@@ -77,7 +77,7 @@ def test_positions_of_a_flight_plan_say_nothing() -> None:
         (lambda xyz: xyz * 1000, "control", "control divided by 1000"),
     ],
 )
-def test_a_cause_in_the_control_is_named_and_certain(change, of, text) -> None:
+def test_a_cause_in_the_control_is_named_and_certain(change, of: str, text: str) -> None:
     rays = _rays()
     rays = replace(rays, position_m=rays.position_m - [5000, 9000, 0], control_m=rays.control_m - [5000, 9000, 0])
     found = _found(replace(rays, control_m=change(rays.control_m)))
@@ -95,7 +95,7 @@ def test_depths_for_heights_are_named() -> None:
 
 
 @pytest.mark.parametrize("factor", [4.0, 0.2, 400.0])
-def test_another_principal_distance_is_told_with_its_value(factor) -> None:
+def test_another_principal_distance_is_told_with_its_value(factor: float) -> None:
     rays = _rays()
     found = _found(replace(rays, c_mm=rays.c_mm * factor))
     assert found.of == "camera"
@@ -111,7 +111,7 @@ def test_a_principal_point_from_the_corner_is_named() -> None:
 
 
 @pytest.mark.parametrize("lift", [65.0, -70.0])
-def test_another_surface_of_heights_is_a_warning_with_its_value(lift) -> None:
+def test_another_surface_of_heights_is_a_warning_with_its_value(lift: float) -> None:
     rays = _rays()
     found = _found(replace(rays, position_m=rays.position_m + np.array([0, 0, lift])))
     assert found.of == "position"

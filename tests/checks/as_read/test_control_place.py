@@ -26,13 +26,13 @@ def _found(points, stations=STATIONS, rays=RAYS, ids=IDS):
     return misplaced_control(ids, flat, above, *rays, [f"control.csv:{k + 2}" for k in range(len(points))])
 
 
-def test_good_control_is_left_alone_with_and_without_positions():
+def test_good_control_is_left_alone_with_and_without_positions() -> None:
     assert _found(POINTS) == []
     assert _found(POINTS, np.full_like(STATIONS, np.nan)) == []
 
 
 @pytest.mark.parametrize("positions", [True, False])
-def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions):
+def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions: bool) -> None:
     local = POINTS - MAP + np.array([3000.0, 9000.0])
     stations = STATIONS - MAP + np.array([3000.0, 9000.0]) if positions else np.full_like(STATIONS, np.nan)
     local[1] = local[1, ::-1]
@@ -43,7 +43,7 @@ def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions):
     assert "km from the block; with X and Y exchanged it would lie inside" in found.sentence
 
 
-def test_a_point_far_off_for_no_known_reason_is_a_warning():
+def test_a_point_far_off_for_no_known_reason_is_a_warning() -> None:
     moved = POINTS.copy()
     moved[2] += [0.0, 7_400.0]
     (found,) = _found(moved)
@@ -66,7 +66,7 @@ def test_a_point_far_off_for_no_known_reason_is_a_warning():
         (lambda p: p + np.array([150e3, 0]), "km from the block, the others", "its id"),
     ],
 )
-def test_one_point_of_another_unit_or_zone_stops_the_run(change, what, remedy, positions):
+def test_one_point_of_another_unit_or_zone_stops_the_run(change, what: str, remedy: str, positions: bool) -> None:
     moved = POINTS.copy()
     moved[2] = change(moved[2])
     (found,) = _found(moved, STATIONS if positions else np.full_like(STATIONS, np.nan))
@@ -76,7 +76,7 @@ def test_one_point_of_another_unit_or_zone_stops_the_run(change, what, remedy, p
     assert remedy in found.remedy
 
 
-def test_near_the_origin_another_unit_of_one_point_proves_nothing():
+def test_near_the_origin_another_unit_of_one_point_proves_nothing() -> None:
     local = POINTS - MAP
     local[2] += [0.0, 9_000.0]  # divided by 1000 it would lie inside, and so would all others
     (found,) = _found(local, STATIONS - MAP)
@@ -95,7 +95,7 @@ def test_near_the_origin_another_unit_of_one_point_proves_nothing():
         (lambda p: p + np.array([-430e3, 12e3]), "lie 431 km from the images", "zone"),
     ],
 )
-def test_all_control_of_another_order_unit_or_zone(change, what, remedy):
+def test_all_control_of_another_order_unit_or_zone(change, what: str, remedy: str) -> None:
     (found,) = _found(change(POINTS))
     assert found.level == "error"
     assert found.where == "control.csv:2"
@@ -103,7 +103,7 @@ def test_all_control_of_another_order_unit_or_zone(change, what, remedy):
     assert remedy in found.remedy
 
 
-def test_objects_seen_from_afar_are_legal():
+def test_objects_seen_from_afar_are_legal() -> None:
     # three stations at the origin of a local system, targets in one direction, near and far
     stations = np.array([[0.0, 0.0], [0.6, 0.1], [1.1, -0.2]])
     for spread in (0.5, 30.0):
@@ -112,12 +112,12 @@ def test_objects_seen_from_afar_are_legal():
         assert all(f.level == "warning" for f in _found(targets, stations, rays, list("ABCD")))
 
 
-def test_points_no_image_shows_are_not_judged():
+def test_points_no_image_shows_are_not_judged() -> None:
     county = np.vstack([POINTS, MAP + np.array([90e3, 40e3])])
     assert _found(county, ids=[*IDS, "K"]) == []
 
 
-def test_height_only_control_and_images_without_position_are_passed_over():
+def test_height_only_control_and_images_without_position_are_passed_over() -> None:
     points, stations = POINTS.copy(), STATIONS.copy()
     points[0], stations[1] = np.nan, np.nan
     assert _found(points, stations) == []

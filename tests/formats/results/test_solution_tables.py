@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,12 +18,12 @@ from aatri.geometry.rotations import rotation_from_angles
 from tests.made_solutions import made_block, made_solution
 
 
-def _read(path):
+def _read(path: Path):
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
-def test_numbers_read_back_to_the_same_bits(tmp_path):
+def test_numbers_read_back_to_the_same_bits(tmp_path: Path) -> None:
     block = made_block()
     shift = np.random.default_rng(1).normal(0, 0.1, (20, 3))
     solution = made_solution(block, shift_m=shift)
@@ -33,7 +34,7 @@ def test_numbers_read_back_to_the_same_bits(tmp_path):
     assert {row["sX_m"] for row in rows} == {"0.02"}
 
 
-def test_both_angle_systems_are_in_degrees_and_kappa_takes_the_whole_turn(tmp_path):
+def test_both_angle_systems_are_in_degrees_and_kappa_takes_the_whole_turn(tmp_path: Path) -> None:
     block = made_block()
     solution = made_solution(block)
     angles = np.radians(np.tile([1.0, -2.0, 170.0], (len(block.images), 1)))
@@ -46,7 +47,7 @@ def test_both_angle_systems_are_in_degrees_and_kappa_takes_the_whole_turn(tmp_pa
     np.testing.assert_allclose(rotation_from_angles(pok, "phi-omega-kappa"), images.ground_from_image[0], atol=1e-14)
 
 
-def test_near_vertical_angle_sigmas_are_those_of_the_increments(tmp_path):
+def test_near_vertical_angle_sigmas_are_those_of_the_increments(tmp_path: Path) -> None:
     block = made_block()
     write_solution_tables(made_solution(block), block, tmp_path)
     row = _read(tmp_path / "exterior.csv")[0]
@@ -55,7 +56,7 @@ def test_near_vertical_angle_sigmas_are_those_of_the_increments(tmp_path):
     assert float(row["sX_m"]) == pytest.approx(0.01)
 
 
-def test_what_is_not_determined_is_an_empty_cell(tmp_path):
+def test_what_is_not_determined_is_an_empty_cell(tmp_path: Path) -> None:
     block = made_block()
     shift = np.zeros((20, 3))
     shift[0] = np.nan
@@ -75,7 +76,7 @@ def test_what_is_not_determined_is_an_empty_cell(tmp_path):
     assert _read(tmp_path / "residuals.csv")[0]["vz"] == ""
 
 
-def test_residuals_carry_their_unit(tmp_path):
+def test_residuals_carry_their_unit(tmp_path: Path) -> None:
     block = made_block()
     write_solution_tables(made_solution(block), block, tmp_path)
     units = {(row["kind"], row["unit"]) for row in _read(tmp_path / "residuals.csv")}
@@ -83,7 +84,7 @@ def test_residuals_carry_their_unit(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["=cmd|' /C calc'!A0", "+1", "-2", "@SUM(A1)", "\t=1"])
-def test_a_text_that_looks_like_a_formula_is_prefixed_and_a_number_is_not(tmp_path, text):
+def test_a_text_that_looks_like_a_formula_is_prefixed_and_a_number_is_not(tmp_path: Path, text: str) -> None:
     block = made_block()
     names = block.points.id.astype("U32")
     solution = made_solution(block, shift_m=[-1000.0, 0.0, 0.0])
@@ -95,7 +96,7 @@ def test_a_text_that_looks_like_a_formula_is_prefixed_and_a_number_is_not(tmp_pa
     assert row["X_m"] == "-1000.0"
 
 
-def test_roles_are_written_as_in_the_block_folder():
+def test_roles_are_written_as_in_the_block_folder() -> None:
     block = made_block()
     role = block.ground_points.role.copy()
     role[0] = [b.CONTROL, b.CONTROL, b.CHECK]
@@ -106,7 +107,7 @@ def test_roles_are_written_as_in_the_block_folder():
     assert (point_roles(block) == "").sum() == 12
 
 
-def test_parameters_have_a_table_only_if_there_are_any(tmp_path):
+def test_parameters_have_a_table_only_if_there_are_any(tmp_path: Path) -> None:
     block = made_block()
     without = write_solution_tables(made_solution(block), block, tmp_path / "a")
     assert [path.name for path in without] == [
@@ -122,14 +123,14 @@ def test_parameters_have_a_table_only_if_there_are_any(tmp_path):
     assert _read(tmp_path / "b" / "parameters.csv")[0]["sigma"] == ""
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_with_its_place(tmp_path):
+def test_a_folder_that_cannot_be_made_is_an_error_with_its_place(tmp_path: Path) -> None:
     block = made_block()
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceError, match="file"):
         write_solution_tables(made_solution(block), block, tmp_path / "file")
 
 
-def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any(tmp_path):
+def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any(tmp_path: Path) -> None:
     block = made_block()
     uncontrolled = Uncontrolled(
         kind=["control"], row=[0], image=[""], point=["p1"], redundancy=[0.004], direction=[[0.6, 0.8, np.nan]]
@@ -149,7 +150,7 @@ def test_what_nothing_controls_and_proposed_numbers_have_tables_if_there_are_any
     assert "proposed_numbers.csv" not in names
 
 
-def test_an_evaluation_has_tables_of_figures_differences_and_single_models(tmp_path):
+def test_an_evaluation_has_tables_of_figures_differences_and_single_models(tmp_path: Path) -> None:
     three = [[0.1, np.nan, -0.3]]
     evaluation = Evaluation(
         verdict="",

@@ -17,16 +17,16 @@ def by_control(ground, given):
 @pytest.mark.parametrize(
     "given", [[ALL] * 4, [ALL, ALL, HEIGHT, HEIGHT], [PLAN, ALL, HEIGHT, ALL], [HEIGHT, PLAN, ALL, HEIGHT]]
 )
-def test_full_plan_only_and_height_only_control_orient_exactly(given):
+def test_full_plan_only_and_height_only_control_orient_exactly(given) -> None:
     assert off_m(by_control(CORNERS, given).ground_from_body) < 1e-7
 
 
-def test_separate_plan_and_height_points_orient_exactly():
+def test_separate_plan_and_height_points_orient_exactly() -> None:
     ground = np.concatenate([CORNERS, CORNERS + np.array([100.0, 50.0, 5.0])])
     assert off_m(by_control(ground, [PLAN] * 4 + [HEIGHT] * 4).ground_from_body) < 1e-7
 
 
-def test_antenna_positions_with_lever_arm_orient_exactly():
+def test_antenna_positions_with_lever_arm_orient_exactly() -> None:
     arm = np.array([[1.0, 2.0, -0.5], [1.1, 1.9, -0.5], [-1.0, -2.0, -0.4], [1.0, 2.0, -0.5]])
     made = MadeBody(CORNERS, CORNERS + np.array([0, 0, 400.0])).positions(0.1, arm)
     assert off_m(made.oriented().ground_from_body) < 1e-6
@@ -48,37 +48,37 @@ def test_antenna_positions_with_lever_arm_orient_exactly():
         ),
     ],
 )
-def test_what_control_leaves_open_is_named(ground, given, named):
+def test_what_control_leaves_open_is_named(ground, given, named: str) -> None:
     with pytest.raises(GeometryError, match="component 1: not determined: ") as raised:
         by_control(ground, given)
     assert named in str(raised.value)
     assert "known in X, Y and Z" in str(raised.value)
 
 
-def test_control_only_almost_on_a_line_is_refused_too():
+def test_control_only_almost_on_a_line_is_refused_too() -> None:
     off = np.random.default_rng(9).normal(0, 5, (4, 3))
     ground = CORNERS[[0, 0, 0, 0]] + np.outer([0, 1, 2, 3], [600.0, 200, 0]) + off
     with pytest.raises(GeometryError, match="rotation about the line"):
         by_control(ground, [ALL] * 4)
 
 
-def test_collinear_control_is_enough_with_one_height_off_the_line():
+def test_collinear_control_is_enough_with_one_height_off_the_line() -> None:
     ground = [[0.0, 0, 0], [1000, 0, 5], [2000, 0, 3], [900, 1100, 12]]
     assert off_m(by_control(ground, [ALL, ALL, ALL, HEIGHT]).ground_from_body) < 1e-7
 
 
-def test_no_control_at_all_says_so():
+def test_no_control_at_all_says_so() -> None:
     with pytest.raises(GeometryError, match="no control point and no observed position"):
         by_control(np.zeros((0, 3)), np.zeros((0, 3), dtype=bool))
 
 
-def test_mirrored_control_is_refused():
+def test_mirrored_control_is_refused() -> None:
     mirrored = CORNERS[:, [1, 0, 2]] * [1.0, 1.0, 0.0] - CORNERS
     with pytest.raises(GeometryError, match="mirrored"):
         MadeBody(CORNERS).control(range(4), [ALL] * 4, 0.0, mirrored).oriented()
 
 
-def test_wrong_control_is_rejected_and_its_size_estimated():
+def test_wrong_control_is_rejected_and_its_size_estimated() -> None:
     ground = np.concatenate([CORNERS, np.random.default_rng(9).uniform([0, 0, 0], [2000, 1200, 30], (12, 3))])
     error = np.zeros((16, 3))
     error[6] = [0.0, 2.0, 0.0]
@@ -88,7 +88,7 @@ def test_wrong_control_is_rejected_and_its_size_estimated():
     assert off_m(found.ground_from_body) < 0.1
 
 
-def test_precise_control_and_weaker_positions_work_together():
+def test_precise_control_and_weaker_positions_work_together() -> None:
     made = MadeBody(CORNERS, CORNERS * 0.9 + [0, 0, 400.0], stated_m=0.0022)
     found = made.control(range(4), [ALL] * 4, 0.01).positions(1.0, error=np.array([0.5, 0, 0])).oriented()
     # Weights 1 : 10,000: the systematic 0.5 m of the positions hardly moves the block.

@@ -36,7 +36,7 @@ def _fits(point, x, ground):
 GROUND = np.column_stack([RNG.uniform(0, 1000, 40), RNG.uniform(0, 600, 40), RNG.uniform(0, 30, 40)])
 
 
-def test_error_free_strips_join_exactly():
+def test_error_free_strips_join_exactly() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 18), np.arange(10, 30), np.arange(24, 40)]))
     free = join_strips(points, ["1", "2", "3"])
     assert len(free.components) == 1
@@ -45,7 +45,7 @@ def test_error_free_strips_join_exactly():
     assert free.components[0].tied.tau_m == 0.0
 
 
-def test_a_strip_tied_only_to_two_others_together_is_joined_to_both():
+def test_a_strip_tied_only_to_two_others_together_is_joined_to_both() -> None:
     # Two points in common with each neighbour: no pair is enough, the two joined neighbours are.
     points, _ = _strips((GROUND, [np.arange(0, 18), np.arange(10, 30), np.array([0, 1, 28, 29, 35, 36, 37])]))
     free = join_strips(points, ["1", "2", "3"])
@@ -53,14 +53,14 @@ def test_a_strip_tied_only_to_two_others_together_is_joined_to_both():
     assert _fits(free.components[0].point, free.components[0].xyz, GROUND) < 1e-9
 
 
-def test_strips_with_nothing_in_common_stay_apart_and_say_so():
+def test_strips_with_nothing_in_common_stay_apart_and_say_so() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 20), np.arange(20, 40)]))
     free = join_strips(points, ["1", "2"])
     assert [c.strips.tolist() for c in free.components] == [[0], [1]]
     assert free.unjoined == ("strip 1 and strip 2 have no common point",)
 
 
-def test_two_common_points_are_too_few_and_collinear_ones_are_named():
+def test_two_common_points_are_too_few_and_collinear_ones_are_named() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 20), np.arange(18, 40)]))
     assert join_strips(points, ["1", "2"]).unjoined == ("strip 1 and strip 2 have 2 common points, 3 are needed",)
     line = GROUND.copy()
@@ -69,7 +69,7 @@ def test_two_common_points_are_too_few_and_collinear_ones_are_named():
     assert join_strips(points, ["1", "2"]).unjoined == ("strip 1 and strip 2 have 5 common points that lie on a line",)
 
 
-def test_ties_near_a_line_join_if_their_distances_from_it_exceed_their_noise():
+def test_ties_near_a_line_join_if_their_distances_from_it_exceed_their_noise() -> None:
     near = GROUND.copy()
     near[14:20] = np.array([[0.0, 300, 10]]) + np.arange(6)[:, None] * [100.0, 0, 0] + RNG.normal(0, 10, (6, 3))
     points, _ = _strips((near, [np.arange(0, 20), np.arange(14, 40)]), noise=0.01)
@@ -77,7 +77,7 @@ def test_ties_near_a_line_join_if_their_distances_from_it_exceed_their_noise():
     assert len(free.components) == 1
 
 
-def test_a_wrong_tie_is_found_among_noisy_ones():
+def test_a_wrong_tie_is_found_among_noisy_ones() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 25), np.arange(10, 40)]), noise=0.01)
     wrong = np.flatnonzero((points.strip == 1) & (points.point == 15))[0]
     xyz = points.xyz.copy()
@@ -90,21 +90,21 @@ def test_a_wrong_tie_is_found_among_noisy_ones():
     assert _fits(component.point[right], component.xyz[right], GROUND) < 0.1
 
 
-def test_an_observation_rejected_before_is_readmitted_where_it_fits():
+def test_an_observation_rejected_before_is_readmitted_where_it_fits() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 25), np.arange(10, 40)]), noise=0.01)
     active = np.ones(len(points.strip), dtype=bool)
     active[12] = False
     assert join_strips(points, ["1", "2"], active=active).active.all()
 
 
-def test_the_order_of_rows_does_not_matter():
+def test_the_order_of_rows_does_not_matter() -> None:
     points, _ = _strips((GROUND, [np.arange(0, 25), np.arange(10, 40)]), noise=0.01)
     order = RNG.permutation(len(points.strip))
     first, second = join_strips(points, ["1", "2"]), join_strips(points.take(order), ["1", "2"])
     np.testing.assert_allclose(first.components[0].xyz, second.components[0].xyz, rtol=0, atol=1e-9)
 
 
-def test_common_points_that_do_not_fit_each_other_tie_nothing():
+def test_common_points_that_do_not_fit_each_other_tie_nothing() -> None:
     one = np.array([[95.0, 14.4, 94.9], [31.2, 42.3, 82.8], [40.9, 55.0, 2.8]])
     other = np.array([[2034.6, 0.3, 0.8], [2804.1, 0.5, 1.0], [9616.6, 0.7, 0.5]])  # two of them can be made to fit
     covariance = np.tile(1e-12 * np.eye(3), (6, 1, 1))

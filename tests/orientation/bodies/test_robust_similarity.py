@@ -12,7 +12,7 @@ from aatri.orientation.bodies.kernels.robust_similarity import robust_similariti
 from aatri.orientation.bodies.spectrum import spectrum_of
 
 
-def _pair(rng, n, wrong):
+def _pair(rng: np.random.Generator, n: int, wrong):
     x = rng.normal(size=(n, 3)) * (40.0, 9.0, 3.0) + 100.0
     truth = Similarity(rng.normal(size=3) * 50, float(rng.uniform(0.2, 3.0)), exp_rotation(rng.normal(size=3)))
     X = transform(truth, x) + rng.normal(size=(n, 3)) * 0.02
@@ -21,7 +21,7 @@ def _pair(rng, n, wrong):
 
 
 @pytest.mark.parametrize("iterations", [0, 3, 50])
-def test_many_pairs_at_once_equal_each_by_itself(iterations):
+def test_many_pairs_at_once_equal_each_by_itself(iterations: int) -> None:
     rng = np.random.default_rng(5)
     pairs = [_pair(rng, n, wrong) for n, wrong in ((3, 0), (4, 1), (60, 15), (7, 0), (200, 1))]
     x, X = (np.concatenate(side) for side in zip(*pairs))
@@ -36,7 +36,7 @@ def test_many_pairs_at_once_equal_each_by_itself(iterations):
         np.testing.assert_allclose(distance[start[k] : start[k + 1]], of_each, atol=1e-9)
 
 
-def test_points_that_are_mirrored_are_not_fitted_by_a_mirrored_rotation():
+def test_points_that_are_mirrored_are_not_fitted_by_a_mirrored_rotation() -> None:
     x, X = _pair(np.random.default_rng(6), 30, 0)
     shift, scale, rotation, distance = np.empty((1, 3)), np.empty(1), np.empty((1, 3, 3)), np.empty(30)
     robust_similarities(np.array([0, 30]), x, X * (1, 1, -1), 50, shift, scale, rotation, distance)
@@ -44,7 +44,7 @@ def test_points_that_are_mirrored_are_not_fitted_by_a_mirrored_rotation():
     assert distance.max() > 1.0
 
 
-def test_eigenvalues_and_vectors_are_those_of_numpy_also_of_singular_and_equal_ones():
+def test_eigenvalues_and_vectors_are_those_of_numpy_also_of_singular_and_equal_ones() -> None:
     rng = np.random.default_rng(7)
     half = rng.normal(size=(300, 3, 3)) * np.array([1e-4, 1.0, 30.0])
     C = half @ half.swapaxes(1, 2)
@@ -57,7 +57,7 @@ def test_eigenvalues_and_vectors_are_those_of_numpy_also_of_singular_and_equal_o
     assert (np.abs(again - C) <= 1e-13 * scale[:, None]).all()
 
 
-def test_medians_of_points_in_any_number_of_strips():
+def test_medians_of_points_in_any_number_of_strips() -> None:
     rng = np.random.default_rng(8)
     count = np.array([1, 2, 3, 4, 1, 7, 2, 5])
     point = np.repeat(np.arange(8), count)

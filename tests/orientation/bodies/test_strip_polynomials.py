@@ -14,7 +14,7 @@ from tests.geometry.strip_deformation import correction_design
 RNG = np.random.default_rng(21)
 
 
-def _block(n_strips=3, noise_m=0.0, bend_m=0.3, degree_terms=5):
+def _block(n_strips: int = 3, noise_m: float = 0.0, bend_m=0.3, degree_terms=5):
     """Strips along X and one across; each deformed by a polynomial in its own axes. Returns truth and strips."""
     x, y = np.meshgrid(np.arange(0, 2001, 100.0), np.arange(0, 300.0 * n_strips + 1, 60.0), indexing="ij")
     truth = np.column_stack([x.ravel(), y.ravel(), RNG.uniform(0, 20, x.size)])
@@ -55,7 +55,7 @@ def _as_control(rows, xyz_m, sigma, given):
     return Control(np.arange(len(rows)), rows, xyz_m, covariance, given & (sigma > 0), given & (sigma == 0))
 
 
-def test_second_degree_deformation_is_recovered_with_enough_control():
+def test_second_degree_deformation_is_recovered_with_enough_control() -> None:
     truth, points, axes = _block()
     found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 11)))
     assert (found.degree == 2).all()
@@ -64,14 +64,14 @@ def test_second_degree_deformation_is_recovered_with_enough_control():
     assert found.tied.tau_m == 0.0
 
 
-def test_error_free_strips_stay_as_they_are():
+def test_error_free_strips_stay_as_they_are() -> None:
     truth, points, axes = _block(bend_m=0.0)
     found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 11)))
     assert np.abs(found.coefficients_m).max() < 1e-9
     assert np.abs(found.point_m - truth).max() < 1e-9
 
 
-def test_the_degree_falls_where_control_is_too_little_and_says_why():
+def test_the_degree_falls_where_control_is_too_little_and_says_why() -> None:
     truth, points, axes = _block(n_strips=1)
     single = points.take(points.strip == 0)
     corners = [
@@ -85,7 +85,7 @@ def test_the_degree_falls_where_control_is_too_little_and_says_why():
     assert "c_UU" in found.falls[1].reason
 
 
-def test_many_strips_that_fall_alike_are_told_in_one_warning():
+def test_many_strips_that_fall_alike_are_told_in_one_warning() -> None:
     truth, points, axes = _block(n_strips=9)
     four = [int(np.argmin(np.linalg.norm(truth[:, :2] - c, axis=1))) for c in ([0, 0], [0, 90], [90, 0], [90, 90])]
     found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, four))
@@ -99,7 +99,7 @@ def test_many_strips_that_fall_alike_are_told_in_one_warning():
     assert len(notes) < 10
 
 
-def test_plan_and_height_fall_apart():
+def test_plan_and_height_fall_apart() -> None:
     truth, points, axes = _block(n_strips=1)
     single = points.take(points.strip == 0)
     heights = np.arange(0, len(truth), 7)
@@ -114,7 +114,7 @@ def test_plan_and_height_fall_apart():
     assert found.degree[0, 0] < 2
 
 
-def test_a_degree_that_would_extrapolate_is_not_used():
+def test_a_degree_that_would_extrapolate_is_not_used() -> None:
     truth, points, axes = _block(n_strips=1, noise_m=0.01)
     single = points.take(points.strip == 0)
     first_quarter = np.flatnonzero(truth[:, 0] <= 400)
@@ -123,14 +123,14 @@ def test_a_degree_that_would_extrapolate_is_not_used():
     assert "less precise than a point" in found.falls[0].reason
 
 
-def test_deformation_beyond_the_polynomial_is_estimated():
+def test_deformation_beyond_the_polynomial_is_estimated() -> None:
     truth, points, axes = _block(noise_m=0.05)
     found = adjust_strip_polynomials(points, len(truth), axes, _control(truth, np.arange(0, len(truth), 5), sigma=0.01))
     # 5 cm in every coordinate, of which the covariances explain 1, 1 and 2 cm.
     assert found.tied.tau_m == pytest.approx(np.sqrt(0.05**2 - 2e-4), abs=0.004)
 
 
-def test_a_wrong_tie_and_wrong_control_are_rejected():
+def test_a_wrong_tie_and_wrong_control_are_rejected() -> None:
     truth, points, axes = _block(noise_m=0.01)
     rows = np.arange(0, len(truth), 5)
     control = _control(truth, rows, sigma=0.01)
@@ -152,7 +152,7 @@ def test_a_wrong_tie_and_wrong_control_are_rejected():
     assert found.tied.size[n + 9, 2] == pytest.approx(0.6, abs=0.06)
 
 
-def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip():
+def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip() -> None:
     truth, points, axes = _block(n_strips=1)
     single = points.take(points.strip == 0)
     found = adjust_strip_polynomials(single, len(truth), axes[:1], _control(truth, np.arange(0, len(truth), 9)))
@@ -168,7 +168,7 @@ def test_a_point_known_in_one_strip_only_is_corrected_with_its_strip():
         pytest.param("polynomial", 3, True, marks=pytest.mark.slow),
     ],
 )
-def test_a_deformation_of_every_form_is_recovered_with_enough_control(form, degree, full):
+def test_a_deformation_of_every_form_is_recovered_with_enough_control(form: str, degree: int, full: bool) -> None:
     basis = strip_basis(form, degree, full=full)
     truth, straight, axes = _block(bend_m=0.0)
     rng = np.random.default_rng(3)
@@ -213,7 +213,7 @@ def _lecture():
 
 
 @pytest.mark.parametrize(("form", "coefficients"), [("polynomial", 45), ("conformal", 33)])
-def test_counts_of_the_lecture_notes(form, coefficients):
+def test_counts_of_the_lecture_notes(form: str, coefficients: int) -> None:
     """62 equations; 45 coefficients leave 17 redundant, 33 conformal ones 29."""
     truth, points, axes, control = _lecture()
     found = adjust_strip_polynomials(points, len(truth), axes, control, basis=strip_basis(form, 2))

@@ -17,7 +17,7 @@ from aatri.orientation.bodies.summed_deformation import COMPONENTS, covariances
 MODELS, BASE_M, WIDTH_M = 20, 100.0, 360.0
 
 
-def test_legendre_coefficients_of_a_random_walk_hold_all_of_its_variance():
+def test_legendre_coefficients_of_a_random_walk_hold_all_of_its_variance() -> None:
     # int_0^1 t dt = 1/2, of which the mean takes int int min(s, t) = 1/3; squares of P_a have the mean 1 / (2a + 1).
     # The degrees above 59 have 1 / (8 * 59).
     a = np.arange(1, 60)
@@ -25,14 +25,14 @@ def test_legendre_coefficients_of_a_random_walk_hold_all_of_its_variance():
     assert (K.diagonal() / (2 * a + 1)).sum() == pytest.approx(1 / 2 - 1 / 3 - 1 / (8 * 59), rel=1e-3)
 
 
-def test_white_noise_summed_twice_less_its_best_line_has_the_variance_of_the_law():
+def test_white_noise_summed_twice_less_its_best_line_has_the_variance_of_the_law() -> None:
     # 1/420, as `deformation` has it.
     a = np.arange(2, 40)
     K = covariances(tuple(a.tolist()), 2)
     assert (K.diagonal() / (2 * a + 1)).sum() == pytest.approx(1 / 420, rel=1e-4)
 
 
-def test_covariances_of_coefficients_are_those_of_summed_random_numbers():
+def test_covariances_of_coefficients_are_those_of_summed_random_numbers() -> None:
     rng, n, u = np.random.default_rng(3), 400, (np.arange(400) + 0.5) / 200 - 1
     walks = np.cumsum(rng.standard_normal((4000, n)), axis=1) / np.sqrt(n)
     twice = np.cumsum(walks, axis=1) / n
@@ -41,7 +41,7 @@ def test_covariances_of_coefficients_are_those_of_summed_random_numbers():
     np.testing.assert_allclose(found.diagonal(), covariances((2, 3), 2).diagonal(), rtol=0.1)
 
 
-def test_variances_of_two_components_come_out_as_put_in():
+def test_variances_of_two_components_come_out_as_put_in() -> None:
     rng, found = np.random.default_rng(5), []
     component = np.repeat([0, 1], 40)
     root = rng.standard_normal((80, 90)) * np.repeat([3.0, 1.0], 40)[:, None]
@@ -60,7 +60,7 @@ def test_variances_of_two_components_come_out_as_put_in():
     np.testing.assert_allclose(np.mean(found, axis=0), 1.0, atol=0.12)
 
 
-def _walked(rng, X, start_m):
+def _walked(rng: np.random.Generator, X, start_m):
     """A deformation by joints that err: (dU, dV, dW) by interpolated sums, heights as told by the axes."""
     stations = np.arange(MODELS + 1) * BASE_M
     scale, azimuth, pitch, roll = 4e-5 * np.cumsum(rng.standard_normal((4, MODELS + 1)), axis=1)
@@ -81,7 +81,7 @@ def _walked(rng, X, start_m):
     )
 
 
-def _errors_and_variances(seed, strips=6, every=23):
+def _errors_and_variances(seed: int, strips=6, every=23):
     """Mean squares of true errors and of standard deviations of a made-up block of parallel strips."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(
@@ -127,13 +127,13 @@ def _errors_and_variances(seed, strips=6, every=23):
 
 
 @pytest.mark.slow
-def test_standard_deviations_of_strips_that_sum_up_errors_hold():
+def test_standard_deviations_of_strips_that_sum_up_errors_hold() -> None:
     squares = np.array([_errors_and_variances(seed)[0] for seed in range(1, 9)]).sum(axis=0)
     ratio = np.sqrt(squares[0] / squares[1])
     assert ((ratio > 0.7) & (ratio < 1.4)).all(), ratio
 
 
-def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_so():
+def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_so() -> None:
     _, deformed = _errors_and_variances(1, strips=1, every=70)
     assert np.isnan(deformed.point_covariance_m2).all()
     assert min(deformed.redundancy.values()) < 10
@@ -141,20 +141,20 @@ def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_
     assert "not estimable" in note.text
 
 
-def test_how_far_joints_err_is_told():
+def test_how_far_joints_err_is_told() -> None:
     _, deformed = _errors_and_variances(1)
     (note,) = covariance_notes(deformed)
     assert "joints, tilt across" in note.text
     assert deformed.sigma == pytest.approx(dict.fromkeys(COMPONENTS, 4e-5), rel=0.3)
 
 
-def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone():
+def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone() -> None:
     weights = np.stack([np.diag([0.0, 0.0, 4.0]), np.zeros((3, 3)), np.diag([1.0, 2.0, 4.0])])
     np.testing.assert_allclose(_inverses(weights)[[0, 2], 2, 2], 0.25)
     assert np.isfinite(_inverses(weights)).all()
 
 
-def test_without_a_control_point_among_the_ties_nothing_is_brought_in():
+def test_without_a_control_point_among_the_ties_nothing_is_brought_in() -> None:
     nothing = np.zeros(0, dtype=np.int64)
     ties = DeformedTies(nothing, nothing, nothing, np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros((0, 5)))
     assert of_control(ties, 4, np.zeros((2, 3, 3)), nothing, np.zeros((0, 3, 3))).shape == (4, 15, 0)

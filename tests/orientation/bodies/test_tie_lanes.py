@@ -37,7 +37,7 @@ def _polynomials():
 
 
 @pytest.mark.parametrize("made", [_similarities, _polynomials])
-def test_the_compiled_lane_equals_the_plain_one(made):
+def test_the_compiled_lane_equals_the_plain_one(made) -> None:
     ties, of_strips = made()
     records = replace(ties.records(STRIP_TIE), whitener=RNG.normal(size=(N, 3, 3)))
     state = {BODY: of_strips, POINT: RNG.normal(size=(POINTS, 3))}
@@ -52,7 +52,7 @@ def test_the_compiled_lane_equals_the_plain_one(made):
 
 
 @pytest.mark.parametrize("made", [_similarities, _polynomials])
-def test_derivatives_equal_differences_of_the_ground_coordinates(made):
+def test_derivatives_equal_differences_of_the_ground_coordinates(made) -> None:
     ties, of_strips = made()
     J = ties.derivatives(of_strips, ties.rows)
     h = 1e-5

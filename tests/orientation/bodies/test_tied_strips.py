@@ -22,7 +22,7 @@ from aatri.observations.ties import BODY, STRIP_TIE, Ties
 RNG = np.random.default_rng(11)
 
 
-def _linear(strip, point, xyz, J, C, *, n_strips, held=None):
+def _linear(strip, point, xyz, J, C, *, n_strips: int, held=None):
     """Ties whose points move linearly with the unknowns of their strip."""
     values, vectors = np.linalg.eigh(C)
 
@@ -45,7 +45,7 @@ def _linear(strip, point, xyz, J, C, *, n_strips, held=None):
     )
 
 
-def _made(n_strips=3, n_points=8, unknowns=2):
+def _made(n_strips: int = 3, n_points: int = 8, unknowns=2):
     strip, point = (a.ravel() for a in np.indices((n_strips, n_points)))
     keep = RNG.random(len(strip)) < 0.8
     strip, point = strip[keep], point[keep]
@@ -76,7 +76,7 @@ def _dense(ties, given, tau):
     return np.einsum("nij,njk->nik", T, A).reshape(3 * m, -1), np.einsum("nij,nj->ni", T, rhs).ravel()
 
 
-def _given(n=2):
+def _given(n: int = 2):
     given = np.array([[True, True, False], [True, True, True]])[:n]
     covariance = np.tile(0.04 * np.eye(3), (n, 1, 1))
     return _control(np.array([0, 3])[:n], RNG.normal(size=(n, 3)), covariance, given)
@@ -100,7 +100,7 @@ def _adjusted(ties, given, limit):
     return adjust_tied(_problem(ties, given), Snooping(limit))
 
 
-def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_minus_1_over_k():
+def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_minus_1_over_k() -> None:
     k = 4
     eye = np.tile(np.eye(3), (k, 1, 1))
     ties = _linear(np.arange(k), np.zeros(k, dtype=int), np.zeros((k, 3)), eye, eye, n_strips=k)
@@ -111,7 +111,7 @@ def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_min
     np.testing.assert_allclose(N, np.kron(np.eye(k) - np.ones((k, k)) / k, np.eye(3)), atol=1e-14)
 
 
-def test_results_and_tests_equal_the_dense_adjustment():
+def test_results_and_tests_equal_the_dense_adjustment() -> None:
     ties, given = _made(n_points=12), _given()
     found = _adjusted(ties, [given], 1e9)
     assert found.tau_m > 0  # the made-up coordinates disagree by far more than their covariances say
@@ -134,7 +134,7 @@ def test_results_and_tests_equal_the_dense_adjustment():
     assert (v[: 3 * n] ** 2).sum() == pytest.approx(np.diag(cofactor)[: 3 * n].sum(), rel=0.1)
 
 
-def test_what_is_rejected_is_predicted_by_the_others():
+def test_what_is_rejected_is_predicted_by_the_others() -> None:
     ties, given = _made(n_points=12), _given()
     out = 5
     active = np.ones(len(ties.body) + 2, dtype=bool)
@@ -154,7 +154,7 @@ def test_what_is_rejected_is_predicted_by_the_others():
     assert found.test[out] == pytest.approx(np.sqrt(v @ np.linalg.solve(cofactor, v) / 3), rel=1e-6)
 
 
-def test_exact_control_holds_and_plan_only_control_leaves_heights_alone():
+def test_exact_control_holds_and_plan_only_control_leaves_heights_alone() -> None:
     xyz = np.array([[0.0, 0, 5], [10, 0, 6], [0, 10, 7]])
     known = np.array([[True, True, False], [True, True, True], [False, False, False]])
     given = _control(np.arange(3), xyz + np.array([1.0, 2.0, 3.0]), np.zeros((3, 3, 3)), known)
@@ -165,7 +165,7 @@ def test_exact_control_holds_and_plan_only_control_leaves_heights_alone():
     assert np.isnan(found.residuals[3, 2])
 
 
-def test_a_wrong_tie_is_rejected_and_its_size_estimated():
+def test_a_wrong_tie_is_rejected_and_its_size_estimated() -> None:
     n = 20
     strip, point = np.repeat([0, 1, 2], n), np.tile(np.arange(n), 3)
     true = RNG.uniform(0, 100, (n, 3))
@@ -181,7 +181,9 @@ def test_a_wrong_tie_is_rejected_and_its_size_estimated():
 
 
 @pytest.mark.parametrize(("leverage", "rejected"), [(0.1, True), (1e-3, False)])
-def test_control_that_alone_determines_something_is_kept_and_named_however_large_its_test(leverage, rejected):
+def test_control_that_alone_determines_something_is_kept_and_named_however_large_its_test(
+    leverage: float, rejected: bool
+) -> None:
     n = 400
     rng = np.random.default_rng(4)
     xyz = rng.uniform(0, 100, (n, 3))

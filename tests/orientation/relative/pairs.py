@@ -53,7 +53,7 @@ def simulate(X, R1, R2, X1, X2, rng=None, sigma=0.005):
     return rays_of(left, right, sigma), R1.T @ R2, b / np.linalg.norm(b)
 
 
-def rotation(rng, spread=0.03, kappa=0.0):
+def rotation(rng: np.random.Generator, spread=0.03, kappa=0.0):
     """Near-vertical rotation with tilts of the given spread and a kappa."""
     return Rotation.from_rotvec(rng.normal(size=3) * spread).as_matrix() @ Rotation.from_euler("z", kappa).as_matrix()
 

@@ -21,7 +21,7 @@ ORIGIN = np.zeros(3)
 
 @pytest.mark.parametrize("kappa_right", [0.0, np.pi / 2, np.pi, -2.5])
 @pytest.mark.parametrize("kappa_left", [0.0, np.pi])
-def test_error_free_pairs_are_recovered_to_machine_precision(kappa_left, kappa_right):
+def test_error_free_pairs_are_recovered_to_machine_precision(kappa_left, kappa_right) -> None:
     rng = np.random.default_rng(5)
     X = gruber_ground(3, rng, relief=0.1)
     rays, R, b = simulate(X, rotation(rng, kappa=kappa_left), rotation(rng, kappa=kappa_right), ORIGIN, B)
@@ -32,7 +32,7 @@ def test_error_free_pairs_are_recovered_to_machine_precision(kappa_left, kappa_r
     assert found.sigma0 < 1e-8
 
 
-def test_oblique_and_convergent_pairs_of_any_direction_are_recovered():
+def test_oblique_and_convergent_pairs_of_any_direction_are_recovered() -> None:
     for seed in range(12):
         rng = np.random.default_rng(seed)
         X = rng.uniform(-1, 1, (15, 3))
@@ -47,14 +47,14 @@ def test_oblique_and_convergent_pairs_of_any_direction_are_recovered():
         np.testing.assert_allclose(found.base, b, atol=1e-11)
 
 
-def _looking_at_origin(station, rng):
+def _looking_at_origin(station, rng: np.random.Generator):
     z = station / np.linalg.norm(station)
     x = np.cross(rng.normal(size=3), z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def test_redundancy_numbers_of_the_six_gruber_points():
+def test_redundancy_numbers_of_the_six_gruber_points() -> None:
     # reference C.7: (1/3, 1/3, 1/12 x 4), the normal case with the middle points first
     places = np.array([[x, y, -1.0] for x in (0.0, 0.6) for y in (0.0, 0.6, -0.6)])
     rays, _, _ = simulate(places, np.eye(3), np.eye(3), ORIGIN, np.array([0.6, 0, 0]))
@@ -64,7 +64,7 @@ def test_redundancy_numbers_of_the_six_gruber_points():
     np.testing.assert_allclose(r, np.array([4, 1, 1, 4, 1, 1]) / 12, atol=1e-9)
 
 
-def test_sigma0_is_one_and_the_covariance_is_that_of_repetitions():
+def test_sigma0_is_one_and_the_covariance_is_that_of_repetitions() -> None:
     rng = np.random.default_rng(2)
     X = gruber_ground(3, rng, relief=0.05)
     R1, R2 = rotation(rng), rotation(rng)
@@ -78,7 +78,7 @@ def test_sigma0_is_one_and_the_covariance_is_that_of_repetitions():
     np.testing.assert_allclose(np.std(d, axis=0), np.sqrt(np.diag(found.covariance)[:3]), rtol=0.25)
 
 
-def test_gross_errors_are_rejected_with_their_size():
+def test_gross_errors_are_rejected_with_their_size() -> None:
     rng = np.random.default_rng(4)
     X = gruber_ground(4, rng, relief=0.05)
     rays, R, _ = simulate(X, rotation(rng), rotation(rng), ORIGIN, B, rng)
@@ -92,7 +92,7 @@ def test_gross_errors_are_rejected_with_their_size():
     np.testing.assert_allclose(found.left_from_right, R, atol=2e-4)
 
 
-def test_forty_percent_mismatches_are_survived():
+def test_forty_percent_mismatches_are_survived() -> None:
     rng = np.random.default_rng(6)
     X = gruber_ground(8, rng, relief=0.05)
     rays, R, _ = simulate(X, rotation(rng), rotation(rng, kappa=1.0), ORIGIN, B, rng)
@@ -118,19 +118,19 @@ def test_forty_percent_mismatches_are_survived():
         ),
     ],
 )
-def test_unfavourable_geometry_is_refused_with_the_reason(make, reason):
+def test_unfavourable_geometry_is_refused_with_the_reason(make, reason: str) -> None:
     rng = np.random.default_rng(1)
     with pytest.raises(GeometryError, match=reason):
         relative_orientation(make(gruber_ground(3, rng, relief=0.05), rng))
 
 
-def _cylinder(rng):
+def _cylinder(rng: np.random.Generator):
     """Points on a circular cylinder through both projection centres, its axis along the base."""
     angle = rng.uniform(-1, 1, 18)
     return np.column_stack([rng.uniform(0, 0.6, 18), np.sin(2 * angle) * 0.5, -0.5 - 0.5 * np.cos(2 * angle)])
 
 
-def test_exactly_five_points_are_oriented_with_a_warning():
+def test_exactly_five_points_are_oriented_with_a_warning() -> None:
     rng = np.random.default_rng(11)
     rays, R, b = simulate(gruber_ground(2, rng, relief=0.1)[:9:2], rotation(rng), rotation(rng), ORIGIN, B)
     found = relative_orientation(rays)
@@ -141,7 +141,7 @@ def test_exactly_five_points_are_oriented_with_a_warning():
     assert "no redundancy" in found.warnings[0]
 
 
-def test_an_error_among_six_points_is_seen_but_no_point_is_blamed():
+def test_an_error_among_six_points_is_seen_but_no_point_is_blamed() -> None:
     rng = np.random.default_rng(12)
     rays, _, _ = simulate(gruber_ground(1, rng), rotation(rng), rotation(rng), ORIGIN, B, rng)
     right = rays.right.copy()
@@ -151,14 +151,14 @@ def test_an_error_among_six_points_is_seen_but_no_point_is_blamed():
     assert "cannot be told" in found.warnings[0]
 
 
-def test_points_in_a_corner_are_oriented_with_a_warning():
+def test_points_in_a_corner_are_oriented_with_a_warning() -> None:
     rng = np.random.default_rng(13)
     X = np.array([0.3, 0.5, -1.0]) + rng.uniform(-0.05, 0.05, (12, 3))
     rays, _, _ = simulate(X, rotation(rng), rotation(rng), ORIGIN, B, rng)
     assert "weak geometry" in relative_orientation(rays).warnings[0]
 
 
-def test_points_behind_an_image_are_rejected():
+def test_points_behind_an_image_are_rejected() -> None:
     rng = np.random.default_rng(14)
     rays, _, _ = simulate(gruber_ground(4, rng, relief=0.05), rotation(rng), rotation(rng), ORIGIN, B, rng)
     # a mismatch along the epipolar line: the right point lies right of the left one
@@ -170,7 +170,7 @@ def test_points_behind_an_image_are_rejected():
     assert found.active[:-1].all()
 
 
-def test_two_thousand_points_with_gross_errors_are_oriented():
+def test_two_thousand_points_with_gross_errors_are_oriented() -> None:
     rng = np.random.default_rng(15)
     X = np.column_stack([rng.uniform(-0.2, 0.8, 2000), rng.uniform(-0.7, 0.7, 2000), rng.uniform(-1.1, -0.9, 2000)])
     rays, R, _ = simulate(X, rotation(rng), rotation(rng, kappa=3.0), ORIGIN, B, rng)
@@ -182,7 +182,7 @@ def test_two_thousand_points_with_gross_errors_are_oriented():
     assert (~np.delete(found.active, np.arange(0, 2000, 10))).sum() <= 2
 
 
-def test_standard_deviations_far_too_small_end_in_an_orientation_with_a_warning():
+def test_standard_deviations_far_too_small_end_in_an_orientation_with_a_warning() -> None:
     rng = np.random.default_rng(16)
     X = gruber_ground(10, rng, relief=0.05)
     for _ in range(10):

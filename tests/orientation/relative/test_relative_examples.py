@@ -52,7 +52,7 @@ def _unweighted(rays, bx):
 
 
 @pytest.mark.parametrize("name", ["mikhail_152150", "uofc_27_28_tavish"])
-def test_unweighted_coplanarity_gives_the_printed_digits(examples, name):
+def test_unweighted_coplanarity_gives_the_printed_digits(examples: dict, name: str) -> None:
     example = examples[name]
     points = example["points"]
     points = list(points.values()) if isinstance(points, dict) else points
@@ -66,7 +66,7 @@ def test_unweighted_coplanarity_gives_the_printed_digits(examples, name):
         np.testing.assert_allclose(found.xyz, list(example["model_coords_mm"].values()), atol=2e-3)
 
 
-def test_the_rigorous_two_image_adjustment_of_wolf_and_dewitt_is_met(examples):
+def test_the_rigorous_two_image_adjustment_of_wolf_and_dewitt_is_met(examples: dict) -> None:
     example = examples["wolf_dewitt_152113"]
     answer = example["answer"]
     found = relative_orientation(_rays(list(example["points"].values()), example["f_mm"]))
@@ -87,7 +87,7 @@ def test_the_rigorous_two_image_adjustment_of_wolf_and_dewitt_is_met(examples):
     np.testing.assert_allclose(sigma_base, [answer["sd"]["YL"], answer["sd"]["ZL"]], atol=6e-5)
 
 
-def test_whu_319_320_in_the_chinese_system(examples):
+def test_whu_319_320_in_the_chinese_system(examples: dict) -> None:
     example = examples["whu_319_320"]
     names = sorted(example["left_319"], key=str)
     # the source's program has photo 320 on the left

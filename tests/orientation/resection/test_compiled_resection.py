@@ -48,7 +48,9 @@ def _block(seed: int, n_images: int = 20, n_points: int = 60) -> dict[str, np.nd
 def _in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the images be resected by the reference."""
 
-    def resect(first, last, start, X, xy, weight, c, fewest, huber, tolerance, iterations, X0, R, Q, spread, done):
+    def resect(
+        first, last, start, X, xy, weight, c, fewest, huber, tolerance, iterations, X0, R, Q, spread, done
+    ) -> None:
         if first > 0:
             return
         image = np.repeat(np.arange(len(c)), np.diff(start))

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from tests.orientation.relative.pairs import image_coordinates, rays_of, relative_orientation, rotation
 
 
-def _strip(rng, n_images, kappa=0.0, density=3):
+def _strip(rng: np.random.Generator, n_images, kappa=0.0, density=3):
     """Images along x with uneven bases and heights, points on relief; models from relative orientation."""
     X0 = np.column_stack(
         [0.55 * np.arange(n_images) + rng.normal(0, 0.02, n_images), rng.normal(0, 0.02, (n_images, 2))]
@@ -50,7 +50,7 @@ def _models(X0, R, ground, image_points):
 
 
 @pytest.mark.parametrize("kappa", [0.0, np.pi, np.pi / 2])
-def test_an_error_free_strip_is_reproduced_exactly(kappa):
+def test_an_error_free_strip_is_reproduced_exactly(kappa) -> None:
     X0, R, ground, xy = _strip(np.random.default_rng(1), 6, kappa=kappa)
     models = _models(X0, R, ground, xy)
     table = table_of(models)
@@ -66,7 +66,7 @@ def test_an_error_free_strip_is_reproduced_exactly(kappa):
     assert np.abs(strip.placed[together.first_row] - strip.placed[together.second_row]).max() < 1e-10
 
 
-def test_scale_and_discrepancies_have_the_spread_their_sigmas_say():
+def test_scale_and_discrepancies_have_the_spread_their_sigmas_say() -> None:
     rng = np.random.default_rng(7)
     X0, R, ground, xy = _strip(rng, 3)
     true = np.linalg.norm(X0[2] - X0[1]) / np.linalg.norm(X0[1] - X0[0])
@@ -81,7 +81,7 @@ def test_scale_and_discrepancies_have_the_spread_their_sigmas_say():
     assert np.sqrt(np.mean(np.concatenate(tests) ** 2)) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_connection_point_wrong_in_x_is_found_and_left_out():
+def test_a_connection_point_wrong_in_x_is_found_and_left_out() -> None:
     rng = np.random.default_rng(9)
     X0, R, ground, xy = _strip(rng, 4)
     xy = xy + rng.normal(0, 0.005, xy.shape)

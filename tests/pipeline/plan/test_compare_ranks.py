@@ -22,7 +22,7 @@ from aatri.pipeline.plan.compare_axes import axes, changed_settings
         ((10, 11, 8), 3 / 11),
     ],
 )
-def test_the_spread_of_a_figure_is_relative(values, expected):
+def test_the_spread_of_a_figure_is_relative(values, expected) -> None:
     assert relative_spread(values) == pytest.approx(expected)
 
 
@@ -31,7 +31,7 @@ def _run(name: str, use: str, options: dict[str, Any], source: str) -> Compared:
     return Compared(name, Path(name), ("bundle",), {"bundle": record})
 
 
-def test_another_port_is_a_change_and_runs_of_another_method_are_told_apart_by_its_options():
+def test_another_port_is_a_change_and_runs_of_another_method_are_told_apart_by_its_options() -> None:
     first = _run("first", "role/plain", {"limit": 4}, "strips")
     other = _run("other", "role/plain", {"limit": 4}, "models")
     two, three = (_run(name, "role/curved", {"limit": 4, "degree": n}, "strips") for name, n in (("2", 2), ("3", 3)))

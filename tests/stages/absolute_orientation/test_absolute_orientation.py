@@ -32,7 +32,7 @@ def _errors(made, solution):
 
 
 @pytest.mark.parametrize("n_strips", [2, 4])
-def test_four_corner_points_orient_a_block_where_no_strip_has_three(n_strips):
+def test_four_corner_points_orient_a_block_where_no_strip_has_three(n_strips: int) -> None:
     made = MadeBlock(n_strips, 5)
     made.control(made.corners())
     solution, heard = _oriented(made)
@@ -44,7 +44,7 @@ def test_four_corner_points_orient_a_block_where_no_strip_has_three(n_strips):
     assert heard.warnings == []
 
 
-def test_plan_and_height_control_and_antenna_positions_orient_together_exactly():
+def test_plan_and_height_control_and_antenna_positions_orient_together_exactly() -> None:
     made = MadeBlock(3, 5)
     a, b, c, d = made.corners()
     made.control([a, d], roles=(1, 1, 0)).control([b, c], roles=(0, 0, 1), sigma_m=0.02)
@@ -53,7 +53,7 @@ def test_plan_and_height_control_and_antenna_positions_orient_together_exactly()
     assert max(_errors(made, solution)) < 1e-6
 
 
-def test_residuals_of_control_are_component_minus_given():
+def test_residuals_of_control_are_component_minus_given() -> None:
     made = MadeBlock(2, 5, noise_m=0.02)
     made.control(made.corners(), sigma_m=0.05)
     solution, _ = _oriented(made)
@@ -65,7 +65,7 @@ def test_residuals_of_control_are_component_minus_given():
     assert solution.redundancy == solution.observations - solution.unknowns
 
 
-def test_counts_of_image_points_are_those_of_solved_points_in_oriented_images():
+def test_counts_of_image_points_are_those_of_solved_points_in_oriented_images() -> None:
     made = MadeBlock(2, 5)
     made.control(made.corners())
     solution, _ = _oriented(made)
@@ -75,7 +75,7 @@ def test_counts_of_image_points_are_those_of_solved_points_in_oriented_images():
     assert (solution.points.rays[~solved] == 0).all()
 
 
-def test_two_strips_with_nothing_in_common_are_an_error_that_says_why_where_all_are_asked_for():
+def test_two_strips_with_nothing_in_common_are_an_error_that_says_why_where_all_are_asked_for() -> None:
     made = MadeBlock(2, 5, gap_m=400.0)
     low = made.truth[:, 1] < made.truth[:, 1].mean()
     made.control(np.flatnonzero(low)[::7])
@@ -88,7 +88,7 @@ def test_two_strips_with_nothing_in_common_are_an_error_that_says_why_where_all_
     assert "components: largest" in text
 
 
-def test_what_can_be_oriented_is_and_the_rest_is_listed():
+def test_what_can_be_oriented_is_and_the_rest_is_listed() -> None:
     made = MadeBlock(2, 5, gap_m=400.0)
     low = made.truth[:, 1] < made.truth[:, 1].mean()
     made.control(np.flatnonzero(low)[::7])
@@ -99,7 +99,7 @@ def test_what_can_be_oriented_is_and_the_rest_is_listed():
     assert any("component 2 (strip 2)" in text for text in heard.warnings)
 
 
-def test_two_components_with_control_of_their_own_are_both_oriented():
+def test_two_components_with_control_of_their_own_are_both_oriented() -> None:
     made = MadeBlock(2, 5, gap_m=400.0)
     made.control(range(0, len(made.truth), 5))
     solution, heard = _oriented(made)
@@ -108,7 +108,7 @@ def test_two_components_with_control_of_their_own_are_both_oriented():
     assert any("have no common point" in text for text in heard.warnings)
 
 
-def test_too_little_and_collinear_control_is_named_with_its_points():
+def test_too_little_and_collinear_control_is_named_with_its_points() -> None:
     made = MadeBlock(2, 5)
     a, b, _, _ = made.corners()
     made.control([a, b])
@@ -117,7 +117,7 @@ def test_too_little_and_collinear_control_is_named_with_its_points():
         _oriented(made)
 
 
-def test_wrong_control_becomes_a_suspect():
+def test_wrong_control_becomes_a_suspect() -> None:
     made = MadeBlock(3, 6, noise_m=0.01)
     made.control(range(0, len(made.truth), 6), sigma_m=0.01)
     made.control([24], sigma_m=0.01, error_m=(0.0, 0.0, 1.5))
@@ -129,7 +129,7 @@ def test_wrong_control_becomes_a_suspect():
     assert suspects.size[0] == pytest.approx(1.5, abs=0.1)
 
 
-def test_the_result_does_not_depend_on_a_shift_of_the_map():
+def test_the_result_does_not_depend_on_a_shift_of_the_map() -> None:
     made = MadeBlock(2, 5, noise_m=0.02)
     made.control(made.corners(), sigma_m=0.02)
     here, _ = _oriented(made)
@@ -140,7 +140,7 @@ def test_the_result_does_not_depend_on_a_shift_of_the_map():
     np.testing.assert_allclose(there.points.xyz_m - far, here.points.xyz_m, atol=1e-7)
 
 
-def test_positions_of_a_single_strip_leave_the_roll_open_and_those_of_two_strips_do_not():
+def test_positions_of_a_single_strip_leave_the_roll_open_and_those_of_two_strips_do_not() -> None:
     single = MadeBlock(1, 6).positions(range(6))
     with pytest.raises(GeometryError, match="rotation about the line through image 000 and image 005"):
         _oriented(single)
@@ -149,7 +149,7 @@ def test_positions_of_a_single_strip_leave_the_roll_open_and_those_of_two_strips
     assert max(_errors(both, solution)) < 1e-6
 
 
-def test_a_wrong_position_becomes_a_suspect():
+def test_a_wrong_position_becomes_a_suspect() -> None:
     made = MadeBlock(3, 6, noise_m=0.01)
     error = np.zeros((18, 3))
     error[8] = [4.0, 0.0, 0.0]
@@ -159,13 +159,13 @@ def test_a_wrong_position_becomes_a_suspect():
     assert solution.suspects.image.tolist() == ["008"]
 
 
-def test_a_block_without_control_says_what_to_give():
+def test_a_block_without_control_says_what_to_give() -> None:
     with pytest.raises(GeometryError, match="no control point and no observed position") as raised:
         _oriented(MadeBlock(2, 5))
     assert "three in height" in raised.value.remedy
 
 
-def test_no_strips_at_all_is_an_error():
+def test_no_strips_at_all_is_an_error() -> None:
     made = MadeBlock(2, 5)
     made.control(made.corners())
     from dataclasses import replace
@@ -202,7 +202,7 @@ def _suspected(made, kind, row, image="", point=""):
 
 @pytest.mark.parametrize(("kind", "row"), [("control", 3), ("position", 2)])
 @pytest.mark.parametrize("wrong", [True, False])
-def test_what_an_earlier_stage_rejected_begins_outside_and_is_tested_again(kind, row, wrong):
+def test_what_an_earlier_stage_rejected_begins_outside_and_is_tested_again(kind: str, row: int, wrong: bool) -> None:
     made = MadeBlock(3, 6, noise_m=0.01)
     points = list(range(0, len(made.truth), 6))
     made.control(points, sigma_m=0.02)
@@ -224,7 +224,7 @@ def test_what_an_earlier_stage_rejected_begins_outside_and_is_tested_again(kind,
         assert suspects.sigma[0] < 1.0
 
 
-def test_control_that_is_rejected_does_not_count_as_datum():
+def test_control_that_is_rejected_does_not_count_as_datum() -> None:
     made = MadeBlock(2, 6, noise_m=0.005)
     line = np.flatnonzero(np.abs(made.truth[:, 1] - made.truth[:, 1].min()) < 8)
     made.control(line, sigma_m=0.01)
@@ -240,7 +240,7 @@ def test_control_that_is_rejected_does_not_count_as_datum():
     similarity(block, strips, made.image_points())
 
 
-def test_sigma0_beyond_what_deformation_explains_is_an_error():
+def test_sigma0_beyond_what_deformation_explains_is_an_error() -> None:
     made = MadeBlock(3, 5, noise_m=0.02)
     made.control(made.corners(), sigma_m=0.02)
     _, heard = _oriented(made)

@@ -18,20 +18,20 @@ from tests.stages.made_strips import made_strips
 class Log:
     """Keeps what a stage says."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.logs, self.warnings = [], []
 
-    def log(self, message):
+    def log(self, message: str) -> None:
         self.logs.append(message)
 
-    def warn(self, message):
+    def warn(self, message: str) -> None:
         self.warnings.append(message)
 
-    def progress(self, done, total, what=""):
+    def progress(self, done, total, what="") -> None:
         pass
 
 
-def test_error_free_strips_flown_to_and_fro_give_the_true_models():
+def test_error_free_strips_flown_to_and_fro_give_the_true_models() -> None:
     made = made_strips(4, 2)
     models = dependent(made.block, made.image_points)
     o, p = models.orientations, models.model_points
@@ -48,14 +48,14 @@ def test_error_free_strips_flown_to_and_fro_give_the_true_models():
     assert len(models.unformed) == len(models.suspects) == 0
 
 
-def test_order_follows_sequence_and_not_the_ids():
+def test_order_follows_sequence_and_not_the_ids() -> None:
     made = made_strips(4, sequence=[30.0, 20.0, 10.0, 0.0])
     models = dependent(made.block, made.image_points)
     assert models.orientations.left.tolist() == [3, 2, 1]
     assert models.orientations.right.tolist() == [2, 1, 0]
 
 
-def test_a_wrong_sequence_is_reported():
+def test_a_wrong_sequence_is_reported() -> None:
     log = Log()
     made = made_strips(5, sequence=[0.0, 3.0, 2.0, 1.0, 4.0])
     dependent(made.block, made.image_points, context=log)
@@ -84,7 +84,7 @@ def test_sigma0_of_all_models_is_told_and_beyond_the_limit_there_is_no_result():
         dependent(block, sure(100), options=ClassicalOptions(snooping_limit=1000.0))
 
 
-def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size():
+def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size() -> None:
     made = made_strips(3, noise_mm=0.005)
     common = np.flatnonzero(made.image_points.measurements.image == 1)
     row = int(common[len(common) // 2])
@@ -101,13 +101,13 @@ def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_it
     assert not models.model_points.active[models.model_points.point == point].any()
 
 
-def test_inactive_images_are_left_out_and_the_neighbours_oriented_to_each_other():
+def test_inactive_images_are_left_out_and_the_neighbours_oriented_to_each_other() -> None:
     made = made_strips(4, active=[True, False, True, True])
     models = dependent(made.block, made.image_points)
     assert models.orientations.id.tolist() == ["1-00-1-02", "1-02-1-03"]
 
 
-def test_pairs_without_enough_points_are_listed_with_the_reason():
+def test_pairs_without_enough_points_are_listed_with_the_reason() -> None:
     made = made_strips(3)
     m = made.image_points.measurements
     keep = (m.image != 2) | (np.arange(len(m)) % 5 == 0)
@@ -120,7 +120,7 @@ def test_pairs_without_enough_points_are_listed_with_the_reason():
     assert "6 are needed" in models.unformed.reason[0]
 
 
-def test_two_cameras_in_one_pair_use_each_their_own_principal_distance():
+def test_two_cameras_in_one_pair_use_each_their_own_principal_distance() -> None:
     made = made_strips(2)
     block = made.block
     cameras = block.cameras.take([0, 0])
@@ -132,12 +132,12 @@ def test_two_cameras_in_one_pair_use_each_their_own_principal_distance():
     np.testing.assert_allclose(models.orientations.left_from_right[0], made.R[0].T @ made.R[1], atol=1e-12)
 
 
-def test_image_points_of_another_block_are_refused():
+def test_image_points_of_another_block_are_refused() -> None:
     with pytest.raises(ArtifactError, match="another block"):
         dependent(made_strips(3).block, made_strips(4).image_points)
 
 
-def test_the_covariance_is_that_of_repeated_measurement():
+def test_the_covariance_is_that_of_repeated_measurement() -> None:
     made = made_strips(2)
     rng = np.random.default_rng(3)
     d, sigma0 = [], []

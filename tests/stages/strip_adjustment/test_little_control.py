@@ -13,7 +13,7 @@ from tests.made_strips import Heard, MadeBlock
 METHODS = {"polynomial": (polynomial, PolynomialOptions), "conformal": (conformal, ConformalOptions)}
 
 
-def _oriented(control, noise_m=0.02):
+def _oriented(control, noise_m: float = 0.02):
     """Two strips with a position for every image, and a few control points."""
     made = MadeBlock(2, 5, noise_m=noise_m)
     made.control(control)
@@ -24,7 +24,7 @@ def _oriented(control, noise_m=0.02):
 
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("control", [(), (3,), (3, 40), (3, 20, 40)])
-def test_positions_and_little_or_no_control_give_a_block(name, control):
+def test_positions_and_little_or_no_control_give_a_block(name: str, control) -> None:
     made, given = _oriented(control)
     heard = Heard()
     solution = METHODS[name][0](*given, context=heard)
@@ -37,7 +37,7 @@ def test_positions_and_little_or_no_control_give_a_block(name, control):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_degree_that_is_asked_for_and_falls_is_a_warning(name):
+def test_a_degree_that_is_asked_for_and_falls_is_a_warning(name: str) -> None:
     _, given = _oriented((3,))
     method, options = METHODS[name]
     heard = Heard()

@@ -35,7 +35,7 @@ def _bend(strip, X):
     return np.array([0.0, 0.0, (1.5 if strip % 2 else -1.5) * u * u + 0.001 * u * X[1]])
 
 
-def test_error_free_strips_stay_exact_and_so_do_the_resected_images():
+def test_error_free_strips_stay_exact_and_so_do_the_resected_images() -> None:
     made = MadeBlock(3, 5)
     made.control(range(0, len(made.truth), 7))
     _, solution, _ = _adjusted(made)
@@ -45,7 +45,7 @@ def test_error_free_strips_stay_exact_and_so_do_the_resected_images():
     assert np.abs(turn).max() < 1e-9
 
 
-def test_bent_strips_are_straightened():
+def test_bent_strips_are_straightened() -> None:
     made = MadeBlock(3, 6, deformation=_bend)
     made.control(range(0, len(made.truth), 5))
     initial, solution, heard = _adjusted(made)
@@ -56,7 +56,7 @@ def test_bent_strips_are_straightened():
     assert models == {"similarity", "polynomial_2"}
 
 
-def test_strips_may_have_degrees_of_their_own():
+def test_strips_may_have_degrees_of_their_own() -> None:
     made = MadeBlock(3, 6, deformation=_bend)
     made.control(range(0, len(made.truth), 5))
     ids = made.strips().strips.id.tolist()
@@ -71,7 +71,7 @@ def test_strips_may_have_degrees_of_their_own():
             assert mine == {f"polynomial_{degree}"}
 
 
-def test_a_degree_for_a_strip_that_is_not_there_is_an_error_that_lists_the_strips():
+def test_a_degree_for_a_strip_that_is_not_there_is_an_error_that_lists_the_strips() -> None:
     made = MadeBlock(2, 6)
     made.control(range(0, len(made.truth), 5))
     with pytest.raises(InputError, match="names strip 9") as caught:
@@ -79,13 +79,13 @@ def test_a_degree_for_a_strip_that_is_not_there_is_an_error_that_lists_the_strip
     assert all(name in caught.value.what for name in made.strips().strips.id.tolist())
 
 
-def test_a_degree_of_a_strip_is_that_of_all_its_parts():
+def test_a_degree_of_a_strip_is_that_of_all_its_parts() -> None:
     names = np.array(["1.1", "1.2", "2"])
     assert degrees_of_strips(names, 2, {"1": 1}).tolist() == [1, 1, 2]
     assert degrees_of_strips(names, 2, {"1.2": 3, "2": 0}).tolist() == [2, 3, 0]
 
 
-def test_what_the_conformal_adjustment_rejects_is_a_warning():
+def test_what_the_conformal_adjustment_rejects_is_a_warning() -> None:
     made = MadeBlock(3, 6)
     made.control(range(0, len(made.truth), 5))
     block, points, strips = made.block(), made.image_points(), made.strips()
@@ -101,7 +101,7 @@ def test_what_the_conformal_adjustment_rejects_is_a_warning():
     assert any("rejected as gross errors" in text and name in text for text in heard.warnings)
 
 
-def test_the_degree_falls_with_little_control_and_the_fall_is_reported():
+def test_the_degree_falls_with_little_control_and_the_fall_is_reported() -> None:
     made = MadeBlock(2, 6)
     made.control(made.corners())
     _, solution, heard = _adjusted(made, degree=2)
@@ -111,14 +111,14 @@ def test_the_degree_falls_with_little_control_and_the_fall_is_reported():
 
 
 @pytest.mark.slow
-def test_a_degree_can_be_asked_for():
+def test_a_degree_can_be_asked_for() -> None:
     made = MadeBlock(2, 6)
     made.control(range(0, len(made.truth), 5))
     _, solution, _ = _adjusted(made, degree=1)
     assert set(solution.transformations.model.tolist()) == {"similarity", "polynomial_1"}
 
 
-def test_strips_that_are_not_oriented_are_left_out_and_named():
+def test_strips_that_are_not_oriented_are_left_out_and_named() -> None:
     made = MadeBlock(2, 5, gap_m=400.0)
     made.control(np.flatnonzero(made.truth[:, 1] < made.truth[:, 1].mean())[::5])
     _, solution, heard = _adjusted(made, components="largest")
@@ -126,7 +126,7 @@ def test_strips_that_are_not_oriented_are_left_out_and_named():
     assert any("left out: 2" in text for text in heard.warnings)
 
 
-def test_control_rejected_before_is_tested_again():
+def test_control_rejected_before_is_tested_again() -> None:
     made = MadeBlock(3, 6, noise_m=0.01)
     made.control(range(0, len(made.truth), 6), sigma_m=0.01)
     made.control([24], sigma_m=0.01, error_m=(0.0, 0.0, 1.5))
@@ -136,7 +136,7 @@ def test_control_rejected_before_is_tested_again():
     assert set(solution.suspects.stage.tolist()) == {"strip_adjustment"}
 
 
-def test_an_initial_solution_without_orientations_is_refused():
+def test_an_initial_solution_without_orientations_is_refused() -> None:
     made = MadeBlock(2, 5)
     made.control(made.corners())
     block, points, strips = made.block(), made.image_points(), made.strips()
@@ -153,7 +153,7 @@ def test_an_initial_solution_without_orientations_is_refused():
         polynomial(block, points, strips, replace(initial, images=nothing))
 
 
-def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong():
+def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong() -> None:
     made = MadeBlock(3, 4, noise_m=0.003)
     corners = made.corners()
     made.control(corners, sigma_m=0.01).control(corners[:1], sigma_m=0.01, error_m=(3.0, 0, 0))
@@ -169,7 +169,7 @@ def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong():
 
 
 @pytest.mark.parametrize("n", [6, 13])
-def test_several_wrong_control_points_of_few_are_all_found(n):
+def test_several_wrong_control_points_of_few_are_all_found(n: int) -> None:
     made = MadeBlock(3, 6, noise_m=0.005)
     made.control(np.linspace(0, len(made.truth) - 1, n).astype(int), sigma_m=0.01)
     wrong = sorted(made.given)[1 : 1 + (2 if n == 6 else 3)]
@@ -180,7 +180,7 @@ def test_several_wrong_control_points_of_few_are_all_found(n):
     assert _rms(made, solution) < 0.05
 
 
-def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_else_ties_it():
+def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_else_ties_it() -> None:
     made = MadeBlock(3, 5, noise_m=0.005)
     made.control(range(0, len(made.truth), 4), sigma_m=0.01)
     block, points, strips = made.block(), made.image_points(), made.strips()
@@ -207,7 +207,7 @@ def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_els
     assert np.isfinite(solution.points.xyz_m[point]).all()
 
 
-def test_strips_that_do_not_fit_control_at_all_are_an_error():
+def test_strips_that_do_not_fit_control_at_all_are_an_error() -> None:
     made = MadeBlock(3, 5, noise_m=0.01)
     rng = np.random.default_rng(2)
     made.control(range(0, len(made.truth), 5), sigma_m=0.01)
@@ -217,7 +217,7 @@ def test_strips_that_do_not_fit_control_at_all_are_an_error():
         _adjusted(made)
 
 
-def test_sigma0_is_told_with_what_is_expected_and_its_interval():
+def test_sigma0_is_told_with_what_is_expected_and_its_interval() -> None:
     made = MadeBlock(3, 5, noise_m=0.02)
     made.control(range(0, len(made.truth), 5), sigma_m=0.02)
     _, _, heard = _adjusted(made)

@@ -23,7 +23,7 @@ def _without(made, image, points):
     return made.measured(active=~((m.image == image) & np.isin(m.point, points)))
 
 
-def test_error_free_strips_equal_the_truth_in_their_own_frames():
+def test_error_free_strips_equal_the_truth_in_their_own_frames() -> None:
     made = made_strips(5, 2)
     strips = _strips(made)
     assert strips.strips.id.tolist() == ["1", "2"]
@@ -42,7 +42,7 @@ def test_error_free_strips_equal_the_truth_in_their_own_frames():
     assert len(strips.gaps) == len(strips.suspects) == 0
 
 
-def test_a_missing_model_splits_the_strip_and_is_reported():
+def test_a_missing_model_splits_the_strip_and_is_reported() -> None:
     made = made_strips(6)
     m = made.image_points.measurements
     shared = np.intersect1d(m.point[m.image == 2], m.point[m.image == 3])
@@ -56,7 +56,7 @@ def test_a_missing_model_splits_the_strip_and_is_reported():
     assert any("1-02 - 1-03" in warning for warning in log.warnings)
 
 
-def test_an_image_left_alone_is_reported():
+def test_an_image_left_alone_is_reported() -> None:
     made = made_strips(3)
     strips = _strips(_without(made, 2, np.arange(1000)))
     assert strips.strip_images.image.tolist() == [0, 1]
@@ -64,13 +64,13 @@ def test_an_image_left_alone_is_reported():
     assert "alone" in strips.gaps.reason[alone]
 
 
-def test_no_model_at_all_is_an_error():
+def test_no_model_at_all_is_an_error() -> None:
     made = made_strips(2)
     with pytest.raises(GeometryError, match=r"no strip: none of 1 pairs .*; 1 of them: 0 common points, 5 are needed"):
         _strips(_without(made, 1, np.arange(1000)))
 
 
-def test_a_connection_point_wrong_in_x_is_a_suspect_and_left_out():
+def test_a_connection_point_wrong_in_x_is_a_suspect_and_left_out() -> None:
     made = made_strips(4, noise_mm=0.005)
     m = made.image_points.measurements
     triple = np.intersect1d(np.intersect1d(m.point[m.image == 0], m.point[m.image == 1]), m.point[m.image == 2])
@@ -82,7 +82,7 @@ def test_a_connection_point_wrong_in_x_is_a_suspect_and_left_out():
     assert (ties.test > 4).all()
 
 
-def test_a_scale_jump_is_reported():
+def test_a_scale_jump_is_reported() -> None:
     made = made_strips(4)
     models = dependent(made.block, made.image_points)
     p = models.model_points
@@ -96,7 +96,7 @@ def test_a_scale_jump_is_reported():
     assert any("scale jumps" in warning for warning in log.warnings)
 
 
-def test_few_connection_points_are_joined_with_a_warning():
+def test_few_connection_points_are_joined_with_a_warning() -> None:
     made = made_strips(4)
     models = dependent(made.block, made.image_points)
     p = models.model_points
