@@ -171,9 +171,6 @@ one of the two has three times the standard deviation it had alone (1 / sqrt(1 -
 
 # --- after: groups, standard deviations of kinds, hidden distortion
 
-CONTRADICTED = 3.0
-"""A result contradicts its own tests where a group that is kept moves a coordinate by more of its sigmas (0.3 %)."""
-
 SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 5.0
 """Probability that a block with right standard deviations is told of a wrong kind; factor by which they must be wrong:
 less is left to variance components; redundancy below which a kind is not tested."""

@@ -42,8 +42,8 @@ TIGHT, SEEN = 0.25, 3.0
 MATTERS = 1.25
 """Tests with standard deviations wrong by less than this are as good as right; also the bound of a warned sigma0."""
 
-WEIGHS = 1.35
-"""Two equal sources whose standard deviations are wrong by this ratio lose 4 % of precision, by 1.5 already 7 %."""
+MOST_LOST = 0.05
+"""Share of their precision that coordinates may lose by wrong weights."""
 
 _INSIDE = 2.0 * float(ndtr(K)) - 1.0
 _CONSISTENT = 1.0 - 2.0 * K * float(np.exp(-0.5 * K**2) / np.sqrt(2.0 * np.pi)) / _INSIDE
@@ -79,7 +79,7 @@ class ClassScales:
         if not self.estimable.any():
             return False
         used, main, r = self.differing, self.main, np.maximum(self.redundancy, 1.0)
-        off = np.abs(np.log(used / used[main])) > np.log(WEIGHS)
+        off = np.abs(np.log(used / used[main])) > np.log(ratio_that_costs(MOST_LOST))
         low, high = self._by_chance(EFFICIENCY / (1.0 / r + 1.0 / r[main]))
         ratio = self.scale / self.scale[main]
         return bool((off & ((ratio < low) | (ratio > high) | ~self.estimable)).any())
@@ -93,6 +93,20 @@ class ClassScales:
         """Between what a scale of 1 lies with so many degrees of freedom."""
         f, level = np.maximum(freedom, 1.0), 0.5 * FALSE_ALARM / max(len(self.scale), 1)
         return np.sqrt(chdtri(f, 1.0 - level) / f), np.sqrt(chdtri(f, level) / f)
+
+
+def ratio_that_costs(loss: float) -> float:
+    """Ratio of standard deviations by which two equal sources, weighted with it, lose this share of their precision.
+
+    Weighted a : 1 in place of 1 : 1 their mean has sqrt(2 (1 + a^2)) / (1 + a) times the least standard deviation.
+
+    Examples
+    --------
+    >>> round(ratio_that_costs(0.05), 2)
+    1.39
+    """
+    k = (1.0 + loss) ** 2
+    return float(np.sqrt((k + 2.0 * np.sqrt(k - 1.0)) / (2.0 - k)))
 
 
 def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> ClassScales:

@@ -2,8 +2,9 @@
 
 Seen: positions off by a constant, heights that count from another surface, a camera with another constant, distances of
 a map: errors that single tests cannot find, and that spread over good observations.
-Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 1 % for the whole block. The result
-contradicts its own tests where a group that is kept moves a coordinate by more than `CONTRADICTED` standard deviations.
+Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
+contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
+the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
-from aatri.checks.limits import CONTRADICTED
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
@@ -38,7 +39,7 @@ def contradicts(accepted: AcceptedGroup) -> bool:
     if g.per == NEIGHBOURHOOD:
         return False
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
-    return g.harm > CONTRADICTED and (of_datum or not accepted.left_out)
+    return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
 
 
 def wrong_groups(groups: tuple[AcceptedGroup, ...]) -> list[Finding]:

@@ -33,6 +33,8 @@ class Group:
         With the parameters.
     harm : float
         Largest change of a coordinate of a point or of a projection centre, in its standard deviations.
+    coordinates : int
+        Of which it is the largest.
     change_m : float
         That change; of a point where one changes by more than its standard deviation.
     moved : str
@@ -59,6 +61,7 @@ class Group:
     gain: float
     sigma0: float
     harm: float = 0.0
+    coordinates: int = 0
     change_m: float = 0.0
     moved: str = ""
     or_else: tuple[tuple[str, str, str], ...] = ()
