@@ -16,6 +16,7 @@ from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, names_of, tests_of
+from aatri.adjustment.threads import thread_control
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -82,9 +83,10 @@ def orient_strips(
         If an adjustment does not converge, or its result does not fit.
     """
     rules = OrientationRules(control_limit, two_points)
-    free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=False)
-    if any(free.weak) and failed:  # not each has control enough of its own
-        free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=True)
+    with thread_control().limit(limits=1, user_api="blas"):  # long matrices of three columns: threads only wait
+        free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=False)
+        if any(free.weak) and failed:  # not each has control enough of its own
+            free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (every_component or not parts):
