@@ -6,6 +6,7 @@ A new format is a `Format` in its own room, and a line here.
 from __future__ import annotations
 
 from aatri.formats.bingo.declaration import BINGO, GEOIN
+from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_OPK, IGN_POINTS
 from aatri.formats.micmac.declaration import MICMAC
 from aatri.formats.nvm.declaration import BUNDLER, NVM
@@ -23,6 +24,7 @@ FORMATS: tuple[Format, ...] = (
     GROUND_CONTROL,
     GAMA,
     MICMAC,
+    BLOCKSEXCHANGE,
     NVM,
     BUNDLER,
     PIX4D,

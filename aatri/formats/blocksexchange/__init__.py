@@ -1,0 +1,1 @@
+"""BlocksExchange XML of ContextCapture (iTwin Capture), DJI Terra, Metashape."""

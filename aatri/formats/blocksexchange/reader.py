@@ -1,0 +1,229 @@
+"""Reading of BlocksExchange XML, versions 2.1 to 3.2: cameras, poses, control and check points, tie points.
+
+A rotation M_ij turns ground to camera, x right, y down (`XRightYDown`, the default) or y up (`XRightYUp`). Pixels and
+principal point count from the centre of the first pixel. The distortion is forward, in normalised coordinates:
+
+    u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
+
+An image is called by its file name, by its whole path where that stands for two. Poses are start values. All of a block
+is in one system: control in another one is refused.
+
+Source: Bentley, CC Orientations (BlocksExchange) format description.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import APPROXIMATE, CHECK, CONTROL
+from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.lens_conversion import camera_parts
+from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
+from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.text.text_line import places
+from aatri.formats.text.xml_tree import XmlElement, read_xml
+from aatri.frames.conversion import Frame
+from aatri.ids import clipped
+from aatri.progress import SILENT, Reporter
+
+VERSIONS = ("2.1", "3.0", "3.1", "3.2")
+DISTORTION = ("K1", "K2", "K3", "P1", "P2")
+XYZ = ("x", "y", "z")
+CATEGORIES = {"Full": (True, True, True), "Horizontal": (True, True, False), "Vertical": (False, False, True)}
+"""Which coordinates of a control point are known."""
+
+
+def read_blocksexchange(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = 0.05) -> BlockParts:
+    """Read a block.
+
+    Raises
+    ------
+    InputError
+        If the file is not of this form, or has what is not supported; the message names line and element.
+    """
+    root = read_xml(path, ("BlocksExchange",), "BlocksExchange XML")
+    if (version := root.get("version")) not in VERSIONS:
+        raise root.error(f"version {clipped(version)!r}", f"versions {', '.join(VERSIONS)} are read: export anew")
+    block = root.one("Block")
+    groups = block.all("Photogroups", "Photogroup")
+    if not groups:
+        raise block.error("no Photogroup", "export the block with its photos")
+    lenses = [_lens(group, k) for k, group in enumerate(groups, 1)]
+    parts = BlockParts(
+        "blocksexchange",
+        [path],
+        name=path.stem,
+        frame=_frame(root, block),
+        **camera_parts(lenses, reporter, allowed_px=allowed_px, where=str(path)),
+    )
+    parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}
+    photos = [(photo, lens.id, group) for lens, group in zip(lenses, groups) for photo in group.all("Photo")]
+    names = _names([photo for photo, _, _ in photos])
+    of_id = {photo.one("Id").text: name for (photo, _, _), name in zip(photos, names)}
+    parts.images = {
+        "id": names,
+        "camera": [camera for _, camera, _ in photos],
+        **places([p for p, _, _ in photos], [path]),
+    }
+    posed = [(name, photo, group) for (photo, _, group), name in zip(photos, names) if photo.all("Pose", "Center")]
+    if posed:
+        parts.exterior = {
+            "image": [name for name, _, _ in posed],
+            "position_m": [_xyz(photo.one("Pose", "Center")) for _, photo, _ in posed],
+            "ground_from_image": [_rotation(photo.one("Pose"), group) for _, photo, group in posed],
+            **places([photo for _, photo, _ in posed], [path]),
+        }
+    _give_points(parts, block, of_id)
+    return parts
+
+
+def _frame(root: XmlElement, block: XmlElement) -> Frame:
+    """The system of the block; a free one without."""
+    number = block.optional("SRSId")
+    if number is None:
+        return LOCAL
+    systems = {srs.one("Id").text: srs.one("Definition") for srs in root.all("SpatialReferenceSystems", "SRS")}
+    if number.text not in systems:
+        raise number.error(f"SRSId {clipped(number.text)} is not among the systems", "export it again")
+    definition = systems[number.text].text
+    if re.match("LOCAL_CS", definition):
+        return LOCAL
+    return Frame("blocksexchange", _axes(definition, systems[number.text]), definition)
+
+
+def _axes(definition: str, at: XmlElement) -> tuple[str, ...]:
+    from aatri.frames.crs_text import crs_from
+
+    try:
+        system = crs_from(definition)
+    except Exception as error:
+        raise at.error(f"the system {clipped(definition)!r} is not understood: {error}", "EPSG or WKT") from error
+    if system.is_geocentric:
+        return XYZ
+    return ("longitude", "latitude", "height") if system.is_geographic else ("east", "north", "up")
+
+
+def _lens(group: XmlElement, number: int) -> Lens:
+    """The camera of a photogroup; it is called by its name, where that is there."""
+    name = group.optional("Name")
+    kind = group.optional("CameraModelType")
+    if kind is not None and kind.text != "Perspective":
+        raise kind.error(f"the camera model {clipped(kind.text)!r} has no like here", "a Perspective one is wanted")
+    for tag, usual in (("AspectRatio", 1.0), ("Skew", 0.0)):
+        if group.number(tag, default=usual) != usual:
+            raise group.one(tag).error(f"{tag} {group.number(tag):g}", f"calibrate with {tag} {usual:g}")
+    width, height = (group.number("ImageDimensions", side) for side in ("Width", "Height"))
+    sensor = group.number("SensorSize", default=0.0)
+    f = group.number("FocalLengthPixels", default=0.0)
+    if not f and sensor > 0:
+        f = group.number("FocalLength") * max(width, height) / sensor
+    if min(width, height, f) <= 0:
+        raise group.error(f"image {width:g} x {height:g}, focal length {f:g} px", "give FocalLength and SensorSize")
+    point = group.optional("PrincipalPoint")
+    offset = (0.0, 0.0)
+    if point is not None:
+        offset = (point.number("x") - (width - 1) / 2, point.number("y") - (height - 1) / 2)
+    distortion = group.optional("Distortion")
+    parameters = {k: distortion.number(k, default=0.0) for k in DISTORTION} if distortion is not None else {}
+    pixel = {"pixel_mm": sensor / max(width, height)} if sensor > 0 else {}
+    id_ = name.text if name is not None and name.text else f"photogroup {number}"
+    return Lens(id_, "blocksexchange", (width, height), (f, f), offset, parameters, **pixel)
+
+
+def _names(photos: list[XmlElement]) -> list[str]:
+    paths = [photo.one("ImagePath").text for photo in photos]
+    short = [re.split(r"[/\\]", path)[-1] for path in paths]
+    names = [name if short.count(name) == 1 else path for name, path in zip(short, paths)]
+    first: dict[str, XmlElement] = {}
+    for key, photo in zip([*names, *(f"Id {p.one('Id').text}" for p in photos)], [*photos, *photos]):
+        if key in first:
+            raise photo.error(f"photo {clipped(key)} is given twice, first in line {first[key].line}", "remove one")
+        first[key] = photo
+    return names
+
+
+def _xyz(element: XmlElement) -> list[float]:
+    return [element.number(axis) for axis in XYZ]
+
+
+def _rotation(pose: XmlElement, group: XmlElement) -> Float:
+    """Image to ground, y up."""
+    axes = group.optional("CameraOrientation")
+    if axes is not None and axes.text not in ("XRightYDown", "XRightYUp"):
+        raise axes.error(f"CameraOrientation {clipped(axes.text)!r}", "export with XRightYDown")
+    rotation = pose.optional("Rotation")
+    if rotation is None:
+        return np.full((3, 3), np.nan)
+    if rotation.optional("M_00") is None:
+        raise rotation.error("the rotation is not given as a matrix", "export it as M_00 ... M_22")
+    M = np.array([[rotation.number(f"M_{i}{j}") for j in range(3)] for i in range(3)])
+    if not is_rotation(M):
+        raise rotation.error("the matrix is no rotation", "export it again")
+    ours = ground_from_image(M, "blocksexchange")
+    return ours if axes is None or axes.text == "XRightYDown" else np.asarray(ours * Y_UP)
+
+
+def _give_points(parts: BlockParts, block: XmlElement, of_id: dict[str, str]) -> None:
+    """Control, check and tie points, and where they were measured."""
+    own = block.optional("SRSId")
+    points, rows = list[dict[str, Any]](), list[tuple[str, str, list[float], XmlElement]]()
+    for element in block.all("ControlPoints", "ControlPoint"):
+        system = element.optional("SRSId")
+        if system is not None and system.text != (own.text if own is not None else ""):
+            raise system.error("a control point in another system than the block", "export all in one system")
+        points.append(_control(element))
+        _measured(element, points[-1]["point"], of_id, rows)
+    for k, element in enumerate(block.all("TiePoints", "TiePoint"), 1):
+        position = element.optional("Position")
+        name = f"tie {k}"
+        if position is not None:
+            tie = {"point": name, "xyz_m": _xyz(position), "sigma_m": [0.0] * 3, "role": [APPROXIMATE] * 3}
+            points.append({**tie, "at": element})
+        _measured(element, name, of_id, rows)
+    first: dict[str, XmlElement] = {}
+    for point in points:
+        at = point["at"]
+        if first.setdefault(point["point"], at) is not at:
+            raise at.error(f"point {clipped(point['point'])} is given twice, first in line {first[point['point']].line}",
+                           "remove one")  # fmt: skip
+    if points:
+        columns = {key: [point[key] for point in points] for key in ("point", "xyz_m", "sigma_m", "role")}
+        parts.ground_points = {**columns, **places([point["at"] for point in points], parts.files)}
+    if rows:
+        image, point, xy, at = zip(*rows)
+        parts.image_points = {"image": image, "point": point, "xy": xy, **places(at, parts.files)}
+
+
+def _control(element: XmlElement) -> dict[str, Any]:
+    category = element.optional("Category")
+    kind = "Full" if category is None else category.text
+    if category is not None and kind not in CATEGORIES:
+        raise category.error(f"category {clipped(kind)!r}", f"known are {', '.join(CATEGORIES)}")
+    check = element.optional("CheckPoint")
+    role = CHECK if check is not None and check.text == "true" else CONTROL
+    across, up = (element.number(f"{way}Accuracy", default=np.nan) for way in ("Horizontal", "Vertical"))
+    if min(across, up) <= 0:
+        raise element.error(f"accuracies {across:g}, {up:g}", "they are positive, in m")
+    known = CATEGORIES[kind]
+    return {
+        "point": element.one("Name").text,
+        "xyz_m": _xyz(element.one("Position")),
+        "sigma_m": [sigma if k else 0.0 for sigma, k in zip((across, across, up), known)],
+        "role": [role if k else APPROXIMATE for k in known],
+        "at": element,
+    }
+
+
+def _measured(
+    element: XmlElement, point: str, of_id: dict[str, str], rows: list[tuple[str, str, list[float], XmlElement]]
+) -> None:
+    for mark in element.all("Measurement"):
+        photo = mark.one("PhotoId").text
+        if photo not in of_id:
+            raise mark.error(f"PhotoId {clipped(photo)} is no photo of the block", "export it again")
+        rows.append((of_id[photo], point, [mark.number("x"), mark.number("y")], mark))

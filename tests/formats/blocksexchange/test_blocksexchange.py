@@ -1,0 +1,85 @@
+"""BlocksExchange: a point projected by its formula, roles, damaged files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.errors import AatriError
+from aatri.formats.blocksexchange.reader import read_blocksexchange
+from aatri.formats.parts.assembled import assembled
+from tests.formats.lens_projection import misfit_px
+
+TEXT = """<?xml version="1.0" encoding="utf-8"?>
+<BlocksExchange version="2.1">
+<SpatialReferenceSystems><SRS><Id>0</Id><Definition>EPSG:32650</Definition></SRS></SpatialReferenceSystems>
+<Block><Name>b</Name><SRSId>0</SRSId>
+<Photogroups><Photogroup><Name>cam</Name>
+<ImageDimensions><Width>4000</Width><Height>3000</Height></ImageDimensions>
+<CameraModelType>Perspective</CameraModelType>
+<SensorSize>20</SensorSize><FocalLength>10</FocalLength>
+<PrincipalPoint><x>2010</x><y>1490</y></PrincipalPoint>
+<Distortion><K1>0.1</K1><K2>0.02</K2><K3>0</K3><P1>0.001</P1><P2>0.002</P2></Distortion>
+<Photo><Id>0</Id><ImagePath>C:\\f\\a.jpg</ImagePath><Pose><Rotation>
+<M_00>1</M_00><M_01>0</M_01><M_02>0</M_02><M_10>0</M_10><M_11>-1</M_11><M_12>0</M_12><M_20>0</M_20><M_21>0</M_21>
+<M_22>-1</M_22></Rotation><Center><x>500010</x><y>4000020</y><z>120</z></Center></Pose></Photo>
+<Photo><Id>1</Id><ImagePath>C:\\g\\a.jpg</ImagePath></Photo>
+</Photogroup></Photogroups>
+<ControlPoints>
+<ControlPoint><SRSId>0</SRSId><Name>P</Name><Category>Vertical</Category><CheckPoint>false</CheckPoint>
+<Position><x>500012</x><y>4000021</y><z>110</z></Position>
+<HorizontalAccuracy>0.01</HorizontalAccuracy><VerticalAccuracy>0.02</VerticalAccuracy>
+<Measurement><PhotoId>0</PhotoId><x>1</x><y>2</y></Measurement></ControlPoint>
+<ControlPoint><Name>Q</Name><CheckPoint>true</CheckPoint><Position><x>500013</x><y>4000021</y><z>110</z></Position>
+</ControlPoint>
+</ControlPoints></Block></BlocksExchange>
+"""
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "block.xml"
+    path.write_text(text)
+    return path
+
+
+def test_a_point_is_projected_by_the_formula(tmp_path: Path) -> None:
+    """f = 10 mm / 20 mm * 4000 px = 2000 px; P in the camera: (2, -1, 10), so u = 0.2, v = -0.1, r^2 = 0.05."""
+    u, v, r2 = 0.2, -0.1, 0.05
+    gain = 1 + 0.1 * r2 + 0.02 * r2**2
+    x = 2010 + 2000 * (u * gain + 2 * 0.002 * u * v + 0.001 * (r2 + 2 * u * u))
+    y = 1490 + 2000 * (v * gain + 2 * 0.001 * u * v + 0.002 * (r2 + 2 * v * v))
+    parts = read_blocksexchange(written(tmp_path, TEXT))
+    assert parts.images["id"] == ["C:\\f\\a.jpg", "C:\\g\\a.jpg"]
+    block = assembled([parts])
+    assert misfit_px(block, "C:\\f\\a.jpg", [[x, y]], [[500012.0, 4000021.0, 110.0]])[0] < 1e-6
+    assert block.cameras.principal_distance_mm.tolist() == [pytest.approx(10.0)]
+    np.testing.assert_array_equal(block.ground_points.role, [[3, 3, 1], [2, 2, 2]])
+
+
+DAMAGE = [
+    (TEXT[:900], r":\d+:\d+: no XML"),
+    (TEXT.replace('"2.1"', '"1.0"'), r":2: version '1.0'"),
+    (TEXT.replace("<M_22>-1", "<M_22>1"), r":11: the matrix is no rotation"),
+    (TEXT.replace("Perspective", "Fisheye"), r":7: the camera model 'Fisheye'"),
+    (TEXT.replace("<SensorSize>20</SensorSize>", ""), r":5: image 4000 x 3000, focal length 0 px"),
+    (TEXT.replace("<K1>0.1", "<K1>0,1"), r":10: K1 is '0,1': a decimal comma"),
+    (TEXT.replace("<K1>0.1", "<K1>nan"), r":10: K1 is 'nan'"),
+    (TEXT.replace("<Id>1<", "<Id>0<"), r":14: photo Id 0 is given twice, first in line 11"),
+    (TEXT.replace("<Name>Q", "<Name>P"), r":21: point P is given twice, first in line 17"),
+    (TEXT.replace("<PhotoId>0", "<PhotoId>7"), r":20: PhotoId 7 is no photo"),
+    (TEXT.replace("<ControlPoint><SRSId>0", "<ControlPoint><SRSId>4"), r":17: a control point in another system"),
+    (TEXT.replace("Vertical<", "Upward<"), r":17: category 'Upward'"),
+    (TEXT.replace("0.02</V", "-0.02</V"), r":17: accuracies 0.01, -0.02"),
+    (TEXT.replace("EPSG:32650", "EPSG:999999"), r":3: the system 'EPSG:999999' is not understood"),
+    ("<html></html>", r":1: this is a web page"),
+    ('<!DOCTYPE a [<!ENTITY x "y">]><BlocksExchange version="2.1">&x;</BlocksExchange>', r":1: an entity of its own"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), DAMAGE)
+def test_damaged_files_are_refused_with_their_place(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(AatriError, match=message) as refused:
+        read_blocksexchange(written(tmp_path, text))
+    assert "fix: " in str(refused.value)
