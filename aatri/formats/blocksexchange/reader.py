@@ -21,7 +21,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.codes import APPROXIMATE, CHECK, CONTROL
-from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.lens import PIXEL_MM, Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
@@ -130,9 +130,9 @@ def _lens(group: XmlElement, number: int) -> Lens:
         offset = (point.number("x") - (width - 1) / 2, point.number("y") - (height - 1) / 2)
     distortion = group.optional("Distortion")
     parameters = {k: distortion.number(k, default=0.0) for k in DISTORTION} if distortion is not None else {}
-    pixel = {"pixel_mm": sensor / max(width, height)} if sensor > 0 else {}
+    pixel_mm = sensor / max(width, height) if sensor > 0 else PIXEL_MM
     id_ = name.text if name is not None and name.text else f"photogroup {number}"
-    return Lens(id_, "blocksexchange", (width, height), (f, f), offset, parameters, **pixel)
+    return Lens(id_, "blocksexchange", (width, height), (f, f), offset, parameters, pixel_mm=pixel_mm)
 
 
 def _names(photos: list[XmlElement]) -> list[str]:
@@ -189,14 +189,16 @@ def _give_points(parts: BlockParts, block: XmlElement, of_id: dict[str, str]) ->
     for point in points:
         at = point["at"]
         if first.setdefault(point["point"], at) is not at:
-            raise at.error(f"point {clipped(point['point'])} is given twice, first in line {first[point['point']].line}",
-                           "remove one")  # fmt: skip
+            line = first[point["point"]].line
+            raise at.error(f"point {clipped(point['point'])} is given twice, first in line {line}", "remove one")
     if points:
         columns = {key: [point[key] for point in points] for key in ("point", "xyz_m", "sigma_m", "role")}
         parts.ground_points = {**columns, **places([point["at"] for point in points], parts.files)}
     if rows:
-        image, point, xy, at = zip(*rows)
-        parts.image_points = {"image": image, "point": point, "xy": xy, **places(at, parts.files)}
+        parts.image_points = {
+            **{key: [row[k] for row in rows] for k, key in enumerate(("image", "point", "xy"))},
+            **places([row[3] for row in rows], parts.files),
+        }
 
 
 def _control(element: XmlElement) -> dict[str, Any]:
