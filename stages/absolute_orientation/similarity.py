@@ -6,7 +6,9 @@
 Strips are first joined by common points to free components (orientation.bodies); each component then gets one
 robust similarity from all its control points - full, plan only, height only - and observed positions of its projection
 centres (orientation.bodies.absolute). So a block with four corner points, where no strip has three, is oriented.
-What control leaves open is named.
+What control leaves open is named. Control that no strip holds, as two images of different strips see it, is intersected
+from its rays in the component. A strip that fits neither control nor the others is taken by itself, or left out by
+name; where `max_sigma0` is given it is an error instead.
 
 sigma0 is the ratio to the a priori standard deviations of strip points and control: how much more the strips are
 deformed than the precision of their points explains. The deformation itself, in metres, is the parameter tau_m; with it
@@ -20,7 +22,7 @@ from __future__ import annotations
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import absolute_solution, orient_strips
+from aatri.adapters.ground.absolute_orientation import Joining, StripsOfBlock, absolute_solution, orient_strips
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
@@ -32,6 +34,7 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
+from aatri.observations.image_points import rays_of
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -78,14 +81,15 @@ def similarity(
     check_same_block(block, strips.images.id, "strips")
     check_same_block(block, image_points.images.id, "image_points")
     inside = in_tangent_frame(block)
+    ground = ground_observed(block, inside.block, use_positions=options.use_positions)
     oriented = orient_strips(
-        inside.block,
-        ground_observed(block, inside.block, use_positions=options.use_positions),
-        strips,
-        tie_limit=options.tie_limit,
-        control_limit=options.control_limit,
-        two_points=options.start == "two_points",
-        every_component=options.components == "all",
+        StripsOfBlock(inside.block, ground, strips, rays_of(inside.block, image_points)),
+        Joining(
+            options.tie_limit,
+            options.control_limit,
+            two_points=options.start == "two_points",
+            every_component=options.components == "all",
+        ),
         max_sigma0=options.max_sigma0,
     )
     method = "absolute_orientation/similarity"

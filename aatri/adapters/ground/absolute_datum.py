@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adapters.ground.absolute_tables import OrientedPart
+from aatri.adapters.ground.control_by_rays import control_by_rays
 from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import not_rejected
@@ -15,18 +16,25 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
+from aatri.observations.control import control_of
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationRules
-from aatri.orientation.bodies.components import Component
+from aatri.orientation.bodies.components import TIE_LIMIT, Component
 from aatri.orientation.bodies.deformation import expected_ratio
 from aatri.orientation.bodies.free_body import FreeBody
 
 
 def oriented_part(
-    ground: GroundObserved, strips: Strips, component: Component, what: str, rules: OrientationRules
+    ground: GroundObserved,
+    strips: Strips,
+    rays: ImagePointRows,
+    component: Component,
+    what: str,
+    rules: OrientationRules,
 ) -> tuple[OrientedPart, list[Note]]:
-    """A component by what is observed of it; see `oriented_by`.
+    """A component by what is observed of it, control that no strip holds included; see `oriented_by`.
 
     Raises
     ------
@@ -38,8 +46,9 @@ def oriented_part(
         return not_rejected(observed, {o.kind: strips.suspects for o in observed})
 
     body = _body(ground.block, strips, component)
-    result, notes = oriented_by(ground, body, rules, what, begin=begin)
-    return OrientedPart(what, component, result), notes
+    by_rays = control_by_rays(component, body, control_of(ground.block).point, rays, TIE_LIMIT)
+    result, notes = oriented_by(ground, by_rays.body, rules, what, begin=begin)
+    return OrientedPart(what, by_rays, result), notes
 
 
 def _body(block: Block, strips: Strips, component: Component) -> FreeBody:

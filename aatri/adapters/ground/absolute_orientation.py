@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,11 +13,11 @@ from aatri.adapters.ground.absolute_datum import free_images, oriented_part
 from aatri.adapters.ground.absolute_tables import OrientedPart
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.ground_observed import GroundObserved
+from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, names_of, tests_of
 from aatri.adjustment.threads import thread_control
-from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
@@ -26,54 +26,80 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody
+from aatri.orientation.bodies.absolute import OrientationRules
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
-from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes, sigma0_notes
+from aatri.orientation.bodies.deformation import search_notes
 
 EXTRAPOLATION_WARNED = 3.0
 
-WORST = 5
-"""So many observations are named where strips and control do not fit."""
+MISFIT_SHARE = 4
+"""One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
+
+CANDIDATES = 3
+"""So many strips are tried, as a bent strip bends those it is joined to."""
+
+
+@dataclass(frozen=True)
+class StripsOfBlock:
+    """Free strips, the block in the frame of the adjustment, what is observed of the ground, and the rays."""
+
+    block: Block
+    ground: GroundObserved
+    strips: Strips
+    rays: ImagePointRows
+
+
+@dataclass(frozen=True)
+class Joining:
+    """How strips are joined and oriented.
+
+    Attributes
+    ----------
+    tie_limit, control_limit : float
+        Test statistics of wrong ties, and of what is wrong on the ground.
+    two_points : bool
+        Each component starts from two control points.
+    every_component : bool
+        A component without a datum is an error; else it is left out with a warning.
+    apart : tuple of int
+        Strips that are taken by themselves.
+    aside : tuple of int
+        Strips that are left out.
+    """
+
+    tie_limit: float
+    control_limit: float
+    two_points: bool
+    every_component: bool
+    apart: tuple[int, ...] = ()
+    aside: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class OrientedStrips:
     """Components on the ground, reduced to the origin, and what there is to say of them."""
 
-    block: Block
-    strips: Strips
-    origin_m: Float
+    of: StripsOfBlock
     parts: tuple[OrientedPart, ...]
     notes: tuple[Note, ...]
 
+    @property
+    def strips(self) -> int:
+        """How many they are."""
+        return sum(len(part.component.strips) for part in self.parts)
 
-def orient_strips(
-    block: Block,
-    ground: GroundObserved,
-    strips: Strips,
-    *,
-    tie_limit: float,
-    control_limit: float,
-    two_points: bool,
-    every_component: bool,
-    max_sigma0: float | None,
-) -> OrientedStrips:
+    def with_notes(self, notes: Sequence[Note]) -> OrientedStrips:
+        """The same with more to say."""
+        return replace(self, notes=(*self.notes, *notes))
+
+
+def orient_strips(of: StripsOfBlock, joining: Joining, *, max_sigma0: float | None) -> OrientedStrips:
     """Join strips to components and orient each.
 
-    Parameters
-    ----------
-    block : Block
-        In the frame of the adjustment.
-    ground : GroundObserved
-    strips : Strips
-    tie_limit, control_limit : float
-        Test statistics of wrong ties, and of what is wrong on the ground.
-    two_points : bool
-        Each starts from two control points.
-    every_component : bool
-        A component without a datum is an error; else it is left out with a warning.
-    max_sigma0 : float or None
+    A strip that fits neither control nor the other strips is taken by itself, or left out: the stages that follow
+    orient its images by what else is known of them. Where `max_sigma0` is given it holds for every strip.
 
     Raises
     ------
@@ -82,96 +108,114 @@ def orient_strips(
     ConvergenceError
         If an adjustment does not converge, or its result does not fit.
     """
-    rules = OrientationRules(control_limit, two_points)
+    oriented = _oriented(of, joining)
+    try:
+        return oriented.with_notes(fit_notes(of.strips, oriented.parts, max_sigma0))
+    except ConvergenceError:
+        without = None if max_sigma0 is not None else _without_misfits(of, joining, oriented)
+        if without is None:
+            raise
+        return without
+
+
+def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStrips) -> OrientedStrips | None:
+    """The same without strips that do not fit; None if the rest does not fit either.
+
+    Of the strips with the largest residuals the one without which the others fit best is left out, one after the other.
+    """
+    names, left = of.strips.strips.id, dict[int, float]()
+    fitting = None
+    while fitting is None:
+        if len(left) >= max(1, len(names) // MISFIT_SHARE):
+            return None
+        tried = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
+        for strip, off_m in misfitting_strips(of.strips, oriented.parts)[:CANDIDATES]:
+            if (without := _tried(of, replace(joining, aside=(*left, strip)))) is not None:
+                worse = _fitting(of, without) is None, -without.strips, tables.pooled(without.parts)[1]
+                tried.append((worse, strip, off_m, without))
+        if not tried:
+            return None
+        _, strip, left_m, oriented = min(tried, key=lambda one: one[0])
+        left[strip] = left_m
+        fitting = _fitting(of, oriented)
+    texts = [f"strip {names[strip]} is {off_m:.3g} m (RMS) off all else" for strip, off_m in left.items()]
+    alone = _tried(of, replace(joining, apart=tuple(left)))
+    if alone is None or alone.strips == oriented.strips or (alone_fitting := _fitting(of, alone)) is None:
+        why = "left out here: its models are weak, or its points or its control are wrong"
+        return oriented.with_notes([*(Note("warning", f"{text}: {why}") for text in texts), *fitting])
+    return alone.with_notes([*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting])
+
+
+def _tried(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+    """Strips joined otherwise; None where that cannot be done, or nothing tells whether they fit."""
+    try:
+        oriented = _oriented(of, joining)
+    except (ConvergenceError, GeometryError):
+        return None
+    return oriented if np.isfinite(tables.pooled(oriented.parts)[1]) else None
+
+
+def _fitting(of: StripsOfBlock, oriented: OrientedStrips) -> list[Note] | None:
+    """What there is to say of strips that fit; None if they do not."""
+    try:
+        return fit_notes(of.strips, oriented.parts, None)
+    except ConvergenceError:
+        return None
+
+
+def _oriented(of: StripsOfBlock, joining: Joining) -> OrientedStrips:
+    """Components as strips are tied firmly; weakly too, where not each has control enough of its own."""
     with thread_control().limit(limits=1, user_api="blas"):  # long matrices of three columns: threads only wait
-        free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=False)
-        if any(free.weak) and failed:  # not each has control enough of its own
-            free, parts, failed, notes = _joined_and_oriented(ground, strips, rules, tie_limit, weakly=True)
+        free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=False)
+        if any(free.weak) and failed:
+            free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
-    if failed and (every_component or not parts):
+    if failed and (joining.every_component or not parts):
         raise _all_of(failed, free)
     notes += [Note("warning", f"not oriented: {error.what}") for error in failed]
-    adjusted = [(name, tied) for part in parts for name, tied in part.adjusted()]
-    try:
-        notes += sigma0_notes(
-            [tied for _, tied in adjusted],
-            [name for name, _ in adjusted],
-            tables.pooled(parts)[1],
-            pieces.most_models(strips),
-            Misfit(max_sigma0, _distance_m(strips, parts)),
-            _misfit_m(parts),
-            "absolute orientation",
-        )
-    except ConvergenceError as error:
-        raise ConvergenceError(error.what + _worst(parts), where=error.where, remedy=error.remedy) from error
-    return OrientedStrips(block, strips, ground.origin_m, tuple(parts), tuple(notes))
+    return OrientedStrips(of, tuple(parts), tuple(notes))
 
 
 def _joined_and_oriented(
-    ground: GroundObserved, strips: Strips, rules: OrientationRules, tie_limit: float, *, weakly: bool
+    of: StripsOfBlock, joining: Joining, *, weakly: bool
 ) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError], list[Note]]:
     """Strips joined to components, each of them oriented; those that are not determined with their errors.
 
     Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
     against each other by the errors of these points, magnified, and fit no control.
     """
+    strips = of.strips
     names = strips.strips.id.tolist()
-    points, usable = pieces.strip_points_of(strips), pieces.usable_ties(strips)
-    free = join_strips(points, names, point_ids=strips.points.id, active=usable, limit=tie_limit, weakly=weakly)
+    rules = OrientationRules(joining.control_limit, joining.two_points)
+    free = join_strips(
+        pieces.strip_points_of(strips),
+        names,
+        point_ids=strips.points.id,
+        active=pieces.usable_ties(strips),
+        limit=joining.tie_limit,
+        weakly=weakly,
+        apart=joining.apart + joining.aside,
+    )
     parts, failed = list[OrientedPart](), list[GeometryError]()
     notes = list[Note]()
     for number, component in enumerate(free.components, 1):
+        if np.isin(component.strips, joining.aside).all():
+            continue
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part, more = oriented_part(ground, strips, component, what, rules)
+            part, more = oriented_part(of.ground, strips, of.rays, component, what, rules)
         except GeometryError as error:
             failed.append(error)
             continue
         parts.append(part)
-        notes += [*more, *height_notes(ground.block, part.result, what), *_part_notes(part)]
+        notes += [*more, *height_notes(of.ground.block, part.result, what), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
         Note("note" if weak and not failed else "warning", f"not joined: {text}")
         for text, weak in zip(free.unjoined, free.weak)
     ]
     return free, parts, failed, [*joined, *notes]
-
-
-def _distance_m(strips: Strips, parts: Sequence[OrientedPart]) -> float:
-    """From the projection centres to the points, mean of all components, m."""
-    found = []
-    for part in parts:
-        centres = free_images(strips, part.component)[0]
-        found.append(part.result.ground_from_body.scale * pieces.distance_m(centres, part.component.xyz))
-    return float(np.mean(found)) if found else 0.0
-
-
-def _misfit_m(parts: Sequence[OrientedPart]) -> float:
-    """The largest RMS by which control and positions, or strips, do not fit."""
-    found = [rms_m(*_off(part.result)) for part in parts]
-    for part in parts:
-        ties = part.component.tied
-        if ties is not None:
-            found.append(part.result.ground_from_body.scale * rms_m(ties.residuals, ties.active))
-    return max(found, default=0.0)
-
-
-def _off(result: OrientedBody) -> tuple[Float, Bool]:
-    """Body on the ground minus given coordinates, NaN where not given; and which of them are used."""
-    places = result.places
-    return np.where(places.given, places.xyz - places.observed_m, np.nan), result.tied.active[places.row]
-
-
-def _worst(parts: Sequence[OrientedPart]) -> str:
-    """The given coordinates that are farthest from where the strips put them, for an error."""
-    told = []
-    for part in parts:
-        off = np.linalg.norm(np.nan_to_num(_off(part.result)[0]), axis=1)
-        rows = np.argsort(-off, kind="stable")[:WORST]
-        told += list(zip(off[rows].tolist(), names_of(part.result.tied, part.result.places.row[rows])))
-    worst = [f"{name} {m:.3g} m" for m, name in sorted(told, reverse=True)[:WORST] if m > 0]
-    return f"; farthest off: {', '.join(worst)}" if worst else ""
 
 
 def _part_notes(part: OrientedPart) -> list[Note]:
@@ -209,20 +253,21 @@ def absolute_solution(
     oriented: OrientedStrips, image_points: ImagePoints, method: str, *, tests: bool = False
 ) -> tuple[Solution, list[Note]]:
     """The Solution of oriented components, and which images are left out."""
-    block, strips, parts = oriented.block, oriented.strips, oriented.parts
+    block, strips, parts = oriented.of.block, oriented.of.strips, oriented.parts
+    origin_m = oriented.of.ground.origin_m
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
     transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [tables.carried(strips, parts)]
+    suspects = [tables.carried(block, strips, oriented.of.rays, parts)]
     for part in parts:
         to_ground, component = part.result.ground_from_body, part.component
         centres, rotations, image = free_images(strips, component)
-        position[image] = transform(to_ground, centres) + oriented.origin_m
+        position[image] = transform(to_ground, centres) + origin_m
         rotation[image] = to_ground.rotation @ rotations
-        points[component.point] = transform(to_ground, component.xyz) + oriented.origin_m
+        points[component.point] = transform(to_ground, component.xyz) + origin_m
         for strip, pose in zip(component.strips, component.component_from_strip):
             name = str(strips.strips.id[strip])
-            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), oriented.origin_m))
+            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), origin_m))
         parameters += tables.precisions(strips, part)
         residuals += tables.residual_tables(part)
         suspects += tables.suspect_tables(strips, part)

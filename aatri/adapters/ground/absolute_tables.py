@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adapters.ground.control_by_rays import ControlByRays
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import (
@@ -26,6 +27,7 @@ from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity
+from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.absolute import OrientedBody
@@ -39,8 +41,13 @@ class OrientedPart:
     """A component on the ground."""
 
     what: str
-    component: Component
+    by_rays: ControlByRays
     result: OrientedBody
+
+    @property
+    def component(self) -> Component:
+        """The component itself."""
+        return self.by_rays.component
 
     def adjusted(self) -> list[tuple[str, TiedResult]]:
         """Its adjustments: to the ground, and of its strips to each other if they are several."""
@@ -88,12 +95,13 @@ def _on_ground(found: AdjustedObservations, to: Similarity) -> AdjustedObservati
     return replace(found, observed=replace(found.observed, spread=turned))
 
 
-def carried(strips: Strips, parts: Sequence[OrientedPart]) -> Suspects:
+def carried(block: Block, strips: Strips, rays: ImagePointRows, parts: Sequence[OrientedPart]) -> Suspects:
     """Suspects of earlier stages but those that were tested here anew."""
     before = strips.suspects
     for part in parts:
         for _, tied in part.adjusted():
             before = not_tested(before, tied, strips.strips.id[part.component.strips])
+        before = part.by_rays.suspects(before, block, rays, ROLE_NAME)
     return before
 
 

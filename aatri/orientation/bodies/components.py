@@ -91,6 +91,7 @@ def join_strips(
     active: Bool | None = None,
     limit: float = TIE_LIMIT,
     weakly: bool = True,
+    apart: Sequence[int] = (),
 ) -> FreeBlock:
     """Join strips by common points to free components.
 
@@ -107,11 +108,14 @@ def join_strips(
         Test statistic of a wrong tie.
     weakly : bool
         Also by common points nearly on a line, see component_growth.
+    apart : sequence of int
+        Strips that are joined to no other.
     """
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
+    use[np.isin(points.strip, apart)] = False
     ids = np.arange(int(points.point.max(initial=-1)) + 1).astype(np.str_) if point_ids is None else point_ids
     member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
-    components, loose_strips, apart = [], list[int](), dict[str, bool]()
+    components, loose_strips, open_ = [], list(apart), dict[str, bool]()
     groups = [np.flatnonzero(member == label) for label in np.unique(member)]
     while groups:
         strips = groups.pop()
@@ -121,14 +125,14 @@ def join_strips(
             loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
             groups += [strips[strips != loose], np.array([loose])]
             loose_strips.append(loose)
-            apart[f"strip {names[loose]}: {error.what}"] = False
+            open_[f"strip {names[loose]}: {error.what}"] = False
             continue
         components.append(component)
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
     tied = [c for c in components if not np.isin(c.strips, loose_strips).any()]
-    reasons = {**_reasons(tied, weak, member, names), **apart}
+    reasons = {**_reasons(tied, weak, member, names), **open_}
     return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
 
 

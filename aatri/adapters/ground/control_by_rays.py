@@ -1,0 +1,147 @@
+"""Control points that no strip holds, by the rays of a component's images.
+
+A point that two images of different strips see lies in no model, nor does one whose model has rejected it; where it is
+control, the datum may hang on it. Its rays are intersected in the frame of the component, each with the uncertainty of
+its image there. A ray that does not meet the others is left out, if it is clear which: of three rays the pair that
+remains must meet clearly better than both others. Which rays meet is then known better than from a single model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aatri.adapters.solution import stacked, suspect_rows
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.suspects import Suspects
+from aatri.geometry.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
+from aatri.geometry.vectors import finite_rows
+from aatri.observations.image_points import ImagePointRows
+from aatri.observations.poses import POSE
+from aatri.orientation.bodies.components import Component
+from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.graph.triangulation import residuals_mm
+
+CLEARLY = 2 * np.log(100.0)
+"""Difference of two sums of squares of residuals that makes the better one a hundred times as likely."""
+
+
+@dataclass(frozen=True)
+class ControlByRays:
+    """A component with the control points that its rays determine.
+
+    Attributes
+    ----------
+    component : Component
+    body : FreeBody
+        The same as a body.
+    meeting, apart : (k,) int
+        Rows of the rays that meet in these points, and of those that do not.
+    apart_mm : (k,) float64, mm
+        By how much.
+    """
+
+    component: Component
+    body: FreeBody
+    meeting: Int
+    apart: Int
+    apart_mm: Float
+
+    def suspects(self, before: Suspects, block: Block, rays: ImagePointRows, stage: str) -> Suspects:
+        """Suspects of earlier stages without the rays that meet, and with those that do not."""
+        rows = np.concatenate([self.meeting, self.apart])
+        stay = ~((before.kind == "image_point") & np.isin(before.row, rows))
+        sigma_mm = rays.sigma_mm[self.apart].mean(axis=1)
+        apart = suspect_rows(
+            stage,
+            "image_point",
+            row=self.apart,
+            image=block.images.id[rays.image[self.apart]],
+            point=block.points.id[rays.point[self.apart]],
+            size=self.apart_mm,
+            sigma=sigma_mm,
+            test=self.apart_mm / sigma_mm,
+        )
+        return stacked([before.take(np.flatnonzero(stay)), apart])
+
+
+def control_by_rays(
+    component: Component, body: FreeBody, control_point: Int, rays: ImagePointRows, limit: float
+) -> ControlByRays:
+    """Intersect the control points that a component lacks.
+
+    Parameters
+    ----------
+    component : Component
+    body : FreeBody
+        The same as a body.
+    control_point : (n,) int
+        Rows of the control points in points.
+    rays : ImagePointRows
+        Of all images.
+    limit : float
+        Test statistic of rays that do not meet. Points as uncertain as one at infinity stay out.
+    """
+    wanted = np.setdiff1d(control_point, component.point)
+    rows = np.flatnonzero(rays.active & body.has[POSE][rays.image] & np.isin(rays.point, wanted))
+    xyz, covariance = body.xyz.copy(), body.covariance.copy()
+    meeting: list[Int] = [np.zeros(0, dtype=np.int64)]
+    for point in np.unique(rays.point[rows]):
+        mine, met = _met(body, rays, rows[rays.point[rows] == point], limit)
+        if not len(mine):
+            continue
+        nearest = np.linalg.norm(body.poses.position_m[rays.image[mine]] - met.xyz_m[0], axis=1).min()
+        if np.sqrt(np.trace(met.covariance_m2[0])) < UNCERTAIN * nearest:
+            xyz[point], covariance[point] = met.xyz_m[0], met.covariance_m2[0]
+            meeting.append(mine)
+    known, met_rows = np.flatnonzero(finite_rows(xyz)), np.concatenate(meeting)
+    apart = np.setdiff1d(rows[np.isin(rays.point[rows], rays.point[met_rows])], met_rows)
+    return ControlByRays(
+        replace(component, point=known, xyz=xyz[known], covariance=covariance[known]),
+        replace(body, xyz=xyz, covariance=covariance),
+        met_rows,
+        apart,
+        residuals_mm(rays, apart, body.poses, xyz),
+    )
+
+
+def _met(body: FreeBody, rays: ImagePointRows, rows: Int, limit: float) -> tuple[Int, UncertainIntersection]:
+    """The rays of one point that meet, and where; none if it is not clear which do."""
+    met = _intersected(body, rays, rows)
+    while len(rows) and _misfit(met) > limit:
+        each = [_intersected(body, rays, np.delete(rows, k)) for k in range(len(rows))]
+        misfits = np.array([_misfit(one) for one in each])
+        first, *others = np.argsort(misfits).tolist()
+        if not np.isfinite(misfits[first]):  # of two rays none is left
+            return rows[:0], met
+        if len(rows) == 3 and misfits[others[0]] ** 2 - misfits[first] ** 2 <= CLEARLY:
+            return rows[:0], met
+        rows, met = np.delete(rows, first), each[first]
+    return rows, met
+
+
+def _intersected(body: FreeBody, rays: ImagePointRows, rows: Int) -> UncertainIntersection:
+    n = len(body.poses.position_m)
+    covariance: Float = np.diag(np.repeat([body.centre_variance, body.turn_rad**2], 3))
+    return intersect_uncertain(
+        rays.xy_mm[rows],
+        rays.sigma_mm[rows],
+        rays.c_mm[rows],
+        rays.image[rows],
+        np.zeros(len(rows), dtype=np.int64),
+        np.ones(len(rows), dtype=bool),
+        body.poses.position_m,
+        body.poses.ground_from_image,
+        np.tile(covariance, (n, 1, 1)),
+        1,
+    )
+
+
+def _misfit(met: UncertainIntersection) -> float:
+    """Root of the sum of squares of the whitened residuals over their redundancy; infinite where nothing meets."""
+    redundancy = 2 * int(met.used.sum()) - 3
+    if redundancy < 1 or not np.isfinite(met.xyz_m).all():
+        return float("inf")
+    return float(np.sqrt(np.nansum(met.whitened**2) / redundancy))

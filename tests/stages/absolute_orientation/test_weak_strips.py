@@ -1,0 +1,105 @@
+"""Control that no strip holds, and strips that fit nothing, do not end the absolute orientation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
+from aatri.stages.interior_orientation.calibrated import calibrated
+from aatri.stages.relative_orientation.dependent import dependent
+from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.stages.bundle_adjustment.test_given_in_part import exterior
+from tests.stages.chain import simulated
+from tests.stages.film_blocks import Told
+from tests.stages.hand_block import Hand, angles_deg, ground_rows, hand, read
+
+IN_NO_STRIP = 14
+"""A point that all six images see."""
+
+
+def attitudes(of: Hand) -> list[dict[str, float]]:
+    """Rows of the exterior of all images."""
+    names = ("a1", "a2", "a3", "s1", "s2", "s3")
+    return [dict(zip(names, [*row, 0.01, 0.01, 0.01])) for row in angles_deg(of, "omega-phi-kappa").tolist()]
+
+
+@pytest.mark.parametrize(("kept", "wrong"), [([0, 4], []), ([1, 3, 5], [5]), ([0, 1, 4], [1])])
+def test_the_scale_hangs_on_a_control_point_that_strips_do_not_hold(
+    kept: list[int], wrong: list[int], tmp_path: Path
+) -> None:
+    """Two points and attitudes; one point is seen once in each strip, or twice and wrong once."""
+    of = hand()
+    stays = (of.point != IN_NO_STRIP) | np.isin(of.image, kept)
+    xy = of.xy_mm[stays].copy()
+    image, point = of.image[stays], of.point[stays]
+    off = (point == IN_NO_STRIP) & np.isin(image, wrong)
+    xy[off] += [0.4, 0.9]
+    some = replace(of, image=image, point=point, xy_mm=xy)
+    rows = attitudes(of)
+    block, points = read(tmp_path, some, ground=ground_rows(of, [0, IN_NO_STRIP]), exterior=exterior(rows), xy_mm=xy)
+    solution = similarity(block, scale_transfer(block, dependent(block, points)), points)
+    np.testing.assert_allclose(solution.images.position_m, of.position_m, atol=0.05)
+    s = solution.suspects
+    named = set(
+        s.image[(s.kind == "image_point") & (s.point == f"p{IN_NO_STRIP}") & (s.verdict == "rejected")].tolist()
+    )
+    assert named == {f"i{k}" for k in wrong}
+
+
+def test_two_rays_that_do_not_meet_are_no_control(tmp_path: Path) -> None:
+    of = hand()
+    stays = (of.point != IN_NO_STRIP) | np.isin(of.image, [0, 4])
+    some = replace(of, image=of.image[stays], point=of.point[stays], xy_mm=of.xy_mm[stays].copy())
+    some.xy_mm[(some.point == IN_NO_STRIP) & (some.image == 4)] += [0.9, 0.4]
+    rows = attitudes(of)
+    ground = ground_rows(of, [0, IN_NO_STRIP])
+    block, points = read(tmp_path, some, ground=ground, exterior=exterior(rows), xy_mm=some.xy_mm)
+    with pytest.raises(GeometryError, match="not determined: scale"):
+        similarity(block, scale_transfer(block, dependent(block, points)), points)
+
+
+def bent_block(bent: list[int]) -> tuple[Any, Any, Any]:
+    """A block of four strips with positions; the middle of some strips sags by a tenth of the flying height."""
+    block = simulated(
+        5,
+        flight={"strips": 4, "images_per_strip": 5, "side_overlap": 30.0},
+        known={"full": 4},
+        gnss={"observed": True},
+        camera={"kind": "digital", "principal_distance_mm": 100.0, "format": (4000.0, 3000.0), "pixel_size_mm": 0.03},
+    )
+    points = calibrated(block)
+    strips = scale_transfer(block, dependent(block, points))
+    p, i = strips.strip_points, strips.strip_images
+    xyz, centres = p.xyz.copy(), i.position.copy()
+    for strip in bent:
+        mine, theirs = p.strip == strip, i.strip == strip
+        along = centres[theirs][:, 0]
+        for x in (mine_x := xyz[mine], its_x := centres[theirs]):
+            x[:, 2] += 0.4 * np.abs(xyz[mine][:, 2]).mean() * ((x[:, 0] - along.mean()) / np.ptp(along)) ** 2
+        xyz[mine], centres[theirs] = mine_x, its_x
+    return block, points, replace(strips, strip_points=replace(p, xyz=xyz), strip_images=replace(i, position=centres))
+
+
+def test_a_bent_strip_is_left_out_by_name() -> None:
+    block, points, strips = bent_block([1])
+    told = Told()
+    solution = similarity(block, strips, points, context=told)
+    oriented = solution.images.oriented
+    np.testing.assert_array_equal(oriented, block.images.strip != 1)
+    assert any("strip 2 is" in text and "left out here: its models are weak" in text for text in told.warnings)
+    off = solution.images.position_m[oriented] - block.true_images.position_m[oriented]
+    assert np.abs(off).max() < 2.0
+    with pytest.raises(ConvergenceError, match="max_sigma0"):
+        similarity(block, strips, points, options=SimilarityOptions(max_sigma0=20.0))
+
+
+def test_where_many_strips_do_not_fit_it_is_another_cause() -> None:
+    block, points, strips = bent_block([0, 1, 3])
+    with pytest.raises(ConvergenceError, match="strips and control do not fit each other"):
+        similarity(block, strips, points)
