@@ -15,7 +15,7 @@ from aatri.adjustment.constraints.multipliers import gram, linearised_constraint
 from aatri.adjustment.covariance.gains import Gains, reduce_gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.elimination.right_hand_sides import backward, forward
+from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.records import predicted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -32,6 +32,20 @@ def covariance_reduction(problem: IndexedProblem, factored: Factored, state: Sta
     R = np.linalg.cholesky(gram(problem, u))
     Z = backward(problem, factored, state, u)
     return {group: np.linalg.solve(R, z.swapaxes(1, 2)).swapaxes(1, 2) for group, z in Z.items()}
+
+
+def covariance_times(
+    problem: IndexedProblem, factored: Factored, state: State, W: Mapping[str, Float], right: Mapping[str, Float]
+) -> dict[str, Float]:
+    """The covariance of all unknowns times right-hand sides, (n, k, m) by group; groups that are missing are zero.
+
+    W is that of `covariance_reduction`, made once for several products.
+    """
+    product = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)))
+    if not W:
+        return product
+    common = sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items())
+    return {group: values - W[group] @ common for group, values in product.items()}
 
 
 def reduce_covariances(

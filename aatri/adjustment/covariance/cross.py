@@ -27,7 +27,7 @@ Block = tuple[str, int]
 
 
 def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]]) -> list[Float]:
-    """Covariance of each pair of different blocks, a priori (sigma0 = 1).
+    """Covariance of each pair of blocks, a priori (sigma0 = 1): without the way down the whole tree.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     Raises
     ------
     ValueError
-        If the two blocks of a pair are the same: that is a marginal covariance.
+        If a pair is a block with itself that is eliminated: that has a term of its own, see `marginal`.
     """
     refuse_covariances(adjusted.down_weighted)
     problem = adjusted.problem
@@ -52,41 +52,13 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     found: list[Float] = []
     last: tuple[Block, Float] | None = None
     for first, second in pairs:
-        if first == second:
+        if first == second and first[0] == problem.layout.eliminated:
             raise ValueError(f"{first} with itself: use marginal_covariances")
         columns = last[1] if last and last[0] == second else _columns_of(adjusted, factored, second)
         last = (second, columns)
         found.append(_rows_of(adjusted, factored, first, columns))
         if W:
             found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T
-    return found
-
-
-def covariances_of_blocks(adjusted: Adjusted, blocks: Sequence[Block]) -> list[Float]:
-    """Covariance of each of a few blocks with itself, by a solve each: without the way down the whole tree.
-
-    Parameters
-    ----------
-    adjusted : Adjusted
-    blocks : sequence of (group, block)
-        Of unknowns that are not eliminated point by point: those have a term of their own.
-
-    Returns
-    -------
-    list of (k, k) float64
-        Zero for held scalars.
-    """
-    refuse_covariances(adjusted.down_weighted)
-    problem = adjusted.problem
-    if any(group == problem.layout.eliminated for group, _ in blocks):
-        raise ValueError("blocks that are eliminated: use marginal_covariances")
-    factored = adjusted.factored or factorise(problem, adjusted.state)
-    W = covariance_reduction(problem, factored, adjusted.state)
-    found = []
-    for block in blocks:
-        Q = _rows_of(adjusted, factored, block, _columns_of(adjusted, factored, block))
-        w = W[block[0]][block[1]] if W else np.zeros((len(Q), 0))
-        found.append(np.asarray(Q - w @ w.T))
     return found
 
 

@@ -19,8 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
-from aatri.adjustment.covariance.constrained import covariance_reduction
-from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
+from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Bool, Float, Int
 
@@ -52,7 +51,7 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
     (k,) float64
         NaN where a scalar has no members or no error.
     """
-    times = covariance_times(adjusted, group)
+    times = _covariance_times(adjusted, group)
     n, k = members.shape
     found = np.full(k, np.nan)
     for scalar in range(k):
@@ -93,7 +92,7 @@ def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float
     (m,) float64
         NaN where no record has the component.
     """
-    times = covariance_times(adjusted, group)
+    times = _covariance_times(adjusted, group)
     _n, m = gain.shape[:2]
     size = next(u for u in adjusted.problem.unknowns if u.name == group).free.shape
     found = np.full(m, np.nan)
@@ -114,20 +113,12 @@ def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float
     return found
 
 
-def covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float]:
+def _covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float]:
     """The product of the covariance of all blocks of a group with right-hand sides, (n, k, v) -> (n, k, v)."""
     problem, state = adjusted.problem, adjusted.state
     factored = adjusted.factored or factorise_constrained(problem, state)
     W = covariance_reduction(problem, factored, state)
-
-    def times(right: Float) -> Float:
-        Q = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, {group: right})))
-        found = Q[group]
-        if W:
-            found = found - np.einsum("nkc,cv->nkv", W[group], np.einsum("nkc,nkv->cv", W[group], right))
-        return np.asarray(found)
-
-    return times
+    return lambda right: covariance_times(problem, factored, state, W, {group: right})[group]
 
 
 def _vectors(n: int) -> tuple[Float, float]:

@@ -25,11 +25,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.covariance.constrained import covariance_reduction
+from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.covariance.gains import Gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.adjustment.records import Records, predicted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -90,11 +89,8 @@ def s_transformation(
     """
     G = {group: h * datum[group][:, :, None] for group, h in H.items() if group in datum}
     factored = factorise(problem, state)
-    Z = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, G)))
     W = covariance_reduction(problem, factored, state)
-    if W:
-        common = sum(np.einsum("nkm,nkd->md", W[group], g) for group, g in G.items())
-        Z = {group: z - W[group] @ common for group, z in Z.items()}
+    Z = covariance_times(problem, factored, state, W, G)
     M = np.linalg.inv(sum(np.einsum("nki,nkj->ij", g, H[group]) for group, g in G.items()))
     inner = M @ sum(np.einsum("nki,nkj->ij", g, Z[group]) for group, g in G.items()) @ M
     return STransformation(H, Z, M, inner)

@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
-from aatri.adjustment.covariance.constrained import covariance_reduction
+from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.elimination.effects import reduced_effects
-from aatri.adjustment.elimination.right_hand_sides import backward, forward, forward_kept, sides_of
+from aatri.adjustment.elimination.right_hand_sides import forward, forward_kept, sides_of
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -204,7 +204,10 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
     adjusted = with_factor(adjusted)
     one = np.zeros(len(rows), dtype=np.int64)
     right = _sides(adjusted, records, rows, _whitened_effects(records, rows, effect[:, :, None]), one, 1)[1]
-    return {group: -values[:, :, 0] for group, values in _covariance_times(adjusted, right).items()}
+    problem, factored, state = adjusted.problem, adjusted.factored, adjusted.state
+    assert factored is not None
+    product = covariance_times(problem, factored, state, covariance_reduction(problem, factored, state), right)
+    return {group: -values[:, :, 0] for group, values in product.items()}
 
 
 def _whitened_effects(records: Records, rows: Int, H: Float) -> Float:
@@ -253,15 +256,3 @@ def _forward_gradient(adjusted: Adjusted) -> Float:
     for node, part in zip(adjusted.problem.tree.nodes, adjusted.factored.y):
         y[node.columns[: node.panel]] = part
     return y
-
-
-def _covariance_times(adjusted: Adjusted, right: dict[str, Float]) -> dict[str, Float]:
-    """The covariance of all unknowns times right-hand sides, by group."""
-    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
-    assert factored is not None
-    W = covariance_reduction(problem, factored, state)
-    found = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)))
-    if W:
-        common = sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items())
-        found = {group: values - W[group] @ common for group, values in found.items()}
-    return found

@@ -67,22 +67,8 @@ def _block_steps(problem: IndexedProblem, factored: Factored, state: State, dx: 
         for stretch in some:
             for p0, p1, _, A, B in linearised(problem, fill, stretch, masked=False):  # dx is zero where held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-                substitute(
-                    p0,
-                    p1,
-                    base,
-                    rays.ray_start,
-                    A,
-                    B,
-                    column[base:last],
-                    parts.size,
-                    parts.start,
-                    dx,
-                    problem.block_free,
-                    factored.block_factor,
-                    factored.block_y,
-                    dy,
-                )
+                rows = (p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start)
+                substitute(*rows, dx, problem.block_free, factored.block_factor, factored.block_y, dy)
 
     in_parallel(problem, one)
     return dy

@@ -72,27 +72,11 @@ def reduced_effects(
         for p0, p1, v, A, B in linearised(problem, fill, stretch, masked=False):
             base, last = rays.ray_start[[p0, p1]].tolist()
             some = slice(*np.searchsorted(ray, [base, last]))
+            rows = (p0, p1, base, rays.ray_start, v, A, B, problem.ray_columns[base:last])
+            blocks_of_rows = (problem.block_free, factored.block_factor, factored.block_y)
+            sums = (found.kept, found.whole, found.gradient, found.information)
             reduce_effects(
-                p0,
-                p1,
-                base,
-                rays.ray_start,
-                v,
-                A,
-                B,
-                problem.ray_columns[base:last],
-                rays.parts.size,
-                rays.parts.start,
-                problem.block_free,
-                factored.block_factor,
-                factored.block_y,
-                ray[some],
-                unit[some],
-                H[some],
-                found.kept,
-                found.whole,
-                found.gradient,
-                found.information,
+                *rows, rays.parts.size, rays.parts.start, *blocks_of_rows, ray[some], unit[some], H[some], *sums
             )
     found.kept[problem.layout.held] = 0.0
     return found

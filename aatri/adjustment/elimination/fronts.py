@@ -191,18 +191,8 @@ class Work:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
-        common = (
-            self.D0,
-            self.h0,
-            self.problem.block_free,
-            self.damping,
-            F,
-            g,
-            d,
-            self.block_factor,
-            self.block_y,
-            self.determined,
-        )
+        own = (self.D0, self.h0, self.problem.block_free, self.damping)
+        common = (*own, F, g, d, self.block_factor, self.block_y, self.determined)
         cost, parts = 0.0, rays.parts
         eliminate = eliminator(rays.records.rows, parts.size)
         for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=False):

@@ -167,24 +167,8 @@ class _Pieces:
             some = slice(int(rays.ray_start[p0]), int(rays.ray_start[p1]))
             work.cost[k] += float((v**2).sum()) + excess(rays.records, v)
             for loc, sums in self._one_after_the_other(p, some):
-                eliminate(
-                    p0,
-                    p1,
-                    some.start,
-                    rays.ray_start,
-                    v,
-                    A,
-                    B,
-                    loc,
-                    p.size,
-                    p.start,
-                    work.D0,
-                    work.h0,
-                    self.problem.block_free,
-                    work.damping,
-                    *sums,
-                    *results,
-                )
+                rows = (p0, p1, some.start, rays.ray_start, v, A, B, loc, p.size, p.start)
+                eliminate(*rows, work.D0, work.h0, self.problem.block_free, work.damping, *sums, *results)
 
     def _one_after_the_other(self, parts: Parts, some: slice) -> Iterator[tuple[Int, tuple[Float, Float, Float]]]:
         """Rows of the parts in each piece that they meet, -1 in others, and its sums; at least one."""

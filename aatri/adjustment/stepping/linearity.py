@@ -74,22 +74,8 @@ def _of_rays(problem: IndexedProblem, old: State, new: State, step: dict[str, Fl
                 linearised(problem, before, stretch, masked=False), linearised(problem, after, stretch, masked=False)
             ):  # the step is zero where an unknown is held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-                found = largest_departure(
-                    p0,
-                    p1,
-                    base,
-                    rays.ray_start,
-                    v,
-                    A,
-                    B,
-                    column[base:last],
-                    rays.parts.size,
-                    rays.parts.start,
-                    dx,
-                    dy,
-                    v_after,
-                    runaway,
-                )
+                places = (column[base:last], rays.parts.size, rays.parts.start)
+                found = largest_departure(p0, p1, base, rays.ray_start, v, A, B, *places, dx, dy, v_after, runaway)
                 largest[k] = np.fmax(largest[k], found) if np.isfinite(found) else np.inf
                 cost[k] += float((v_after**2).sum())
 

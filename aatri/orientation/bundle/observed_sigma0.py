@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.covariance.cross import covariances_of_blocks
+from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.arrays import Float
 from aatri.notes import Note
@@ -83,5 +83,5 @@ def _covariance(parameters: AdjustedParameters, result: BundleResult) -> Float |
         return marginal_covariances(adjusted, blocks=False).groups[g.group]
     covariance = np.full(parameters.covariance.shape, np.nan)
     units = np.flatnonzero(free)
-    covariance[units] = covariances_of_blocks(adjusted, [(g.group, int(k)) for k in units])
+    covariance[units] = covariances_of_pairs(adjusted, [((g.group, int(k)), (g.group, int(k))) for k in units])
     return covariance
