@@ -9,6 +9,7 @@ from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_OPK, IGN_POINTS
 from aatri.formats.micmac.declaration import MICMAC
+from aatri.formats.navigation.declaration import APPLANIX, MRK
 from aatri.formats.nvm.declaration import BUNDLER, NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
 from aatri.formats.parts.format import Format
@@ -24,6 +25,8 @@ FORMATS: tuple[Format, ...] = (
     GROUND_CONTROL,
     GAMA,
     MICMAC,
+    MRK,
+    APPLANIX,
     BLOCKSEXCHANGE,
     NVM,
     BUNDLER,
