@@ -84,9 +84,9 @@ def _names(path: Path, numbers: list[str]) -> tuple[list[str], list[str]]:
     """Images beside the file by the number at the end of their names; the number itself where there is none or two."""
     beside: dict[str, list[str]] = {}
     for file in sorted(path.parent.iterdir()):
-        if ending := re.search(r"_0*([0-9]+)(_[A-Z])?$", file.stem):
-            if file.suffix.lower() in (".jpg", ".jpeg", ".dng", ".tif", ".tiff"):
-                beside.setdefault(ending.group(1), []).append(file.name)
+        ending = re.search(r"_0*([0-9]+)(_[A-Z])?$", file.stem)
+        if ending and file.suffix.lower() in (".jpg", ".jpeg", ".dng", ".tif", ".tiff"):
+            beside.setdefault(ending.group(1), []).append(file.name)
     without = [number for number in numbers if len(beside.get(number, ())) != 1]
     names = [number if number in without else beside[number][0] for number in numbers]
     if not without:

@@ -72,6 +72,5 @@ DAMAGE = [
 def test_damaged_lists_are_refused_with_their_place(tmp_path: Path, read: object, text: str, message: str) -> None:
     assert callable(read)
     with pytest.raises(AatriError, match=message) as refused:
-        parts = read(written(tmp_path, text))
-        np.asarray(parts.exterior["position_m"])
+        read(written(tmp_path, text))
     assert "fix: " in str(refused.value)
