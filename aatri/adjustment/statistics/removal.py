@@ -27,6 +27,9 @@ from aatri.adjustment.statistics.significance import (
     parameter_tests,
 )
 
+CELLS = 4000
+"""Of the interval over which a likelihood is summed: of 10,000 parameters it is some 50 cells wide."""
+
 
 @dataclass(frozen=True)
 class Removal:
@@ -100,3 +103,31 @@ def stepwise_removal(
         removals.append(removal)
         e = held_at_zero(e, removal.name)
     return e, tuple(removals)
+
+
+def size_of_idle(chi_square: float, count: int) -> tuple[float, float]:
+    """How much of their variance, and of the square of their estimates, parameters may be that no test has found.
+
+    They are taken as p ~ N(0, g P), P the covariance of their estimates p_f, so that of p is known
+
+        E(p p') = w P + w^2 p_f p_f',     w = g / (1 + g)
+
+    g is not known: each w between 0 and 1 is as likely beforehand, and chi_square = p_f' P^-1 p_f tells more of it.
+
+    Parameters
+    ----------
+    chi_square : float
+    count : int
+        Of the parameters.
+
+    Returns
+    -------
+    E(w), E(w^2) : float
+
+    Source: Strawderman 1971; Liang, Paulo, Molina, Clyde, Berger 2008, Mixtures of g priors (hyper-g, a = 4).
+    """
+    u = (np.arange(CELLS) + 0.5) / CELLS  # 1 - w
+    log = 0.5 * count * np.log(u) - 0.5 * chi_square * u
+    likely = np.exp(log - log.max())
+    likely /= likely.sum()
+    return float(likely @ (1 - u)), float(likely @ (1 - u) ** 2)

@@ -22,7 +22,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
 COUNTED = (
-    "what is left out as not significant counts in the standard deviations of points and orientations with its own; "
+    "what is left out as not significant counts in the standard deviations of points and orientations, as it may be; "
     "those of the parameters are those of the set that is left"
 )
 

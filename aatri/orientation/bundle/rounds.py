@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.removal import size_of_idle
 from aatri.arrays import Bool, Int
 from aatri.errors import ResourceError, SpecError
 from aatri.geometry.rotations import log_rotation
@@ -138,10 +139,10 @@ def without_idle_parameters(before: Round, adjust: Adjust, rebuilt: Rebuilt) -> 
 def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
     """The same result; what was left out as not significant counts in the covariances of points and orientations.
 
-    A parameter that is held at zero errs by what it truly is, p. That it is not significant says that it is of the
-    size of its standard deviation: p ~ N(0, P), P its covariance where it is free. With its estimate p_f then
+    A parameter that is held at zero errs by what it truly is, p. Of a size that no test has found it may still be: with
+    its estimate p_f and its covariance P where it is free
 
-        E(p p') = P / 2 + p_f p_f' / 4
+        E(p p') = E(w) P + E(w^2) p_f p_f'         (`size_of_idle`)
 
     is carried on to all else, where P makes up the difference of the covariances with and without it, and p_f that of
     the results. Parameters keep the covariance of the set that is left.
@@ -152,7 +153,7 @@ def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
         After all changes of weights.
     adjust, rebuilt : callable
 
-    Source: Tapley, Schutz, Born 2004, Statistical orbit determination, 6.3 (consider parameters); Zellner 1986 (g = 1).
+    Source: Tapley, Schutz, Born 2004, Statistical orbit determination, 6.3 (consider parameters).
     """
     if not done.considered:
         return done
@@ -163,9 +164,25 @@ def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
         POINT: whole.xyz_m - left.xyz_m,
         POSE: np.concatenate([whole.poses.position_m - left.poses.position_m, turned], axis=1),
     }
+    share, squared = size_of_idle(*_joint_test(whole, done.given.parameters))
     counted = {
-        name: (left.covariances[name] + whole.covariances[name]) / 2 + d[:, :, None] * d[:, None, :] / 4
+        name: (1 - share) * left.covariances[name]
+        + share * whole.covariances[name]
+        + squared * np.einsum("ni,nj->nij", d, d)
         for name, d in moved.items()
         if name in left.covariances
     }
     return replace(done, result=replace(left, covariances={**left.covariances, **counted}))
+
+
+def _joint_test(whole: BundleResult, left: tuple[ParameterRows, ...]) -> tuple[float, int]:
+    """Chi-square against zero of the parameters that are not free any more, unit by unit, and their number."""
+    chi_square, count = 0.0, 0
+    for p, rows in zip(whole.parameters, left, strict=True):
+        for k in range(len(rows.free)):
+            out = np.flatnonzero(p.given.free[k] & ~rows.free[k])
+            value, P = p.value[k, out], p.covariance[k][np.ix_(out, out)]
+            if len(out) and np.isfinite(P).all():
+                chi_square += float(value @ np.linalg.solve(P, value))
+                count += len(out)
+    return chi_square, count

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
-from aatri.adjustment.statistics.removal import held_at_zero, propose_removal, stepwise_removal
+from aatri.adjustment.statistics.removal import held_at_zero, propose_removal, size_of_idle, stepwise_removal
 from aatri.adjustment.statistics.significance import (
     correlated_pairs,
     correlated_with_others,
@@ -163,3 +163,22 @@ def test_undetermined_parameters_go_first_and_kept_ones_never() -> None:
 def test_estimates_of_other_shapes_are_refused(values, covariance, prior) -> None:
     with pytest.raises(ValueError, match="2 names"):
         estimates(("a", "b"), np.ones(values), np.ones(covariance), np.ones(prior))
+
+
+@pytest.mark.parametrize(("chi_square", "count"), [(0.3, 1), (7.0, 9), (30.0, 9), (500.0, 600)])
+def test_the_size_of_idle_parameters_is_that_of_a_truncated_gamma_distribution(chi_square: float, count: int) -> None:
+    """1 - w has the density u^(count / 2) exp(-chi_square u / 2) between 0 and 1."""
+    norm, first, second = (
+        integrate.quad(lambda u, k=k: u ** (count / 2 + k) * np.exp(-chi_square * (u - 1) / 2), 0, 1, limit=200)[0]
+        for k in (0, 1, 2)
+    )
+    share, square = size_of_idle(chi_square, count)
+    assert share == pytest.approx(1 - first / norm, abs=1e-6)
+    assert square == pytest.approx(1 - 2 * first / norm + second / norm, abs=1e-6)
+
+
+def test_idle_parameters_larger_than_chance_makes_them_count_more() -> None:
+    shares = [size_of_idle(chi_square, 8)[0] for chi_square in (0.0, 4.0, 8.0, 16.0, 32.0)]
+    assert shares == sorted(shares)
+    assert shares[0] == pytest.approx(1 / 6, abs=1e-6)  # 1 - E(u) of u^4: 5 / 6
+    assert shares[-1] > 0.65
