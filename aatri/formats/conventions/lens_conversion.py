@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from aatri.arrays import Float
 from aatri.errors import InputError
@@ -208,6 +207,8 @@ def _with_terms(lens: Lens, terms: Mapping[str, float]) -> Lens:
 
 def _fitted(lens: Lens, form: str) -> ConvertedLens:
     """The camera of another form that projects the rays of an image grid best."""
+    from scipy.optimize import least_squares  # its import takes a quarter of a second
+
     target = FORMS[form]
     half = np.array(lens.size_px) / 2
     across, down = (np.linspace(-h, h, GRID) for h in half)

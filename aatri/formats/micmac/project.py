@@ -58,11 +58,12 @@ class Target(NamedTuple):
 
 @dataclass
 class MicmacProject:
-    """What was read; `camera_at` has the place of each camera."""
+    """What was read; `camera_at` has the place of each camera, `without_like` what is wrong with those not taken."""
 
     files: list[Path] = field(default_factory=list)
     cameras: dict[str, Lens] = field(default_factory=dict)
     camera_at: dict[str, XmlElement] = field(default_factory=dict)
+    without_like: dict[str, InputError] = field(default_factory=dict)
     images: list[OrientedImage] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
@@ -79,7 +80,11 @@ class MicmacProject:
         _once({}, [(image.name, image.at) for image in self.images], "image", problems)
         _once({}, [(f"{m.point} in image {m.image}", m.at) for m in self.marks], "point", problems)
         _once({}, [(target.point, target.at) for target in self.targets], "ground point", problems)
+        used = {image.camera for image in self.images}
+        problems += [error for name, error in self.without_like.items() if name in used or not used]
         for image in self.images:
+            if image.camera in self.without_like:
+                continue
             if image.camera not in self.cameras:
                 near = did_you_mean(image.camera, self.cameras)
                 what = f"its camera {image.camera} is in none of the files{near}"

@@ -16,6 +16,7 @@ from pathlib import PureWindowsPath
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.micmac.project import Mark, MicmacProject, OrientedImage, Target
 from aatri.formats.text.xml_tree import XmlElement
@@ -29,9 +30,12 @@ MOST_RADIAL = 7
 
 def add_v1(project: MicmacProject, root: XmlElement) -> bool:
     """Take what a file of the first version gives; False if it gives nothing that is known."""
-    before = sum(map(len, (project.cameras, project.images, project.marks, project.targets)))
+    before = sum(map(len, (project.cameras, project.without_like, project.images, project.marks, project.targets)))
     for element in root.all("CalibrationInternConique"):
-        project.add_camera(_camera(element), element)
+        try:
+            project.add_camera(_camera(element), element)
+        except InputError as error:  # of a camera that no image may be of
+            project.without_like[element.path.stem] = error
     for element in root.all("OrientationConique"):
         project.images.append(_image(element))
     for element in root.within("MesureAppuiFlottant1Im"):
@@ -41,7 +45,9 @@ def add_v1(project: MicmacProject, root: XmlElement) -> bool:
             project.marks.append(Mark(image, mark.one("NamePt").text, mark.numbers(2, "PtIm"), none, mark))
     for element in root.within("OneAppuisDAF"):
         project.targets.append(_target(element))
-    return sum(map(len, (project.cameras, project.images, project.marks, project.targets))) > before
+    return (
+        sum(map(len, (project.cameras, project.without_like, project.images, project.marks, project.targets))) > before
+    )
 
 
 def _target(element: XmlElement) -> Target:

@@ -30,11 +30,9 @@ def samples(shared_data: Path) -> Path:
 
 
 def orientations(samples: Path, tmp_path: Path, folder: str) -> Path:
-    """A copy of an orientation folder, to be damaged; of Ori-MMV1 without the fisheye that nobody uses."""
+    """A copy of an orientation folder, to be damaged."""
     copy = tmp_path / "Ori"
     shutil.copytree(samples / folder, copy)
-    for path in copy.glob("*imx477*"):
-        path.unlink()
     return copy
 
 
@@ -133,6 +131,17 @@ def test_damaged_files_are_refused_with_their_place(samples: Path, tmp_path: Pat
     with pytest.raises(AatriError, match=message) as refused:
         read_micmac(folder)
     assert "fix: " in str(refused.value)
+
+
+def test_a_camera_without_a_like_matters_if_an_image_is_of_it(samples: Path, tmp_path: Path) -> None:
+    """Ori-MMV1 has a fisheye that none of its images was taken with."""
+    folder = orientations(samples, tmp_path, "Ori-MMV1")
+    assert list(read_project(folder).without_like) == ["AutoCal_Foc-11500_Cam-imx477imx477-1"]
+    image = folder / "Orientation-Img0907.tif.xml"
+    other = image.read_text().replace("AutoCal_Foc-60000_Cam-NIKON_D810", "AutoCal_Foc-11500_Cam-imx477imx477-1")
+    image.write_text(other)
+    with pytest.raises(AatriError, match=r"imx477-1.xml:7: the distortion 'ModUnif eModele_FishEye_10_5_5' has no"):
+        read_project(folder)
 
 
 def test_an_image_twice_is_refused(samples: Path, tmp_path: Path) -> None:
