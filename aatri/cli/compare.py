@@ -75,7 +75,7 @@ def compare(
     for run in compared[1:]:
         missing = [stage for stage in compared[0].stages if stage not in run.records]
         without = f"; it has no result of {', '.join(missing)}" if missing else ""
-        say(f"{run.name}: {_told(partings[run.name], compared[0])}{without}")
+        say(f"{run.name}: {_parting_text(partings[run.name], compared[0])}{without}")
 
 
 MOST_FIGURES = 20
@@ -98,27 +98,27 @@ def _say_values(what: str, names: list[str], rows: list[tuple[str, list[Any]]], 
     say()
 
 
-def _told(found: Parting | None, first: Compared) -> str:
+def _parting_text(split: Parting | None, first: Compared) -> str:
     """One sentence on where and why a run parts from the first one."""
-    if found is None:
+    if split is None:
         return f"its results are equal to those of {first.name}"
     from aatri.cli.plan_table import reasons_text
 
-    changed = [f"{name} {one} -> {other}" for name, (one, other) in found.environment.items()]
-    why = reasons_text(found.reasons) or ("the environment" if changed else "the same stage gave another result")
-    size = "only the last bits" if found.only_last_bits else "more than the last bits"
-    scale = f", largest relative difference {found.largest:.1e}" if found.largest < float("inf") else ""
+    changed = [f"{name} {one} -> {other}" for name, (one, other) in split.environment.items()]
+    why = reasons_text(split.reasons) or ("the environment" if changed else "the same stage gave another result")
+    size = "only the last bits" if split.only_last_bits else "more than the last bits"
+    scale = f", largest relative difference {split.largest:.1e}" if split.largest < float("inf") else ""
     more = f"; environment: {', '.join(changed)}" if changed else ""
-    return f"parts from {first.name} at stage {found.stage}: {why} ({size}{scale}){more}"
+    return f"parts from {first.name} at stage {split.stage}: {why} ({size}{scale}){more}"
 
 
-def _plain(found: Parting | None) -> dict[str, Any] | None:
-    if found is None:
+def _plain(split: Parting | None) -> dict[str, Any] | None:
+    if split is None:
         return None
     return {
-        "stage": found.stage,
-        "reasons": [reason.plain() for reason in found.reasons],
-        "environment": found.environment,
-        "only_last_bits": found.only_last_bits,
-        "largest_relative_difference": found.largest if found.largest < float("inf") else None,
+        "stage": split.stage,
+        "reasons": [reason.plain() for reason in split.reasons],
+        "environment": split.environment,
+        "only_last_bits": split.only_last_bits,
+        "largest_relative_difference": split.largest if split.largest < float("inf") else None,
     }

@@ -47,13 +47,13 @@ def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> 
 def steps(problem: IndexedProblem, factored: Factored, state: State) -> dict[str, Float]:
     """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
     dx = kept_step(problem, factored)
-    found: dict[str, Float] = {}
+    step: dict[str, Float] = {}
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
-        found[u.name] = np.where(columns >= 0, np.append(dx, 0.0)[columns], 0.0)
+        step[u.name] = np.where(columns >= 0, np.append(dx, 0.0)[columns], 0.0)
     if problem.rays is not None:
-        found[problem.layout.eliminated][problem.rays.block] = _block_steps(problem, factored, state, dx)
-    return found
+        step[problem.layout.eliminated][problem.rays.block] = _block_steps(problem, factored, state, dx)
+    return step
 
 
 def _block_steps(problem: IndexedProblem, factored: Factored, state: State, dx: Float) -> Float:
@@ -95,7 +95,7 @@ def cost_of(problem: IndexedProblem, state: State) -> float:
     return total + float(of_stretch.sum())
 
 
-def predicted_decrease(problem: IndexedProblem, factored: Factored, found: dict[str, Float]) -> float:
+def predicted_decrease(problem: IndexedProblem, factored: Factored, step: dict[str, Float]) -> float:
     """Decrease of the cost by the undamped linear model over a damped step.
 
     With (H + lambda diag H) s = -g it is -g's + lambda s' diag(H) s; the first term is `factored.decrease`.
@@ -106,10 +106,10 @@ def predicted_decrease(problem: IndexedProblem, factored: Factored, found: dict[
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         diagonal = np.where(columns >= 0, np.append(factored.diagonal, 0.0)[columns], 0.0)
-        held += float((diagonal * found[u.name] ** 2).sum())
+        held += float((diagonal * step[u.name] ** 2).sum())
     if problem.rays is not None:
         l00, l10, l20, l11, l21, l22 = factored.block_factor.T
         damped = np.stack([l00**2, l10**2 + l11**2, l20**2 + l21**2 + l22**2], axis=1)
-        step = found[problem.layout.eliminated][problem.rays.block]
-        held += float((damped / (1 + factored.damping) * step**2).sum())
+        block_step = step[problem.layout.eliminated][problem.rays.block]
+        held += float((damped / (1 + factored.damping) * block_step**2).sum())
     return factored.decrease + factored.damping * held

@@ -87,11 +87,11 @@ class IterativeFactor:
 
     Attributes
     ----------
-    found : (n_kept,) float64
+    x : (n_kept,) float64
         The solution.
     """
 
-    found: Float
+    x: Float
 
     @property
     def whole(self) -> bool:
@@ -103,8 +103,8 @@ class IterativeFactor:
         raise without_factor()
 
     def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:  # noqa: ARG002
-        """What the iterations have found."""
-        return self.found
+        """What the iterations have reached."""
+        return self.x
 
     def clear(self) -> None:
         """Nothing takes room."""

@@ -107,10 +107,10 @@ def adjust_large(
     redundancy = counts(problem)[2]
     for iteration in range(1, max_iterations + 1):
         problem, factored = here.problem, here.factored
-        found = steps(problem, factored, here.state)
+        step = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
         tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
-        trial = steadied(problem, retract_state(problem.unknowns, here.state, found), veto)
+        trial = steadied(problem, retract_state(problem.unknowns, here.state, step), veto)
         if (
             factored.damping == 0.0
             and (linear or here.decrement <= tolerance)
@@ -122,7 +122,7 @@ def adjust_large(
                 here, notes = IterationState(problem, here.state, factored), [*notes, *more]
                 refuse_unusable(here)
                 continue
-            bent, cost = after_step(problem, here.state, trial, found)
+            bent, cost = after_step(problem, here.state, trial, step)
             if bent <= LINEAR:
                 stiff.refuse_violated(trial)
                 done = _finished(problem, trial, cost, tuple(history), (*notes, *weak))
@@ -132,7 +132,7 @@ def adjust_large(
         if iteration == max_iterations:
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
-        here, more = with_runaways_slowed(following(here, trial, found, veto, reporter))
+        here, more = with_runaways_slowed(following(here, trial, step, veto, reporter))
         history[-1] = replace(history[-1], strayed=here.strayed)
         notes += more
         refuse_unusable(here)

@@ -65,7 +65,7 @@ class IterationState:
 
 
 def following(
-    here: IterationState, trial: dict[str, Any], found: dict[str, Float], veto: Veto | None, reporter: Reporter
+    here: IterationState, trial: dict[str, Any], step: dict[str, Float], veto: Veto | None, reporter: Reporter
 ) -> IterationState:
     """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs.
 
@@ -75,7 +75,7 @@ def following(
     ----------
     trial : dict
         The state after the step.
-    found : dict of str to (n, k) float64
+    step : dict of str to (n, k) float64
         The step.
     """
     problem, factored, damping = here.problem, here.factored, here.damping
@@ -97,7 +97,7 @@ def following(
         why = (veto(here.state, after) if veto else "") or _worse(cost, before)
         if not why:
             if damping.value > 0.0:
-                predicted = predicted_decrease(problem, factored, found) + predicted_by_constraints(factored)
+                predicted = predicted_decrease(problem, factored, step) + predicted_by_constraints(factored)
                 damping = damping.accepted(gain(before, cost, predicted))
             factored = factorise_constrained(problem, after, damping.value)
             return IterationState(problem, after, factored, damping, strayed=True)

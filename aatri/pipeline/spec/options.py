@@ -79,7 +79,7 @@ def _located(spec: Spec, stage: StageSpec, card: StageCard, found: dict[str, Any
     keys = tuple(found["loc"])
     dotted = ".".join(str(key) for key in keys)
     if found["type"] == "extra_forbidden":
-        known = _known_names(card.options, keys[:-1])
+        known = _field_names(card.options, keys[:-1])
         hint = did_you_mean(str(keys[-1]), known) or f"; known are {', '.join(known) or 'none'}"
         return SpecError(
             f"unknown option {dotted!r}{hint}",
@@ -101,7 +101,7 @@ def _about(card: StageCard, keys: tuple[Any, ...]) -> str:
     return f"{keys[0]}: {described}" if described else f"see `aatri stages {card.name}`"
 
 
-def _known_names(model: type[BaseModel] | None, keys: Iterable[Any]) -> list[str]:
+def _field_names(model: type[BaseModel] | None, keys: Iterable[Any]) -> list[str]:
     """Field names of the model that a path of keys leads to."""
     for key in keys:
         fields = model.model_fields if model else {}

@@ -70,24 +70,24 @@ class Spec:
 
     def where(self, stage: str, *keys: str | int) -> str:
         """Place of a value of a stage, in the file or on the command line."""
-        return self._given(stage, *keys) or self.document.where("stages", stage, *keys)
+        return self._written_where(stage, *keys) or self.document.where("stages", stage, *keys)
 
     def where_key(self, stage: str, *keys: str | int) -> str:
         """Place of a key of a stage, in the file or on the command line."""
-        return self._given(stage, *keys) or self.document.where_key("stages", stage, *keys)
+        return self._written_where(stage, *keys) or self.document.where_key("stages", stage, *keys)
 
     def where_gate(self, *keys: str) -> str:
         """Place of a value under `gates`, in the file or on the command line."""
-        return self._given(GATES, *keys) or self.document.where(GATES, *keys)
+        return self._written_where(GATES, *keys) or self.document.where(GATES, *keys)
 
     def where_gate_key(self, *keys: str) -> str:
         """Place of a key under `gates`, in the file or on the command line."""
-        return self._given(GATES, *keys) or self.document.where_key(GATES, *keys)
+        return self._written_where(GATES, *keys) or self.document.where_key(GATES, *keys)
 
-    def _given(self, stage: str, *keys: str | int) -> str | None:
+    def _written_where(self, stage: str, *keys: str | int) -> str | None:
         path = (stage, *map(str, keys))
-        given = (self.written_at.get(path[:length]) for length in range(len(path), 0, -1))
-        return next((where for where in given if where), None)
+        places = (self.written_at.get(path[:length]) for length in range(len(path), 0, -1))
+        return next((where for where in places if where), None)
 
 
 def load_spec(path: Path, into: Path | None = None) -> Spec:

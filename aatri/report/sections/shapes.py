@@ -40,7 +40,7 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
         "shape": control.type[found],
         "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in found],
         "normal or axis": lying,
-        "held": [_held(float(sigma_m)) for sigma_m in control.sigma[found]],
+        "held": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[found]],
         "used": np.array([len(of_shape) for of_shape in v]),
         "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(found, v)]),
         "RMS residual m": (np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v]), metres),
@@ -49,7 +49,7 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     return all_rows("Planes, lines and round shapes", columns)
 
 
-def _held(sigma_m: float) -> str:
+def _sigma_text(sigma_m: float) -> str:
     return "exact" if sigma_m == 0 else f"sigma {metres(sigma_m)}"
 
 
