@@ -68,6 +68,11 @@ class MicmacProject:
     marks: list[Mark] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
 
+    def amount(self) -> int:
+        """How much was read: cameras, images, marks, ground points."""
+        cameras = len(self.cameras) + len(self.without_like)
+        return cameras + len(self.images) + len(self.marks) + len(self.targets)
+
     def add_camera(self, lens: Lens, at: XmlElement) -> None:
         """A camera, each name once."""
         if lens.id in self.cameras:

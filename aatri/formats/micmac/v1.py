@@ -30,7 +30,7 @@ MOST_RADIAL = 7
 
 def add_v1(project: MicmacProject, root: XmlElement) -> bool:
     """Take what a file of the first version gives; False if it gives nothing that is known."""
-    before = sum(map(len, (project.cameras, project.without_like, project.images, project.marks, project.targets)))
+    before = project.amount()
     for element in root.all("CalibrationInternConique"):
         try:
             project.add_camera(_camera(element), element)
@@ -45,9 +45,7 @@ def add_v1(project: MicmacProject, root: XmlElement) -> bool:
             project.marks.append(Mark(image, mark.one("NamePt").text, mark.numbers(2, "PtIm"), none, mark))
     for element in root.within("OneAppuisDAF"):
         project.targets.append(_target(element))
-    return (
-        sum(map(len, (project.cameras, project.without_like, project.images, project.marks, project.targets))) > before
-    )
+    return project.amount() > before
 
 
 def _target(element: XmlElement) -> Target:
