@@ -164,8 +164,8 @@ def adjust_tied(
     crowded = np.unique(pool.source[found.above & ~pool.carrier])
     crowded = crowded[room_left(rule, full, found.active)[crowded] <= 0] if room else crowded[:0]
     if (np.isin(pool.source, crowded) & begin & ~found.active).any():
-        room[0][crowded] = 0
-        found = search(solve, begin, rule, pool, wrong, added=deformed)
+        room[0][crowded], last = 0, found.solved
+        found = search(lambda a, use, tau_m: solve(a or last, use, tau_m), begin, rule, pool, wrong, added=deformed)
     return _result(found)
 
 

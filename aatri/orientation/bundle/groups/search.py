@@ -2,7 +2,8 @@
 
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
    does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that halves
-   the squares of what is above the limit; of several the one that leaves the least v'v.
+   the squares of what is above the limit; of several the one that leaves the least v'v, or a simpler one that leaves
+   no more than `SEPARABLE` above it. Positions that an earlier stage has rejected take part: they may be a group.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew.
 4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
@@ -16,9 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.attribution import SEPARABLE
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
@@ -36,6 +40,9 @@ Single = Callable[[BundleInput, BundleResult | None], Round]
 MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
 
+SEVERAL = 3
+"""Rejections of a kind that may be a group: two are single ones."""
+
 SMALLER = 0.5
 """Share of the squares of what is above the limit that a group may leave: what explains less is not what is wrong."""
 
@@ -43,8 +50,8 @@ MOST_LINEARISED, LINEAR = 8, 0.1
 """Adjustments until the effect of a group at measured coordinates stays, and the change of it, in standard deviations,
 that is none: c wrong by a quarter leaves residuals of which a quarter is wrong in the next."""
 
-BETTER = 0.8
-"""Share of v'v that a group of more parameters must leave of that of another: else the simpler one is accepted."""
+ROUGH = 25.0
+"""By how much v'v of the adjustments on the way may differ from its least: they end with a decrement of 5."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,13 @@ def search_with_groups(
     options = options.for_tests(AllRecords.of(given).tests)
     groups, squares = list[Group](), None
     if options.method != "none":
-        groups, squares = _before_single_ones(given, adjust, candidates_of, options)
+        whole = _with_rejected_together(given)
+        if whole is not None:
+            groups, squares = _before_single_ones(whole, adjust, candidates_of, options)
+        if whole is not None and groups:
+            given = whole
+        else:
+            groups, squares = _before_single_ones(given, adjust, candidates_of, options)
     done = _carried(given, groups, single, squares)
     if done is None:
         groups, done = [], single(given, None)
@@ -96,6 +109,21 @@ def search_with_groups(
     if not groups:
         return done, ()
     return _as_given(given, done, groups, adjust, options)
+
+
+def _with_rejected_together(given: BundleInput) -> BundleInput | None:
+    """The block with positions and attitudes of which an earlier stage has rejected several, if there are any.
+
+    One by one they are rejected, too, where something else is wrong with a strip: the principal distance of its camera.
+    """
+
+    def several(o: Observed) -> bool:
+        groups = {group for group, _ in o.records.touches}
+        return o.rejected is not None and POSE in groups and POINT not in groups and int(o.rejected.sum()) >= SEVERAL
+
+    if not any(map(several, given.observed)):
+        return None
+    return replace(given, observed=tuple(o.again() if several(o) else o for o in given.observed))
 
 
 def _carried(
@@ -127,7 +155,8 @@ def _before_single_ones(
         if not fits:
             break
         least = min(r.adjusted.cost for _, r in fits)
-        as_good = [(g, r) for g, r in fits if BETTER * r.adjusted.cost <= least]
+        apart = ROUGH + SEPARABLE * max(1.0, least / max(result.adjusted.redundancy, 1))
+        as_good = [(g, r) for g, r in fits if r.adjusted.cost <= least + apart]
         group, result = min(as_good, key=lambda trial: trial[0].complexity)
         groups.append(group)
     return groups, result

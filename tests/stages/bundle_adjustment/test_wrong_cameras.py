@@ -1,0 +1,68 @@
+"""A camera, a strip or an image measured with another interior orientation is named, and nothing goes in its stead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.initial_orientation.graph import graph
+from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.campaigns.groups import Spoilt, image_affinity, judged, strip_affinity
+from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
+
+FLIGHT = {"strips": 3, "images_per_strip": 5, "cross_strips": 0}
+
+
+@pytest.fixture(scope="module")
+def flown() -> Chain:
+    block = simulated(
+        202, preset="uav", flight=FLIGHT, known={"full": 6}, ties={"random_per_image": 60.0}, gnss={"observed": True}
+    )
+    return run_chain(block)
+
+
+def _groups_named(warnings: tuple[str, ...]) -> list[str]:
+    return [text for text in warnings if "nothing is rejected in their stead" in text or "are left out" in text]
+
+
+@pytest.mark.parametrize("times", [0.75, 1.29])
+def test_a_principal_distance_wrong_by_a_quarter_is_named_and_no_other_group(flown: Chain, times: float) -> None:
+    cameras = flown.block.cameras
+    wrong = replace(cameras, principal_distance_mm=cameras.principal_distance_mm * times)
+    block = replace(flown.block, cameras=wrong)
+    outcome = judged(
+        flown, Spoilt(block, flown.refined, ("a principal distance of 8.79|a principal distance of 8.80",), {})
+    )
+    assert outcome.bad == ()
+    assert len(_groups_named(outcome.told)) == 1
+
+
+@pytest.mark.parametrize("way", [strip_affinity, image_affinity])
+def test_an_affinity_of_a_strip_or_an_image_is_its_own(flown: Chain, way) -> None:  # type: ignore[no-untyped-def]
+    outcome = judged(flown, way(flown, np.random.default_rng(4)))
+    assert outcome.bad == ()
+
+
+def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions() -> None:
+    block = simulated(3, preset="uav", flight=FLIGHT, known={"full": 9}, ties={"random_per_image": 60.0}, earth="flat")
+    m, images = block.image_points, block.images
+    rows = np.flatnonzero(block.strips.id[images.strip[m.image]] == block.strips.id[0])
+    size, xy = np.array(block.cameras.format[0]), m.xy.copy()
+    middle = 0.5 * size - 0.5
+    xy[rows] = middle + 1.05 * (xy[rows] - middle)
+    inside = ((xy >= 0) & (xy <= size - 1)).all(axis=1)
+    block = replace(block, image_points=replace(m, xy=xy, active=m.active & inside))
+    points = calibrated(block)
+    start = graph(block, points, rng=np.random.default_rng(1))
+    assert (start.suspects.kind == "position").sum() >= 3  # one by one the start rejects the positions of the strip
+    told = Told()
+    solution = bundle(block, points, start, options=BundleOptions(max_sigma0=1e9), context=told)
+    s: Suspects = solution.suspects
+    assert not np.isin(s.kind[staying_out(s)], ("control", "position")).any()
+    (text,) = _groups_named(tuple(told.warnings))
+    assert f"image points of strip {block.strips.id[0]} ask for a principal distance of 9.24" in text
