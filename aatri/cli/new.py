@@ -105,6 +105,12 @@ def new(
             help=f"Where the block comes from: {listed(BlockSource)}.",
         ),
     ] = BlockSource.simulate,
+    sources: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--from", metavar="PATH", help="Files or folders of another program, recognised by their content."
+        ),
+    ] = None,
     plugin: Annotated[
         str | None, typer.Option(metavar="ROLE/NAME", help="Write a stage of your own and its test instead.")
     ] = None,
@@ -117,8 +123,14 @@ def new(
         narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
         return
     path = folder / "pipeline.yaml"
-    files = {path: _text(block)}
-    if block in (BlockSource.tables, BlockSource.unordered):
+    if sources:
+        from aatri.cli.new_from import pipeline_from
+
+        text = pipeline_from(sources, folder)
+    else:
+        text = _text(block)
+    files = {path: text}
+    if not sources and block in (BlockSource.tables, BlockSource.unordered):
         from aatri.cli.new_block import block_templates
 
         files |= block_templates(folder / "block")

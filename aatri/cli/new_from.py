@@ -1,0 +1,167 @@
+"""`aatri new MINE --from PATH`: a pipeline for files of other programs, recognised by their content.
+
+What is there decides: with start values of all images a bundle follows the block at once; without them strips, where
+all images have one, else the graph of the images. Without control and observed positions the datum is free.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.cli.terminal.console import narrate
+from aatri.errors import InputError
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.registry.recognised import Recognised
+
+FEWEST = 3
+"""Control points or positions that are a datum."""
+
+INTERIOR = "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
+REFINED = """\
+  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
+             with: {refraction: false, earth_curvature: false}}
+"""
+ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
+WITH_START = f"""\
+  # the files have start values of every image, so that the adjustment begins with them
+{INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{datum}}}}
+"""
+NETWORK = "  # no images: a network\n  bundle:   {use: bundle_adjustment/bundle, from: {block}{datum}}\n"
+OF_GRAPH = f"""\
+  # images without start values and without strips: oriented along the graph of their pairs
+{INTERIOR}{REFINED}\
+  initial:  {{use: initial_orientation/graph, from: {{block, image_points: refined}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{datum}}}}
+"""
+OF_STRIPS = f"""\
+  # strips without start values: models, strips, the block of strips, then the bundle
+{INTERIOR}{REFINED}\
+  models:   {{use: relative_orientation/dependent, from: {{block, image_points: refined}}}}
+  strips:   {{use: strip_formation/scale_transfer, from: {{block, image_points: refined, models}}}}
+  absolute: {{use: absolute_orientation/similarity, from: {{block, image_points: refined, strips}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}}}
+"""
+
+
+def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
+    """The text of a pipeline for some files and folders; what was found is told.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    folder : Path
+        Where the pipeline will be: paths are relative to it.
+
+    Raises
+    ------
+    InputError
+        If a path is of no known format, or something is missing that a block cannot do without; the message names it.
+    """
+    import numpy as np
+
+    from aatri.codes import CONTROL
+    from aatri.formats.parts.assembled import assembled
+    from aatri.formats.parts.format import Reading
+    from aatri.formats.registry.recognised import recognised
+    from aatri.formats.registry.sources import read_source
+    from aatri.progress import SILENT
+
+    sources = [source for path in paths for source in recognised(path)]
+    for source in sources:
+        narrate(f"{source.path}: {source.format.title} ({source.seen})")
+    alone = len(sources) == 1 and bool(sources[0].format.stage)
+    if alone and sources[0].format.read is None:
+        return _text(sources, folder, OF_STRIPS)
+    parts = [read_source(s.path, Reading(), SILENT, format=s.format.name) for s in sources]
+    for of_source in parts:
+        narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
+    if alone and "geodetic" in parts[0].others and not parts[0].images:
+        return _text(sources, folder, _of_network(bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())))
+    block = assembled(parts)
+    lacking = _lacking(block)
+    narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
+    if lacking:
+        narrate(f"missing: {', '.join(lacking)}")
+    if len(block.images) and not len(block.image_points):
+        what = f"there are {len(block.images)} images, but no image points"
+        remedy = "add the file with the image points (tracks, marks, tie points) as a further --from"
+        raise InputError(what, where=str(paths[0]), remedy=remedy)
+    return _text(sources, folder, _stages(block))
+
+
+def _counted(parts: BlockParts) -> list[str]:
+    tables = ("cameras", "images", "image_points", "ground_points", "exterior")
+    keys = ("id", "id", "image", "point", "image")
+    words = ("cameras", "images", "image points", "ground points", "positions or attitudes")
+    counts = [len(getattr(parts, table).get(key, ())) for table, key in zip(tables, keys)]
+    frame = [f"frame {parts.frame.crs}"] if parts.frame is not None else []
+    return [f"{count} {word}" for count, word in zip(counts, words) if count] + frame
+
+
+def _has_start(block: Block) -> bool:
+    import numpy as np
+
+    e = block.exterior
+    full = np.isfinite(e.position_m).all(axis=1) & np.isfinite(e.angles_rad).all(axis=1)
+    return len(np.unique(e.image[full])) == len(block.images)
+
+
+def _has_datum(block: Block) -> bool:
+    metrics = block.metrics()
+    return max(int(metrics["control_points"] or 0), int(metrics["exterior_observations"] or 0)) >= FEWEST
+
+
+def _lacking(block: Block) -> list[str]:
+    """What a block may have and this one does not."""
+    found = {
+        "start values of all images": not len(block.images) or _has_start(block),
+        "control or observed positions": _has_datum(block),
+        "check points": bool(block.metrics()["check_points"]),
+        "a coordinate system": block.frames.crs[0] != "local",
+    }
+    return [what for what, there in found.items() if not there]
+
+
+def _stages(block: Block) -> str:
+    if not len(block.images):
+        return _of_network(_has_datum(block))
+    if _has_start(block):
+        return (WITH_START + ACCURACY).replace("{datum}", "" if _has_datum(block) else ", with: {datum: minimal}")
+    if (block.images.strip >= 0).all() and _has_datum(block):
+        return OF_STRIPS + ACCURACY
+    return (OF_GRAPH + ACCURACY).replace("{datum}", "" if _has_datum(block) else ", with: {datum: free}")
+
+
+def _of_network(has_datum: bool) -> str:
+    return NETWORK.replace("{datum}", "" if has_datum else ", with: {datum: free, datum_over: marked}")
+
+
+def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
+    """The pipeline with the line that reads the block."""
+    named = [(s, json.dumps(_from(s.path, folder), ensure_ascii=False)) for s in sources]
+    if len(sources) == 1 and sources[0].format.stage:
+        block = f"  block:    {{use: {sources[0].format.stage}, with: {{path: {named[0][1]}}}}}\n"
+    else:
+        lines = "".join(
+            f"        - {{path: {path}, format: {s.format.name}}}   # {s.format.title}\n" for s, path in named
+        )
+        block = (
+            "  block:\n    use: block/combined\n    with:\n"
+            "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
+            "      image_sigma_px: 1.0\n"
+            "      control_sigma: [0.0, 0.0, 0.0]     # m, of control without a standard deviation; 0 is exact\n"
+            "      sources:                           # the first with images says which there are\n" + lines
+        )
+    return f"# Written by aatri new --from; {len(sources)} sources.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
+
+
+def _from(path: Path, folder: Path) -> str:
+    """The path as the pipeline names it: relative to its folder."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
