@@ -29,7 +29,7 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import columns_of
+from aatri.tables.schema import columns_of, tables_of
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -91,12 +91,26 @@ def assembled(
     }
     if given["images"] and np.isnan(given["images"]["sequence"]).all():
         given["images"]["sequence"] = np.arange(1.0, len(given["images"]["id"]) + 1)
+    _check_others(sources, given)
     others = dict(sources[0].others) | _distortion_tables(sources, rows["cameras"]["id"])
     return block_of(
         name=name or sources[0].name or sources[0].format,
         files=tables.files,
         **(given | ({} if "frames" in others else _of_frame(frame)) | others),
     )
+
+
+def _check_others(sources: Sequence[BlockParts], given: dict[str, Any]) -> None:
+    """Tables that are taken as they are belong to the first source, and count in its rows."""
+    for parts in sources[1:]:
+        tables = sorted(name for name in parts.others if name in tables_of(Block) and name != "distortion_table")
+        if tables:
+            what = f"its {', '.join(tables).replace('_', ' ')} would be lost beside {sources[0].format}"
+            raise InputError(what, where=str(parts.files[0]), remedy="give it as the first source")
+    own = sources[0].ground_points.get("point", np.zeros(0, "U1"))
+    if "ground_point_covariances" in sources[0].others and not np.array_equal(given["ground_points"]["point"], own):
+        what = "another source gives ground points, which the covariances between those of the first do not count in"
+        raise InputError(what, where=str(sources[0].files[0]), remedy="write all control into ground_points.csv")
 
 
 def _distortion_tables(sources: Sequence[BlockParts], cameras: Text) -> dict[str, Any]:

@@ -31,6 +31,9 @@ def parts_of(block: Block, format: str) -> BlockParts:
         for name in tables_of(Block)
         if name not in BY_IDS | TRUTH and len(getattr(block, name))
     }
+    for name in ("geodetic_covariances", "ground_point_covariances"):  # `block_of` takes them as columns
+        if name in others:
+            others[name] = {column: getattr(others[name], column) for column in columns_of(type(others[name]))}
     others |= {n: getattr(block, n) for n in ("heading", "terrain_height_m", "undulation_m")}
     if block.rotation == "roll-pitch-heading":
         others["rotation"] = block.rotation

@@ -51,6 +51,8 @@ class JsonText:
             self.value: Any = json.loads(
                 self.text, object_pairs_hook=self._object, parse_constant=self._constant, parse_float=self._float
             )
+        except InputError:
+            raise
         except json.JSONDecodeError as error:
             where = f"{path}:{error.lineno}:{error.colno}"
             raise InputError(f"no JSON: {error.msg}", where=where, remedy=f"give {wanted}") from error

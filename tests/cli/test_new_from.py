@@ -1,0 +1,83 @@
+"""`aatri new --from` writes a pipeline that runs as it is, or says what is missing; `aatri formats` lists formats."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from aatri.cli.main import app
+from aatri.pipeline.methods.catalogue import Catalogue
+from aatri.pipeline.plan.graph import wire
+from aatri.pipeline.spec.pipeline_file import load_spec
+from tests.campaigns.fuzz_seeds import READERS
+from tests.formats.opensfm.made_project import write_project
+
+
+def invoked(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_a_project_of_opensfm_becomes_a_pipeline_that_runs(tmp_path: Path) -> None:
+    folder = write_project(tmp_path / "odm" / "opensfm")
+    (tmp_path / "odm" / "notes.txt").write_text("nothing\n")
+    result = invoked("new", tmp_path / "mine", "--from", tmp_path / "odm")
+    assert result.exit_code == 0, result.stderr
+    assert "reconstruction.json: OpenSfM reconstruction" in result.stderr
+    assert "6 images" in result.stderr
+    assert "missing: control or observed positions, check points" in result.stderr
+    path = tmp_path / "mine" / "pipeline.yaml"
+    spec = load_spec(path)
+    wire(spec, Catalogue())
+    assert "../odm/opensfm/tracks.csv" in path.read_text()
+    assert "datum: minimal" in path.read_text()
+    assert folder.is_dir()
+
+
+@pytest.mark.slow
+def test_the_pipeline_runs_as_it_is(tmp_path: Path) -> None:
+    write_project(tmp_path / "odm")
+    assert invoked("new", tmp_path / "mine", "--from", tmp_path / "odm").exit_code == 0
+    result = invoked("run", tmp_path / "mine" / "pipeline.yaml")
+    assert result.exit_code == 0, result.stderr
+
+
+def test_sources_may_be_named_one_by_one(tmp_path: Path) -> None:
+    folder = write_project(tmp_path / "odm")
+    more = ["--from", folder / "reconstruction.json", "--from", folder / "tracks.csv"]
+    assert invoked("new", tmp_path / "mine", *more).exit_code == 0
+    assert "2 sources" in (tmp_path / "mine" / "pipeline.yaml").read_text()
+
+
+def test_what_is_missing_is_named_and_nothing_is_written(tmp_path: Path) -> None:
+    folder = write_project(tmp_path / "odm")
+    result = invoked("new", tmp_path / "mine", "--from", folder / "reconstruction.json")
+    assert result.exit_code == 3
+    assert "6 images, but no image points" in result.stderr
+    result = invoked("new", tmp_path / "mine", "--from", folder / "tracks.csv")
+    assert result.exit_code == 3
+    assert "none gives a camera" in result.stderr
+    assert not (tmp_path / "mine").exists()
+
+
+@pytest.mark.parametrize(("name", "file"), [("gama", "n.gkf"), ("bal", "p.txt"), ("tables", "")])
+def test_formats_with_a_stage_of_their_own_are_read_by_it(tmp_path: Path, name: str, file: str) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    READERS[name].write(source)
+    result = invoked("new", tmp_path / "mine", "--from", source / file)
+    assert result.exit_code == 0, result.stderr
+    path = tmp_path / "mine" / "pipeline.yaml"
+    assert f"use: block/{name}" in path.read_text()
+    wire(load_spec(path), Catalogue())
+
+
+def test_formats_are_listed_and_described() -> None:
+    listed = json.loads(invoked("formats", "--json").stdout)
+    assert {"tables", "opensfm", "odm_gcp", "colmap"} <= {f["name"] for f in listed}
+    result = invoked("formats", "odm_gcp")
+    assert "does not carry  standard deviations" in result.stdout
+    assert invoked("formats", "odm_gpc").exit_code == 3

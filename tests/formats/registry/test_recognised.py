@@ -1,0 +1,54 @@
+"""A file is recognised by what it holds, whatever its name; what is not recognised is told with what was looked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aatri.errors import AatriError
+from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.registry.recognised import format_named, recognised
+from tests.campaigns.fuzz_seeds import READERS
+from tests.formats.opensfm.made_project import write_project
+
+FILES = {"gama": "n.gkf", "bal": "p.txt", "dbat": "export.txt"}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_of_own_stages_are_recognised_under_another_name(tmp_path: Path, name: str) -> None:
+    READERS[name].write(tmp_path)
+    path = (tmp_path / FILES[name]).rename(tmp_path / "anything.bin")
+    (found,) = recognised(path)
+    assert found.format.name == name
+    assert found.seen
+
+
+@pytest.mark.parametrize("name", ["tables", "wucaps"])
+def test_folders_are_recognised_whole(tmp_path: Path, name: str) -> None:
+    READERS[name].write(tmp_path)
+    assert [found.format.name for found in recognised(tmp_path)] == [name]
+
+
+def test_a_folder_of_several_files_is_several_sources(tmp_path: Path) -> None:
+    write_project(tmp_path / "opensfm")
+    (tmp_path / "gcp.txt").write_text("EPSG:32632\n1 2 3 4 5 a.jpg\n")
+    (tmp_path / "notes.txt").write_text("nothing of a block\n")
+    found = {r.format.name: r.path.name for r in recognised(tmp_path)}
+    assert found == {"odm_gcp": "gcp.txt", "opensfm": "reconstruction.json", "opensfm_tracks": "tracks.csv"}
+
+
+def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("Dear colleague\n")
+    with pytest.raises(AatriError, match=r"notes.txt begins with 'Dear colleague'") as caught:
+        recognised(tmp_path)
+    assert "block.yaml" in str(caught.value)
+    assert "<gama-local>" in str(caught.value)
+
+
+def test_names_are_distinct_and_every_format_says_what_it_carries() -> None:
+    assert len({f.name for f in FORMATS}) == len(FORMATS)
+    assert all(f.carries and f.looked_for and not {*f.carries} & {*f.drops} for f in FORMATS)
+    assert all(f.read or f.stage for f in FORMATS)
+    with pytest.raises(AatriError, match="did you mean 'colmap'"):
+        format_named("colmpa")
