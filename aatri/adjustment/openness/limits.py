@@ -18,7 +18,7 @@ MOVES = 1e-4
 """Share of the largest, squared, from which on a vertex takes part in an open direction."""
 
 UNSEEN = 1e-10
-"""Square of what observations see of a motion, as a share of what they see of its parts, below which it is open."""
+"""Square of what observations see of a motion, as a share of what their parts move by, below which it is open."""
 
 MOTION_IF_OPEN, MOTION_IF_NEARLY, MOTION_IF_WEAK = 1.0 - 1e-6, 0.99, 0.95
 """Cosine from which on a motion of the whole counts as one of the directions: of vanishing pivots, of directions that

@@ -1,17 +1,20 @@
 """Motions of everything together that no observation sees, for problems of any size.
 
-With A the whitened Jacobian of all observations and G the moves of all unknowns with the generators of a similarity,
-the combinations c with A G c = 0 are open, whatever the factorisation says: of the vanishing pivots of a large factor
-only the first is sure, those after it are rounding. A G takes one way through the observations, and 7 x 7 numbers.
+With A the Jacobian of all observations, each row of length 1, and G the moves of all unknowns with the generators of a
+similarity, the combinations c with A G c = 0 are open, whatever the factorisation says: of the vanishing pivots of a
+large factor only the first is sure, those after it are rounding. A G takes one way through the observations, and 7 x 7
+numbers.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from aatri.adjustment.openness.limits import UNSEEN
 from aatri.adjustment.openness.motions import ORDER, echelon, named
-from aatri.adjustment.records import whitened
+from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -29,25 +32,56 @@ def unseen_motions(problem: IndexedProblem, state: State) -> list[str]:
     """
     moves: dict[str, Float] = {}
     for u in problem.unknowns:
-        move = u.generator(state)[:, :, ORDER] if u.generator is not None else np.zeros((len(u.free), u.size, 7))
-        moves[u.name] = np.where(u.free[:, :, None], move, 0.0)
-    seen, parts = np.zeros((7, 7)), np.zeros(7)
-    for r in (*problem.records, *problem.constraints):
+        if u.generator is not None:
+            moves[u.name] = np.where(u.free[:, :, None], u.generator(state)[:, :, ORDER], 0.0)
+    still = np.sum([(move**2).sum(axis=(0, 1)) for move in moves.values()], axis=0) == 0
+    nothing = np.eye(7)[np.broadcast_to(still, 7)]  # in which nothing moves is not open
+    V, extent = unseen_combinations((*problem.records, *problem.constraints), state, moves, [nothing])
+    return [named(motion / extent, extent) for motion in echelon(V.T * extent)] if V.size else []
+
+
+def unseen_combinations(
+    records: Sequence[Records], state: State, moves: Mapping[str, Float], held: Sequence[Float] = ()
+) -> tuple[Float, Float]:
+    """Combinations of the seven motions that nothing sees.
+
+    Every scalar observation counts with the share of its derivatives that a motion moves it by, whatever its weight.
+
+    Parameters
+    ----------
+    records : sequence of Records
+    state : State
+    moves : mapping of (n, k, 7) float64
+        Moves of the unknowns of each group with the seven.
+    held : sequence of (m, 7) float64
+        Moves of scalars that may not move.
+
+    Returns
+    -------
+    V : (7, d) float64
+        The combinations, orthonormal.
+    extent : (7,) float64
+        By how much each of the seven moves the parts of all observations.
+    """
+    seen, parts = np.concatenate([np.zeros((0, 7)), *held]), np.zeros(7)
+    parts += (seen**2).sum(axis=0)
+    for r in records:
         active = np.flatnonzero(r.active)
         for first in range(0, len(active), CHUNK):
             rows = active[first : first + CHUNK]
             _, jacobians = whitened(r, state, rows)
-            each = [J @ moves[group][block[rows]] for (group, block), J in zip(r.touches, jacobians)]
-            AG = np.sum(each, axis=0).reshape(-1, 7)
-            seen += AG.T @ AG
+            size = np.sqrt(sum((J**2).sum(axis=2, keepdims=True) for J in jacobians))
+            size = np.where(size > 0, size, 1.0)
+            each = [
+                J @ moves[group][block[rows]] / size
+                for (group, block), J in zip(r.touches, jacobians)
+                if group in moves
+            ]
+            change = np.sum([np.zeros((len(rows), r.rows, 7)), *each], axis=0)
+            if r.similarity is not None:
+                change = change @ r.similarity(state, rows)
+            seen = np.asarray(np.linalg.qr(np.concatenate([seen, change.reshape(-1, 7)]), mode="r"))
             parts += sum((part**2).sum(axis=(0, 1)) for part in each)
-    some = np.flatnonzero(parts > 0)
-    if not len(some):
-        return []
-    size = np.sqrt(parts[some])
-    values, vectors = np.linalg.eigh(seen[np.ix_(some, some)] / np.outer(size, size))
-    motions = np.zeros((int((values < UNSEEN).sum()), 7))
-    motions[:, some] = vectors.T[values < UNSEEN]
-    extent = np.ones(7)
-    extent[some] = size
-    return [named(motion / extent, extent) for motion in echelon(motions)] if len(motions) else []
+    extent = np.sqrt(np.where(parts > 0, parts, 1.0))
+    _, values, vectors = np.linalg.svd(np.pad(seen, ((0, max(7 - len(seen), 0)), (0, 0))) / extent)
+    return np.linalg.qr(vectors[values**2 < UNSEEN].T / extent[:, None])[0], extent

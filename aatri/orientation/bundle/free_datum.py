@@ -27,7 +27,8 @@ from scipy.linalg import expm, qr
 
 from aatri.adjustment.covariance.s_transformation import STransformation, s_transformation
 from aatri.adjustment.elimination.backsolve import cost_of
-from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.openness.unseen_motions import unseen_combinations
+from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float
@@ -200,20 +201,8 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
     GeometryError
         If nothing is left open.
     """
-    seen = [_without_effect(H) * _size(free, state)[1], *(H[u.name][~u.free] for u in free.unknowns if u.name in H)]
-    for r in free.records:
-        rows = np.flatnonzero(r.active)
-        _, jacobians = whitened(r, state, rows)
-        change, size = np.zeros((len(rows), r.rows, 7)), np.zeros((len(rows), r.rows, 1))
-        for (group, block), J in zip(r.touches, jacobians):
-            size += (J**2).sum(axis=2, keepdims=True)
-            if group in H:
-                change += J @ H[group][block[rows]]
-        if r.similarity is not None:
-            change = change @ r.similarity(state, rows)
-        seen.append((change / np.sqrt(np.where(size > 0, size, 1.0))).reshape(-1, 7))
-    _, values, vectors = np.linalg.svd(np.linalg.qr(np.concatenate(seen) / _size(free, state)[1], mode="r"))
-    V = vectors[values <= OPEN].T
+    held = [H[u.name][~u.free] for u in free.unknowns if u.name in H]
+    V = unseen_combinations(free.records, state, H, [_without_effect(H) * _size(free, state)[1], *held])[0]
     if not V.shape[1]:
         raise GeometryError(
             "control and observed positions determine the datum: nothing is free",
