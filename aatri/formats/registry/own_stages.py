@@ -123,7 +123,7 @@ WUCAPS = _format(
     "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
     drops=("distortion", "standard deviations", "positions", "attitudes", "frame"),
-    page="docs/formats.md#wucaps", files_of=_all_files,
+    page="docs/formats.md#wucaps-files", files_of=_all_files,
 )  # fmt: skip
 DBAT = _format(
     "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from aatri.errors import AatriError
+from aatri.formats.parts.format import Format
 from aatri.formats.registry.catalogue import FORMATS
 from aatri.formats.registry.recognised import format_named, recognised
 from tests.campaigns.fuzz_seeds import READERS
@@ -52,3 +54,10 @@ def test_names_are_distinct_and_every_format_says_what_it_carries() -> None:
     assert all(f.read or f.stage for f in FORMATS)
     with pytest.raises(AatriError, match="did you mean 'colmap'"):
         format_named("colmpa")
+
+
+@pytest.mark.parametrize("declared", FORMATS, ids=lambda f: f.name)
+def test_the_page_of_a_format_has_its_section(declared: Format) -> None:
+    page, _, anchor = declared.page.partition("#")
+    heads = re.findall(r"^##+ (.*)$", (Path(__file__).parents[3] / page).read_text(encoding="utf-8"), re.M)
+    assert anchor in {re.sub(r"[^a-z0-9 -]", "", head.lower()).replace(" ", "-") for head in heads}
