@@ -85,7 +85,8 @@ def taken_up(N_ties: Float, N: Float, s: Int, z: Int, axes: Sequence[StripAxes])
     """
     M, n = N_ties[np.ix_(s, s)], len(axes)
     tied = np.abs(M).reshape(n, SIZE, n, SIZE).max(axis=(1, 3)) > 0
-    scale = np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), M.diagonal().mean()))
+    least = M.diagonal().mean() or 1.0  # 1: no strip has a point in common with another
+    scale = np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), least))
     together = np.linalg.qr(motions(axes, connected_components(tied)[1]) * scale[:, None])[0]
     w, V = np.linalg.eigh(M / np.outer(scale, scale) + together @ together.T)
     strong, V = w > WEAK, V / scale[:, None]

@@ -64,3 +64,10 @@ def test_medians_of_points_in_any_number_of_strips() -> None:
     value = rng.normal(size=len(point))
     wanted = [np.median(value[point == p]) for p in range(8)]
     np.testing.assert_allclose(_medians(point, value, count), wanted, rtol=1e-13)
+
+
+def test_the_spectrum_of_a_view_of_one_covariance() -> None:
+    """As of one projection centre: a view that cannot be written to."""
+    values, vectors = spectrum_of(np.broadcast_to(4.0 * np.eye(3), (1, 3, 3)))
+    np.testing.assert_allclose(values, 4.0)
+    np.testing.assert_allclose(vectors[0] @ vectors[0].T, np.eye(3), atol=1e-15)

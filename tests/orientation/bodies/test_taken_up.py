@@ -83,3 +83,13 @@ def test_strips_are_joined_by_ties_and_then_moved_onto_control(without: int) -> 
         M, used = motion.reshape(-1, SIZE), at_control[here]
         joined[here] -= M @ np.linalg.lstsq(M[used], joined[here][used], rcond=None)[0]
     np.testing.assert_allclose(D[:, z] + D[:, s] @ err, joined, atol=1e-8)
+
+
+def test_strips_without_a_common_point_take_up_by_control_alone() -> None:
+    n = len(STRIPS)
+    z = np.arange(n) * (SIZE + 1) + SIZE
+    s = np.setdiff1d(np.arange(n * (SIZE + 1)), z)
+    by_all = np.kron(np.eye(n), np.eye(SIZE + 1) + 0.1)
+    err = taken_up(np.zeros_like(by_all), by_all, s, z, STRIPS)
+    expected = -np.linalg.solve(by_all[np.ix_(s, s)], by_all[np.ix_(s, z)])
+    np.testing.assert_allclose(err, expected, atol=1e-12)
