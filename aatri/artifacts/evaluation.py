@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
@@ -67,8 +67,43 @@ class StripErrors(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class Displacements(Table):
+    """Points at two epochs: the later minus the earlier, beside those that have not moved."""
+
+    point: Text = column("str", doc="id of the point")
+    xyz_m: Float = column("f8", 3, unit="m", doc="coordinates at the earlier epoch", optional=True)
+    moved: Bool = column("bool", doc="not congruent with the others")
+    displacement_m: Float = column(
+        "f8", 3, unit="m", doc="displacement if it has moved; NaN where the others do not determine it", optional=True
+    )
+    covariance_m2: Float = column("f8", 3, 3, unit="m^2", doc="of the displacement", optional=True)
+    statistic: Float = column("f8", doc="test of the point, chi2 of its coordinates without movement", optional=True)
+    limit: Float = column("f8", doc="largest that chance explains")
+    probability: Float = column("f8", doc="of a test as large by chance", optional=True)
+    detectable_m: Float = column(
+        "f8", unit="m", doc="displacement found with 80 % in the direction determined worst", optional=True
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterChanges(Table):
+    """Parameters of cameras at two epochs: the later calibration minus the earlier."""
+
+    object: Text = column("str", doc="id of the camera or session, as in parameters")
+    name: Text = column("str", doc="name of the parameter")
+    moved: Bool = column("bool", doc="does not agree with the earlier calibration")
+    change: Float = column("f8", doc="later minus earlier, in the unit of the parameter", optional=True)
+    sigma: Float = column("f8", doc="standard deviation of the change", optional=True)
+    difference: Float = column("f8", doc="plain difference of both values")
+    statistic: Float = column("f8", doc="test of the parameter, chi2 of 1 without a change", optional=True)
+    limit: Float = column("f8", doc="largest that chance explains")
+    probability: Float = column("f8", doc="of a test as large by chance", optional=True)
+    detectable: Float = column("f8", doc="change found with 80 %, in the unit of the parameter", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
-    """Accuracy of a Solution, or of free strips."""
+    """Accuracy of a Solution, or of free strips; or what has moved between two epochs."""
 
     kind: ClassVar[str] = "Evaluation"
     schema_version: ClassVar[int] = 1
@@ -78,11 +113,18 @@ class Evaluation(Artifact):
     differences: Differences = table()
     models: SingleModels | None = table(default=None)
     strip_errors: StripErrors | None = table(default=None)
+    displacements: Displacements | None = table(default=None)
+    parameter_changes: ParameterChanges | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """All figures; counts as integers. Those of the independent check are None where it has not been made."""
         values = zip(self.figures.name, self.figures.value)
-        known = {str(n): int(v) if str(n).endswith(("_points", "models")) else _plain(float(v)) for n, v in values}
+        known = {
+            str(n): int(v) if str(n).endswith(("_points", "_parameters", "_degrees", "models")) else _plain(float(v))
+            for n, v in values
+        }
+        if self.displacements is not None or self.parameter_changes is not None:
+            return known
         return known | {name: None for name in _OF_THE_CHECK if name not in known}
 
 

@@ -105,6 +105,15 @@ class ParameterCovariances(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class PointCovariances(Table):
+    """Covariances between adjusted points, each pair once, with those of each point itself."""
+
+    first: Int = column("i4", doc="row in points", refers="points")
+    second: Int = column("i4", doc="row in points, not before first", refers="points")
+    covariance_m2: Float = column("f8", 3, 3, unit="m^2", doc="coordinates of first by those of second", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class ErrorFields(Table):
     """Image error of each camera or session: all additional parameters together, on a grid over the format."""
 
@@ -239,6 +248,7 @@ class Solution(Artifact):
     tests: Tests | None = table(default=None)
     calibrated_sets: CalibratedSets | None = table(default=None)
     parameter_covariances: ParameterCovariances | None = table(default=None)
+    point_covariances: PointCovariances | None = table(default=None)
     error_fields: ErrorFields | None = table(default=None)
     variance_components: VarianceComponents | None = table(default=None)
     independent_errors: IndependentErrors | None = table(default=None)

@@ -71,6 +71,7 @@ STREAMS = (
     "survey",
     "survey_error",
     "gross_survey",
+    "movement",
 )
 """Names of the random streams; a new one goes to the end."""
 

@@ -251,6 +251,16 @@ class NoiseOptions(BaseModel):
     relative_deg: float = Field(0.02, gt=0, description="angles of relative control, degrees")
 
 
+class EpochOptions(BaseModel):
+    """One of several epochs of one object: blocks with the same site have the same ground, stations and points."""
+
+    model_config = _FROZEN
+
+    site: str = Field("", description="name of the object; empty: a block of its own")
+    moved: int = Field(0, ge=0, description="new points that have moved at this epoch")
+    moved_m: Range = Field((0.05, 0.5), description="smallest and largest movement, any direction, m")
+
+
 class GrossErrorOptions(BaseModel):
     """Gross errors: of each kind a share of all if below 1, otherwise how many."""
 

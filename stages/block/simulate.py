@@ -25,6 +25,7 @@ from aatri.artifacts.block import Block
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.simulation import earth, flight, settings
 from aatri.simulation.assembly import Scene, assembled
+from aatri.simulation.epochs import streams_of_site, with_moved_points
 from aatri.simulation.geodetic import GeodeticEarth
 from aatri.simulation.measured import STREAMS, Disturbance
 from aatri.simulation.points import GroundSurface, ground_targets
@@ -75,6 +76,7 @@ class SimulateOptions(Options):
         settings.NoiseOptions(), description="standard deviations; `noise: false` is factor 0"
     )
     gross_errors: settings.GrossErrorOptions = Field(settings.GrossErrorOptions(), description="gross errors")
+    epoch: settings.EpochOptions = Field(settings.EpochOptions(), description="one of several epochs of one object")
 
     @model_validator(mode="before")
     @classmethod
@@ -100,7 +102,7 @@ def simulate(
     InputError
         If the distortion is too strong or more gross errors are asked for than there are observations.
     """
-    streams = dict(zip(STREAMS, rng.spawn(len(STREAMS))))
+    streams = dict(zip(STREAMS, rng.spawn(len(STREAMS)))) | streams_of_site(options.epoch.site)
     height_m = options.terrain.mean_height_m
     false_origin = (0.0, 0.0) if options.earth == "tangent" else options.false_origin_m
     surface = random_surface(height_m, options.terrain.relief_m, options.terrain.wavelength_m, streams["terrain"])
@@ -130,6 +132,7 @@ def simulate(
         planned_structures(options.survey, disturbance),
         streams,
     )
+    points = with_moved_points(points, made.photography, options.epoch, streams["movement"])
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
     scene = Scene(
         options.name, options.earth, false_origin, made.plan, made.photography, points, made.member, options.rig

@@ -37,6 +37,7 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_parameters
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.orderings import report_orderings
+from aatri.adapters.bundle.point_covariances import point_covariances
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
@@ -101,6 +102,10 @@ class BundleOptions(KindOptions):
     )
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
+    point_covariances: list[str] = Field(
+        [],
+        description="points whose covariances with each other are kept, by id with * and ?, for comparisons of epochs",
     )
     variance_components: VarianceComponentOptions | None = Field(
         None,
@@ -209,9 +214,11 @@ def bundle(
     made = bundle_solution(source, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
+    frame = given.given.frame if given.given else None
     made = replace(
         made,
         variance_components=components,
+        point_covariances=point_covariances(block, done.result, frame, options.point_covariances),
         uncontrolled=uncontrolled,
         contradictions=sum(map(contradicts, groups)),
         proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None,

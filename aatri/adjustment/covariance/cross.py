@@ -65,23 +65,32 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
 def _columns_of(adjusted: Adjusted, factored: Factored, block: Block) -> Float:
     """Covariance of all kept unknowns with a block, (n_kept, k)."""
     problem = adjusted.problem
-    kept, weights = _in_kept(adjusted, factored, block)
+    kept, weights, _ = rows_in_kept(adjusted, factored, block)
     right = np.zeros((problem.layout.n_kept, weights.shape[0]))
     np.add.at(right, kept[kept >= 0], weights.T[kept >= 0])
     return solve_columns(problem, factored, right)
 
 
 def _rows_of(adjusted: Adjusted, factored: Factored, block: Block, columns: Float) -> Float:
-    kept, weights = _in_kept(adjusted, factored, block)
+    kept, weights, _ = rows_in_kept(adjusted, factored, block)
     return np.asarray(weights[:, kept >= 0] @ columns[kept[kept >= 0]])
 
 
-def _in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int, Float]:
-    """A block as a linear function of the kept unknowns: their columns (n,) and weights (k, n)."""
+def rows_in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int, Float, Float]:
+    """A block of k unknowns as a linear function of the kept ones.
+
+    Returns
+    -------
+    columns : (n,) int
+        Of the kept unknowns; -1 where held.
+    weights : (k, n) float64
+    own : (k, k) float64
+        Covariance that an eliminated block has beside: the inverse normal matrix of its own observations.
+    """
     problem, (group, number) = adjusted.problem, block
     size = next(u.size for u in problem.unknowns if u.name == group)
     if group != problem.layout.eliminated or problem.layout.block[number] < 0:
-        return problem.layout.columns(group, size)[number], np.eye(size)
+        return problem.layout.columns(group, size)[number], np.eye(size), np.zeros((size, size))
     rays = problem.rays
     assert rays is not None
     p = int(np.flatnonzero(rays.block == number)[0])
@@ -94,5 +103,6 @@ def _in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int,
     C = np.einsum("nia,nib->bna", A, B).reshape(size, -1)
     L = np.zeros((3, 3))
     L[[0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2]] = factored.block_factor[p]
-    weights = -np.linalg.solve(L.T, np.linalg.solve(L, C)) * problem.block_free[p][:, None]
-    return columns.ravel(), weights
+    free = problem.block_free[p]
+    inverse = np.linalg.solve(L.T, np.linalg.solve(L, np.eye(size))) * np.outer(free, free)
+    return columns.ravel(), -inverse @ C, inverse

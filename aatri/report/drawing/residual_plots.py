@@ -22,7 +22,7 @@ from aatri.report.drawing.svg import Picture
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
 MOST_STRIPS = 12
-COLOURS = {"control": "red", "check": "green"}
+COLOURS = {"control": "red", "check": "green", "moved": "red", "stable": "green"}
 CELLS = 12
 """Cells of the image format along each side."""
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.artifacts.evaluation import Differences, Evaluation, SingleModels, StripErrors
+from aatri.artifacts.evaluation import (
+    Differences,
+    Displacements,
+    Evaluation,
+    ParameterChanges,
+    SingleModels,
+    StripErrors,
+)
 from aatri.ids import rows_of
 from aatri.report.drawing.charts import growth_chart
 from aatri.report.drawing.plan import ground_positions
@@ -22,6 +29,8 @@ def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> Non
     made.tables.extend(present(models_table(evaluation.models), strips_table(evaluation.strip_errors)))
     if evaluation.strip_errors is not None:
         made.pictures.extend(present(growth_chart(evaluation.strip_errors)))
+    made.tables.extend(present(moved_table(evaluation.displacements), changes_table(evaluation.parameter_changes)))
+    made.pictures.extend(movement_pictures(evaluation.displacements))
     made.pictures.extend(difference_pictures(evaluation, around, ("control", "check")))
     made.pictures.extend(difference_pictures(evaluation, around, ("truth",)))
 
@@ -85,6 +94,56 @@ def strips_table(errors: StripErrors | None) -> PageTable | None:
         **{name: (1e3 * values, "{:.3f}".format) for name, values in thousandths.items()},
     }
     return all_rows("Errors along free strips; height and mean in thousandths of the first base", columns)
+
+
+def moved_table(points: Displacements | None) -> PageTable | None:
+    """Points at two epochs, those that have moved first."""
+    if points is None:
+        return None
+    sigma = np.sqrt(np.einsum("nii->ni", points.covariance_m2))
+    share = points.statistic / points.limit
+    columns: Columns = {
+        "point": points.point,
+        "": np.where(points.moved, "moved", ""),
+        **axes(("dX m", "dY m", "dZ m"), points.displacement_m, metres),
+        **axes(("sX m", "sY m", "sZ m"), sigma, metres),
+        "test / limit": share,
+        "detectable m": (points.detectable_m, metres),
+    }
+    caption = "Points at both epochs: displacement if the point has moved, beside those that have not; moved ones first"
+    return all_rows(caption, columns, np.lexsort((-np.nan_to_num(share), ~points.moved)))
+
+
+def changes_table(changes: ParameterChanges | None) -> PageTable | None:
+    """Parameters of cameras at two epochs, those that have changed first."""
+    if changes is None:
+        return None
+    share = changes.statistic / changes.limit
+    columns: Columns = {
+        "camera": changes.object,
+        "parameter": changes.name,
+        " ": np.where(changes.moved, "changed", ""),
+        "change": changes.change,
+        "sigma": changes.sigma,
+        "difference": changes.difference,
+        "test / limit": share,
+        "detectable": changes.detectable,
+    }
+    caption = "Parameters of both calibrations: change if the parameter alone has changed; changed ones first"
+    return all_rows(caption, columns, np.lexsort((-np.nan_to_num(share), ~changes.moved)))
+
+
+def movement_pictures(points: Displacements | None) -> list[Picture]:
+    """Displacements in plan and height, moved and stable points apart."""
+    if points is None:
+        return []
+    groups = {
+        name: (points.xyz_m[of], points.displacement_m[of])
+        for name, of in (("stable", ~points.moved), ("moved", points.moved))
+        if of.any()
+    }
+    words = ("Displacements", "later minus earlier")
+    return present(plan_vectors(groups, *words), height_bars(groups, *words))
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:
