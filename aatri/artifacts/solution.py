@@ -45,9 +45,7 @@ class SolvedCameras(Table):
     """Interior orientation of the cameras."""
 
     id: Text = column("str", doc="id of the camera")
-    principal_distance_mm: Float = column(
-        "f8", unit="mm", doc="principal distance as adjusted; as given where it is not"
-    )
+    principal_distance_mm: Float = column("f8", unit="mm", doc="as adjusted; as given where it is not")
     principal_point_mm: Float = column(
         "f8",
         2,
@@ -148,8 +146,9 @@ class Tests(Table):
                          optional=True)  # fmt: skip
     detectable: Float = column("f8", 3, unit="mm (image) or m", doc="gross error found with 80 % at a level of 0.1 %; "
                                "NaN where uncontrolled", optional=True)  # fmt: skip
-    external: Float = column("f8", 3, doc="external reliability: largest effect of a detectable error on any "
-                             "function of the unknowns, in its standard deviations", optional=True)  # fmt: skip
+    external: Float = column(
+        "f8", 3, doc="largest effect of it on a function of the unknowns, in sigmas", optional=True
+    )
     point_moved_m: Float = column("f8", 3, unit="m", doc="how far a detectable error moves its ground point",
                                   optional=True)  # fmt: skip
     image_moved_m: Float = column(
@@ -187,8 +186,7 @@ class VarianceComponents(Table):
 class IndependentErrors(Table):
     """How many independent errors the correlated ones of some points amount to: (tr C)^2 / tr C^2."""
 
-    points: Text = column("str", doc="new (compared with the truth), check (with the given coordinates), or "
-                          "left_out (control, with its prediction by the others)")  # fmt: skip
+    points: Text = column("str", doc="new (beside the truth), check (beside the given), left_out (control predicted)")
     count: Float = column("f8", 3, doc="of X, Y, Z; NaN where no point has the coordinate", optional=True)
 
 

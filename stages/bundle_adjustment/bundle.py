@@ -214,11 +214,10 @@ def bundle(
     made = bundle_solution(source, given, result, suspects, of_cameras, orderings, tests=options.reliability)
     uncontrolled, of_film = uncontrolled_of(done.result)
     report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
-    frame = given.given.frame if given.given else None
     made = replace(
         made,
         variance_components=components,
-        point_covariances=point_covariances(block, done.result, frame, options.point_covariances),
+        point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
         uncontrolled=uncontrolled,
         contradictions=sum(map(contradicts, groups)),
         proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None,

@@ -127,7 +127,8 @@ def test_a_point_that_the_datum_needs_is_not_tested() -> None:
     xyz_m = np.array([[0.0, 0, 0], [100, 0, 0], [0, 100, 0]])
     H = datum_directions(xyz_m, "similarity")
     result = congruence(np.full(9, 0.01), np.eye(9) * 1e-6, np.repeat(np.arange(3), 3), H)
-    assert not result.tested.any() and not result.moved.any()
+    assert not result.tested.any()
+    assert not result.moved.any()
     assert np.isnan(result.displacement).all()
 
 
@@ -137,4 +138,5 @@ def test_an_estimated_sigma0_takes_the_distribution_of_f() -> None:
     scaled = congruence(d, 4 * np.eye(4), object_of)
     np.testing.assert_allclose(exact.probabilities, scaled.probabilities, rtol=1e-5)
     few = congruence(d, np.eye(4), object_of, sigma0=2.0, sigma0_degrees=3)
-    assert (few.limits > exact.limits).all() and (few.probabilities > exact.probabilities).all()
+    assert (few.limits > exact.limits).all()
+    assert (few.probabilities > exact.probabilities).all()

@@ -61,6 +61,8 @@ def point_covariances(
     rows = chosen_points(block, patterns)
     rows = rows[determined[rows]]
     n = len(rows)
+    if not n:
+        return None
     if n > MOST_POINTS:
         raise ResourceError(
             f"covariances between {n} points, more than {MOST_POINTS}",

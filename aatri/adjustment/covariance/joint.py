@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.adjust import Adjusted
 from aatri.adjustment.covariance.constrained import covariance_reduction
 from aatri.adjustment.covariance.cross import rows_in_kept
 from aatri.adjustment.covariance.s_transformation import STransformation
 from aatri.adjustment.elimination.backsolve import solve_columns
 from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.arrays import Float, Int
 

@@ -57,8 +57,9 @@ from aatri.orientation.bodies.taken_up import SIZE, similarities, taken_up
 MOST_STRIPS = 200
 """Deformations of all strips hang together: their matrices grow with the square of the strips, to 1 GB at 500."""
 
-ABSORBED = 1e-9
-"""Share of a deformation's information that is left where the coefficients take it up."""
+ABSORBED = 1e-6
+"""Share of a deformation's information that is left where both adjustments take it up: rounding leaves 1e-11 to 1e-7,
+what is not taken up has 1e-3 and more."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ def _deformed_covariances(
     brought = N[:, z] + N[:, s] @ err
     A, whole = Q @ brought[c], brought[z] + err.T @ brought[s]
     S = whole - brought[c].T @ A
-    left = S.diagonal() > ABSORBED * np.maximum(whole.diagonal(), 1e-300)
+    left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
     z, A, S, err = z[left], A[:, left], S[np.ix_(left, left)], err[:, left]
     of_misfit = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()
     squares = tied.weighted_sigma0**2 * redundancy
