@@ -28,6 +28,7 @@ Sources: Pelzer 1971; Niemeier 1981; Caspary 1987, Concepts of network and defor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -207,7 +208,7 @@ def _weights(C: Float, H: Float) -> Float:
         ) from None
 
 
-def _without(P: Float, rows: list[Int], out: list[int]) -> Float:
+def _without(P: Float, rows: Sequence[Int], out: list[int]) -> Float:
     """P with some objects free to move."""
     if not out:
         return P
@@ -226,7 +227,7 @@ def _gain(P: Float, d: Float, J: Int) -> float:
     return float(v @ np.linalg.solve(P[np.ix_(J, J)], v))
 
 
-def _without_those_that_fit(whole: Float, rows: list[Int], moved: list[int], d: Float, test: _Level) -> list[int]:
+def _without_those_that_fit(whole: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level) -> list[int]:
     """Of the objects taken out, those that do not fit beside the other ones; the best fit returns first."""
     moved = list(moved)
     while moved:
@@ -241,7 +242,9 @@ def _without_those_that_fit(whole: Float, rows: list[Int], moved: list[int], d: 
     return moved
 
 
-def _result(whole: Float, C: Float, H: Float, rows: list[Int], moved: list[int], d: Float, test: _Level) -> Congruence:
+def _result(
+    whole: Float, C: Float, H: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level
+) -> Congruence:
     m, f = len(rows), H.shape[1]
     stable = _without(whole, rows, moved)
     displacement, covariances = np.full(len(d), np.nan), []

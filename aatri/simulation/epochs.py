@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.errors import InputError
-from aatri.simulation.measured import Streams
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, taken
 from aatri.simulation.settings import EpochOptions
@@ -17,7 +16,7 @@ OF_THE_OBJECT = ("terrain", "flight", "points", "structure")
 """Random streams that all epochs of a site share."""
 
 
-def streams_of_site(site: str) -> Streams:
+def streams_of_site(site: str) -> dict[str, np.random.Generator]:
     """Random streams of the object, from the name of the site alone; none without a name."""
     if not site:
         return {}
