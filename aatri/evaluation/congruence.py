@@ -277,7 +277,9 @@ def _result(
         limits,
         np.array([test.probability(t, len(J)) if ok else np.nan for t, J, ok in zip(statistics, rows, tested)]),
         detectable,
-        _datum_movement(C, H, np.concatenate([np.zeros(0, int), *(rows[k] for k in np.flatnonzero(~is_moved))]), d),
+        _datum_movement(
+            C, H, np.concatenate([np.zeros(0, int), *(rows[k] for k in np.flatnonzero(~is_moved).tolist())]), d
+        ),
         of_stable,
         stable_degrees,
     )
