@@ -52,7 +52,9 @@ _CHAIN: Mapping[str, tuple[str, Mapping[str, str]]] = {
 }
 """Name -> variant, port -> name."""
 
-_OPTIONS: Mapping[str, Mapping[str, Any]] = {"calibration": {"self_calibration": {"set": "brown_conrady"}}}
+_OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "calibration": {"self_calibration": {"set": "brown_conrady"}, "point_covariances": ["*"]}
+}
 
 _BY_KIND = {
     "Block": "block",
@@ -93,6 +95,8 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
 def _name_of(role: str, port: str, kind: type[Artifact]) -> str | None:
     if role == "image_refinement" and port == "image_points":
         return "interior"
+    if role == "epochs" and port in ("solution", "earlier"):
+        return "calibration"
     return port if port in _OPTIONS else _BY_KIND.get(kind.kind)
 
 

@@ -12,7 +12,6 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.pipeline.methods.registry import find_stages
-from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.relative_orientation.connected import connected
 from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
@@ -48,12 +47,6 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
 
 def needed_inputs(name: str) -> dict[str, Artifact] | None:
     """Inputs of a variant that cannot take those of the usual chain."""
-    if name in ("epochs/congruence", "epochs/cameras"):
-        inputs = example_inputs("bundle_adjustment", find_stages().role("bundle_adjustment"))
-        inputs.pop("calibration")
-        options = {"self_calibration": {"set": "brown_conrady"}, "point_covariances": ["*"]}
-        solution = bundle(**inputs, options=BundleOptions.model_validate(options))
-        return {"solution": solution, "earlier": solution}
     if name != "strip_formation/connected":
         return None
     registry = find_stages()

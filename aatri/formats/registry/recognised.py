@@ -114,7 +114,7 @@ def unrecognised(path: Path) -> InputError:
     begins = "; ".join(f"{p.name} begins with {clipped(_beginning(p), 40)!r}" for p in files[:MOST_TOLD])
     more = f" and {len(files) - MOST_TOLD} more files" if len(files) > MOST_TOLD else ""
     looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
-    what = f"of no known format ({begins or 'no file in it'}{more})"
+    what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
     remedy = f"looked for were {looked}. A list without a header: say `format: table` and its `columns`"
     return InputError(what, where=str(path), remedy=remedy)
 
