@@ -33,10 +33,11 @@ RADIAL = (
 def contradicts(accepted: AcceptedGroup) -> bool:
     """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas.
 
-    Points of a neighbourhood are wrong measurements, like single ones that are kept: no error of the model.
+    Points of a neighbourhood or of one image are wrong measurements, like single ones that are kept: no error of the
+    model, which is what images have in common.
     """
     g = accepted.group
-    if g.per == NEIGHBOURHOOD:
+    if g.per in (NEIGHBOURHOOD, IMAGE):
         return False
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
