@@ -10,6 +10,7 @@ import codecs
 import os
 import re
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 
 from aatri.errors import InputError, ResourceError
@@ -52,7 +53,8 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
     InputError
         If the file is missing, empty, binary or of no known encoding.
     """
-    _check_size(path)
+    with suppress(OSError, ValueError):  # told when it is read
+        check_memory(path.stat().st_size, path)
     text = _decoded(read_bytes(path), path, reporter)
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
@@ -64,14 +66,13 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
     return lines
 
 
-def _check_size(path: Path) -> None:
-    """Refuse a file whose rows need more memory than there is, before it is read."""
+def check_memory(size: int, path: Path) -> None:
+    """Refuse a file of so many bytes whose rows need more memory than there is, before it is read."""
     try:
-        needed = MEMORY_PER_BYTE * path.stat().st_size
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (OSError, ValueError, AttributeError):
-        return  # told when it is read; or a system that does not say how much memory it has
-    if needed > there:
+        return  # a system that does not say how much memory it has
+    if (needed := MEMORY_PER_BYTE * size) > there:
         what = f"takes some {needed / 1e9:.2g} GB of memory to read, and this machine has less"
         raise ResourceError(what, where=str(path), remedy="divide the block, or thin it out")
 

@@ -27,7 +27,17 @@ def xml_text(path: Path) -> str:
     InputError
         If it cannot be read, is not in the encoding it declares, or uses entities of its own.
     """
-    data = read_bytes(path)
+    return decoded_xml(read_bytes(path), path)
+
+
+def decoded_xml(data: bytes, path: Path) -> str:
+    """The text of the content of an XML file, or of a member of an archive.
+
+    Raises
+    ------
+    InputError
+        As `xml_text`.
+    """
     refuse_page(data, path)
     if data.startswith(b"PK"):
         raise InputError("this is a zip archive, not XML", where=str(path), remedy="unpack it")
