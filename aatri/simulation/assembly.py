@@ -16,7 +16,7 @@ from aatri.artifacts import block as b
 from aatri.simulation import film, measured, rig
 from aatri.simulation.attitudes import observed_attitudes
 from aatri.simulation.flight import FlightPlan
-from aatri.simulation.measured import Disturbance, no_source, rows, texts
+from aatri.simulation.measured import Disturbance
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, cartesian, cartesian_rotation
 from aatri.simulation.settings import BROWN, CameraOptions, FilmOptions, GnssOptions, ImuOptions, RigMemberOptions
@@ -83,7 +83,7 @@ def assembled(
     gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
     if imu.observed:
         exterior, gross_attitude = observed_attitudes(
-            whole(exterior, len(of_image)),
+            exterior if len(exterior) else b.Exterior.of(image=np.arange(len(of_image))),
             true_images.ground_from_image,
             plan,
             of_image,
@@ -102,11 +102,8 @@ def assembled(
         terrain_height_m=scene.photography.terrain_height_m,
         undulation_m=(world.undulation_m or np.nan) if world else np.nan,
         heading=imu.heading,
-        frames=b.Frames(
-            id=texts(_FRAME[scene.earth]),
-            axes=texts("east,north,up"),
-            crs=texts(world.crs if world else _CRS[scene.earth]),
-            vertical=texts(""),
+        frames=b.Frames.of(
+            id=[_FRAME[scene.earth]], axes="east,north,up", crs=world.crs if world else _CRS[scene.earth], vertical=""
         ),
         **_camera_tables(camera, marks, gnss, imu),
         **_images(plan, of_image, scene.member),
@@ -121,7 +118,7 @@ def assembled(
         ground_point_covariances=b.GroundPointCovariances.empty(),
         rejects=b.Rejects.empty(),
         true_images=true_images,
-        true_points=b.TruePoints(point=rows(np.arange(len(xyz))), xyz_m=xyz[of_point]),
+        true_points=b.TruePoints.of(point=np.arange(len(xyz)), xyz_m=xyz[of_point]),
         gross_errors=_gross(
             [gross_image, gross_fiducial, gross_control, gross_position, gross_attitude, *gross_survey]
         ),
@@ -134,25 +131,6 @@ _CRS = {
     "tangent": f"+proj=topocentric +R={EARTH_RADIUS_M:.0f} +lat_0=0 +lon_0=0 +h_0=0",
     "map": "local",
 }
-
-
-def whole(table: b.Exterior, images: int) -> b.Exterior:
-    """The table with a row for every image."""
-    if len(table) == images:
-        return table
-    none = np.full((images, 3), np.nan)
-    return b.Exterior(
-        image=rows(np.arange(images)),
-        position_m=none,
-        position_covariance_m2=np.full((images, 3, 3), np.nan),
-        angles_rad=none,
-        angle_sigma_rad=none,
-        position_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
-        angle_use=rows(np.full(images, b.APPROXIMATE_VALUE)),
-        refers_to=rows(np.full(images, b.PROJECTION_CENTRE)),
-        drift_group=texts("", times=images),
-        **no_source(images),
-    )
 
 
 def _survey(
@@ -188,65 +166,51 @@ def _camera_tables(
     )
     table = camera.distortion == "table" and camera.distortion_known
     turns = [f"boresight.{axis}" for axis in "xyz"] if imu.observed and imu.boresight in ("weighted", "free") else []
-    radius = np.array(camera.table_radius_mm if table else (), dtype=float)
+    radius = camera.table_radius_mm if table else ()
     correction = np.array(camera.table_correction_um if table else (), dtype=float) * LENGTH_MM["um"]
+    weight = np.radians(imu.boresight_sigma_deg) if imu.boresight == "weighted" else np.nan
     return {
-        "cameras": b.Cameras(
-            id=texts(camera.id),
-            kind=texts(camera.kind),
-            image_coordinates=texts("pixel" if digital else "comparator"),
-            pixel_size_mm=np.full((1, 2), camera.pixel_size_mm if digital else np.nan),
-            pixel_origin=texts("top-left-corner" if digital else ""),
-            pixel_y=texts("down" if digital else ""),
-            format=np.array([camera.format]),
-            principal_distance_mm=np.array([camera.principal_distance_mm]),
-            principal_point_mm=np.array([camera.principal_point_mm]),
-            symmetry_point_mm=np.array([camera.symmetry_point_mm]),
-            distortion=texts(camera.distortion if camera.distortion_known else "none"),
-            lever_arm_m=np.array([gnss.lever_arm_m]),
-            boresight_rad=np.radians([imu.boresight_deg]) if imu.boresight == "known" else np.zeros((1, 3)),
-            mount_deg=rows([-camera.mounting_deg % 360 if imu.rotation == "roll-pitch-heading" else 0]),
+        "cameras": b.Cameras.of(
+            id=[camera.id],
+            kind=camera.kind,
+            image_coordinates="pixel" if digital else "comparator",
+            pixel_size_mm=camera.pixel_size_mm if digital else np.nan,
+            pixel_origin="top-left-corner" if digital else "",
+            pixel_y="down" if digital else "",
+            format=camera.format,
+            principal_distance_mm=camera.principal_distance_mm,
+            principal_point_mm=camera.principal_point_mm,
+            symmetry_point_mm=camera.symmetry_point_mm,
+            distortion=camera.distortion if camera.distortion_known else "none",
+            lever_arm_m=gnss.lever_arm_m,
+            boresight_rad=np.radians(imu.boresight_deg) if imu.boresight == "known" else 0.0,
+            mount_deg=-camera.mounting_deg % 360 if imu.rotation == "roll-pitch-heading" else 0,
         ),
-        "camera_parameters": b.CameraParameters(
-            camera=rows(np.zeros(len(brown) + len(turns))),
-            name=np.array([*turns, *brown], dtype=np.str_),
-            value=np.array([*(np.nan for _ in turns), *(camera.brown[n] for n in brown)], dtype=float),
-            sigma=np.array(
-                [np.radians(imu.boresight_sigma_deg) if imu.boresight == "weighted" else np.nan] * len(turns)
-                + [np.nan] * len(brown)
-            ),
-            free=np.array([imu.boresight == "free"] * len(turns) + [False] * len(brown)),
+        "camera_parameters": b.CameraParameters.of(
+            camera=[0] * (len(turns) + len(brown)),
+            name=[*turns, *brown],
+            value=[np.nan] * len(turns) + [camera.brown[n] for n in brown],
+            sigma=[weight] * len(turns) + [np.nan] * len(brown),
+            free=[imu.boresight == "free"] * len(turns) + [False] * len(brown),
         ),
-        "distortion_table": b.DistortionTable(
-            camera=rows(np.zeros(len(radius))), radius_mm=radius, correction_mm=correction
-        ),
-        "fiducials": b.Fiducials(
-            camera=rows(np.zeros(len(marks))),
-            id=np.array(list(marks), dtype=np.str_),
-            xy_mm=np.array(list(marks.values())).reshape(-1, 2),
-        ),
+        "distortion_table": b.DistortionTable.of(camera=[0] * len(radius), radius_mm=radius, correction_mm=correction),
+        "fiducials": b.Fiducials.of(camera=[0] * len(marks), id=list(marks), xy_mm=list(marks.values())),
     }
 
 
 def _images(plan: FlightPlan, of_image: Int, member: Text) -> dict[str, Any]:
-    n = len(of_image)
     mounted = member[of_image]
     strips, strip = np.unique(np.array(plan.strip), return_inverse=True)
-    text = texts("", times=n)
     return {
         "strips": b.StripIds(id=strips),
-        "images": b.Images(
+        "images": b.Images.of(
             id=np.array(plan.id)[of_image],
-            camera=rows(np.zeros(n)),
-            strip=rows(strip[of_image]),
+            camera=0,
+            strip=strip[of_image],
             sequence=plan.sequence[of_image],
             time_s=plan.time_s[of_image],
-            flight=text,
-            session=text,
             rig=np.where(mounted == "", "", rig.NAME),
             member=mounted,
-            active=np.ones(n, dtype=bool),
-            **no_source(n),
         ),
     }
 
@@ -254,8 +218,8 @@ def _images(plan: FlightPlan, of_image: Int, member: Text) -> dict[str, Any]:
 def _true_images(scene: Scene, stations_m: Float, of_image: Int) -> b.TrueImages:
     photography = scene.photography
     rotation = cartesian_rotation(photography.station_m, photography.rotation, scene.earth == "tangent")
-    return b.TrueImages(
-        image=rows(np.arange(len(of_image))), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
+    return b.TrueImages.of(
+        image=np.arange(len(of_image)), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
     )
 
 
@@ -271,8 +235,8 @@ def _gross(groups: list[tuple[Any, ...]]) -> b.GrossErrors:
     present = [entry for entry in groups if len(entry[1])]
     if not present:
         return b.GrossErrors.empty()
-    return b.GrossErrors(
+    return b.GrossErrors.of(
         kind=np.concatenate([np.full(len(chosen), kind) for kind, chosen, _ in present]),
-        row=rows(np.concatenate([chosen for _, chosen, _ in present])),
+        row=np.concatenate([chosen for _, chosen, _ in present]),
         size=np.concatenate([np.pad(errors, ((0, 0), (0, 3 - errors.shape[1]))) for _, _, errors in present]),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from aatri.errors import InputError
 from aatri.simulation.points import GroundTargets
 from aatri.simulation.rays import Photography, taken
-from aatri.simulation.settings import EpochOptions
+from aatri.simulation.settings import EpochOptions, refused
 
 OF_THE_OBJECT = ("terrain", "flight", "points", "structure")
 """Random streams that all epochs of a site share."""
@@ -37,10 +37,11 @@ def with_moved_points(
         return points
     new = np.flatnonzero((points.role == 0).all(axis=1) & ~points.in_structure)
     if epoch.moved > len(new):
-        raise InputError(
+        raise refused(
             f"{epoch.moved} points are to move, the block has {len(new)} new points",
-            where="options of block/simulate: epoch.moved",
-            remedy="move fewer",
+            "move fewer",
+            InputError,
+            option="epoch.moved",
         )
     chosen = rng.choice(new, epoch.moved, replace=False)
     direction = rng.standard_normal((epoch.moved, 3))

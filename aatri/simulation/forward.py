@@ -28,7 +28,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import InputError
-from aatri.simulation.settings import CameraOptions
+from aatri.simulation.settings import CameraOptions, refused
 
 MOST_ITERATIONS = 100
 
@@ -112,8 +112,8 @@ def _solved(step: Callable[[Float], Float], start: Float) -> Float:
             return value
         if not change <= size:
             break
-    raise InputError(
+    raise refused(
         "the distortion or refraction is so strong that the image of some point is not unique",
-        where="options of block/simulate",
-        remedy="make the distortion parameters smaller; at the corner they should move a point by a few percent",
+        "make the distortion parameters smaller; at the corner they should move a point by a few percent",
+        InputError,
     )

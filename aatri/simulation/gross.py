@@ -10,6 +10,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
+from aatri.simulation.settings import refused
 
 
 def gross_errors(
@@ -39,11 +40,7 @@ def gross_errors(
     eligible = np.flatnonzero((sigma > 0).any(axis=1))
     count = round(much * len(eligible)) if much < 1 else int(much)
     if count > len(eligible):
-        raise InputError(
-            f"{count} gross errors among {len(eligible)} {what}",
-            where="options of block/simulate",
-            remedy=f"lower gross_errors.{what}",
-        )
+        raise refused(f"{count} gross errors among {len(eligible)} {what}", f"lower gross_errors.{what}", InputError)
     rows = np.sort(rng.choice(eligible, count, replace=False)) if count else np.zeros(0, np.int64)
     direction = rng.standard_normal((count, sigma.shape[1])) * (sigma[rows] > 0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Float, Int
 from aatri.artifacts import block as b
 from aatri.simulation import film
 from aatri.simulation.flight import FlightPlan
@@ -22,7 +21,6 @@ from aatri.simulation.gross import gross_errors
 from aatri.simulation.settings import CameraOptions, GnssOptions, GrossErrorOptions, NoiseOptions
 from aatri.units import LENGTH_MM
 
-Rows = Int
 Streams = Mapping[str, np.random.Generator]
 
 
@@ -76,21 +74,6 @@ STREAMS = (
 """Names of the random streams; a new one goes to the end."""
 
 
-def rows(numbers: npt.ArrayLike) -> Rows:
-    """Row numbers as tables hold them."""
-    return np.asarray(numbers, dtype=np.int32)
-
-
-def texts(*values: str, times: int = 1) -> Text:
-    """A text column: the values, over and over."""
-    return np.array(values * times, dtype=np.str_)
-
-
-def no_source(number: int) -> dict[str, Rows]:
-    """Provenance of rows that come from no file."""
-    return {"file": rows(np.full(number, -1)), "line": rows(np.full(number, -1))}
-
-
 def diagonal(sigma: Float) -> Float:
     """Covariance matrices (n, k, k) of standard deviations (n, k)."""
     return np.asarray((sigma * sigma)[:, :, None] * np.eye(sigma.shape[1]))
@@ -105,21 +88,10 @@ def image_points(
     disturbance: Disturbance,
 ) -> tuple[b.MeasuredPoints, tuple[Any, ...]]:
     """Image points as measured, in the given order."""
-    n = len(image)
-    sigma = np.full((n, 2), disturbance.noise.image_um * LENGTH_MM["um"])
+    sigma = np.full((len(image), 2), disturbance.noise.image_um * LENGTH_MM["um"])
     xy = film.comparator(photo_mm, image, placement) if camera.kind == "film" else film.pixels(photo_mm, camera)
     errors, gross = disturbance.added("image_point", "image_points", sigma / camera.mm_per_unit)
-    table = b.MeasuredPoints(
-        image=rows(image),
-        point=rows(point),
-        xy=xy + errors,
-        sigma_mm=sigma,
-        group=texts("", times=n),
-        active=np.ones(n, dtype=bool),
-        row_time_s=np.full(n, np.nan),
-        **no_source(n),
-    )
-    return table, gross
+    return b.MeasuredPoints.of(image=image, point=point, xy=xy + errors, sigma_mm=sigma), gross
 
 
 def fiducial_points(
@@ -131,8 +103,7 @@ def fiducial_points(
     sigma = np.full((len(image), 2), disturbance.noise.fiducial_um * LENGTH_MM["um"])
     errors, gross = disturbance.added("fiducial", "fiducials", sigma)
     xy = film.comparator(marks_mm[fiducial], image, placement) + errors
-    table = b.FiducialPoints(image=rows(image), fiducial=rows(fiducial), xy=xy, sigma_mm=sigma, **no_source(len(image)))
-    return table, gross
+    return b.FiducialPoints.of(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma), gross
 
 
 def ground_points(
@@ -141,15 +112,8 @@ def ground_points(
     """Control and check points as surveyed; coordinates without a role are not given."""
     sigma = np.tile(np.array(disturbance.noise.control_m), (len(point), 1))
     errors, gross = disturbance.added("control", "control", sigma, role == b.CONTROL)
-    table = b.GroundPoints(
-        point=rows(point),
-        xyz_m=np.where(role == b.NO_ROLE, np.nan, xyz_m + errors),
-        covariance_m2=diagonal(sigma),
-        role=rows(role),
-        datum=np.zeros(len(point), dtype=bool),
-        **no_source(len(point)),
-    )
-    return table, gross
+    xyz_m = np.where(role == b.NO_ROLE, np.nan, xyz_m + errors)
+    return b.GroundPoints.of(point=point, xyz_m=xyz_m, covariance_m2=diagonal(sigma), role=role), gross
 
 
 def exterior(
@@ -163,23 +127,15 @@ def exterior(
     drifting = gnss.observed and (gnss.shift_m > 0 or gnss.drift_m_per_s > 0)
     if gnss.observed:
         errors, gross = disturbance.added("position", "positions", sigma)
-        position, covariance = (
-            true_m
-            + errors
-            + drift_of_strips(plan, gnss.shift_m, gnss.drift_m_per_s, disturbance.streams["drift"])[order],
-            diagonal(sigma),
-        )
-    table = b.Exterior(
-        image=rows(np.arange(n)),
+        drift = drift_of_strips(plan, gnss.shift_m, gnss.drift_m_per_s, disturbance.streams["drift"])[order]
+        position, covariance = true_m + errors + drift, diagonal(sigma)
+    table = b.Exterior.of(
+        image=np.arange(n),
         position_m=position,
         position_covariance_m2=covariance,
-        angles_rad=np.full((n, 3), np.nan),
-        angle_sigma_rad=np.full((n, 3), np.nan),
-        position_use=rows(np.full(n, b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE)),
-        angle_use=rows(np.full(n, b.APPROXIMATE_VALUE)),
-        refers_to=rows(np.full(n, b.ANTENNA if gnss.observed and any(gnss.lever_arm_m) else b.PROJECTION_CENTRE)),
-        drift_group=np.array(plan.strip)[order][:n] if drifting else texts("", times=n),
-        **no_source(n),
+        position_use=b.OBSERVED_VALUE if gnss.observed else b.APPROXIMATE_VALUE,
+        refers_to=b.ANTENNA if gnss.observed and any(gnss.lever_arm_m) else b.PROJECTION_CENTRE,
+        drift_group=np.array(plan.strip)[order][:n] if drifting else "",
     )
     return table, gross
 

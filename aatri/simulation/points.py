@@ -13,12 +13,11 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL
-from aatri.errors import GeometryError
 from aatri.simulation import earth, targets
 from aatri.simulation.flight import FlightPlan
 from aatri.simulation.measured import Streams
 from aatri.simulation.rays import Photography, SimulatedRays, taken
-from aatri.simulation.settings import ControlOptions, FlightOptions, TieOptions
+from aatri.simulation.settings import ControlOptions, FlightOptions, TieOptions, refused
 from aatri.simulation.structures import Structure
 from aatri.simulation.terrain import Surface
 
@@ -79,10 +78,9 @@ def ground_targets(
         If the images overlap too little for the points asked for.
     """
     if known.layout and planned:
-        raise GeometryError(
+        raise refused(
             "known.layout leaves no place for points of relative control",
-            where="options of block/simulate",
-            remedy="leave out known.layout or the figures of `survey`",
+            "leave out known.layout or the figures of `survey`",
         )
     if known.layout:
         return _laid_out(photography, targets.standard_rows(plan), ground, known.layout)
@@ -133,10 +131,9 @@ def _standing(
         standing = planned.standing(photography, place)
         if (_counts(taken(photography, standing.local_m), len(standing.local_m)) >= LEAST_RAYS).all():
             return standing
-    raise GeometryError(
+    raise refused(
         f"{planned.type}: nowhere are all of {len(planned.offset_m)} points in {LEAST_RAYS} images",
-        where="options of block/simulate",
-        remedy="raise flight.forward_overlap or lower survey.shape_size_m",
+        "raise flight.forward_overlap or lower survey.shape_size_m",
     )
 
 
@@ -148,11 +145,10 @@ def _laid_out(
 ) -> GroundTargets:
     """Points at the standard positions, as the letters of the layout have them."""
     if [len(row) for row in rows] != [len(row) for row in layout] or set("".join(layout)) - {*_LETTERS, "-"}:
-        raise GeometryError(
+        raise refused(
             f"the layout is of rows of {', '.join(str(len(row)) for row in layout)} letters, the standard positions of "
             f"rows of {', '.join(str(len(row)) for row in rows)}",
-            where="options of block/simulate",
-            remedy="known.layout: one row of letters X P Z o - for each row of positions, from north",
+            "known.layout: one row of letters X P Z o - for each row of positions, from north",
         )
     letters = np.array(list("".join(layout)))
     order = [*np.flatnonzero(letters == "o"), *np.flatnonzero(np.isin(letters, ["X", "P", "Z"]))]
@@ -160,10 +156,9 @@ def _laid_out(
     local = ground.at(np.concatenate(rows)[order])
     rays = taken(photography, local)
     if (_counts(rays, len(local)) < LEAST_RAYS).any():
-        raise GeometryError(
+        raise refused(
             f"standard positions are in fewer than {LEAST_RAYS} images",
-            where="options of block/simulate",
-            remedy="raise flight.forward_overlap above 50 percent, or leave them out: -",
+            "raise flight.forward_overlap above 50 percent, or leave them out: -",
         )
     new = int((letters == "o").sum())
     none = np.zeros(len(order), dtype=bool)
@@ -203,11 +198,7 @@ def _chosen(seen: _SeenPoints, mask: Bool) -> _SeenPoints:
 def _at_most(seen: _SeenPoints, points: int) -> _SeenPoints:
     """So many of the points, spread evenly over their order, if there are more."""
     if points < 0:
-        raise GeometryError(
-            "there are more check points than new points",
-            where="options of block/simulate",
-            remedy="raise ties.new_points or lower known.check_full",
-        )
+        raise refused("there are more check points than new points", "raise ties.new_points or lower known.check_full")
     number = len(seen.local_m)
     mask = np.zeros(number, dtype=bool)
     mask[np.arange(min(points, number)) * number // max(min(points, number), 1)] = True
@@ -227,10 +218,9 @@ def _random(
         standing.append(batch)
         missing -= len(batch.local_m)
     if missing:
-        raise GeometryError(
+        raise refused(
             f"{missing} of {points} random points are in fewer than {LEAST_RAYS} images",
-            where="options of block/simulate",
-            remedy="raise flight.forward_overlap above 50 percent or lower the number of points",
+            "raise flight.forward_overlap above 50 percent or lower the number of points",
         )
     return _SeenPoints(np.concatenate([np.zeros((0, 3)), *(f.local_m for f in standing)]), _joined(standing))
 
@@ -246,10 +236,9 @@ def _within(photography: Photography, ground: GroundSurface, plan_m: Float, what
         few = _counts(rays, len(local)) < LEAST_RAYS
         if not few.any():
             return _SeenPoints(local, rays)
-    raise GeometryError(
+    raise refused(
         f"{few.sum()} {what} are in fewer than {LEAST_RAYS} images wherever they are put",
-        where="options of block/simulate",
-        remedy="raise flight.forward_overlap and flight.side_overlap",
+        "raise flight.forward_overlap and flight.side_overlap",
     )
 
 

@@ -30,6 +30,12 @@ _UAV_NOISE: Mapping[str, Any] = {
     "gnss_m": (0.03, 0.03, 0.03),
 }
 
+_UNPOSITIONED: Mapping[str, Any] = {
+    "gnss": {"observed": False, "approximate_positions": False},
+    "earth": "flat",
+    "refraction": "none",
+}
+
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "rc30": {
         "name": "rc30",
@@ -90,9 +96,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "terrain": {"mean_height_m": 120.0, "relief_m": 12.0, "wavelength_m": 30.0},
         "ties": {"per_position": 0, "new_points": 600},
         "known": {"full": 6, "check_full": 6},
-        "gnss": {"observed": False, "approximate_positions": False},
-        "earth": "flat",
-        "refraction": "none",
+        **_UNPOSITIONED,
         "noise": _UAV_NOISE,
     },
     "oblique": {
@@ -110,9 +114,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "terrain": {"mean_height_m": 120.0, "relief_m": 8.0, "wavelength_m": 100.0},
         "ties": {"per_position": 0, "new_points": 3000},
         "known": {"full": 9, "check_full": 9},
-        "gnss": {"observed": False, "approximate_positions": False},
-        "earth": "flat",
-        "refraction": "none",
+        **_UNPOSITIONED,
         "noise": _UAV_NOISE,
     },
     "hover": {
@@ -131,9 +133,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "terrain": {"mean_height_m": 120.0, "relief_m": 8.0, "wavelength_m": 100.0},
         "ties": {"per_position": 0, "new_points": 900},
         "known": {"full": 6, "check_full": 6},
-        "gnss": {"observed": False, "approximate_positions": False},
-        "earth": "flat",
-        "refraction": "none",
+        **_UNPOSITIONED,
         "noise": _UAV_NOISE,
     },
     "test_field": {
@@ -167,9 +167,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "terrain": {"mean_height_m": 0.0, "relief_m": 0.8, "wavelength_m": 0.8},
         "ties": {"per_position": 0, "new_points": 80},
         "known": {"full": 20, "check_full": 20},
-        "gnss": {"observed": False, "approximate_positions": False},
-        "earth": "flat",
-        "refraction": "none",
+        **_UNPOSITIONED,
         "noise": {"image_um": 0.6, "control_m": (2.0e-5, 2.0e-5, 3.0e-5)},
     },
     "sample": {  # the block by which the lecture notes count observations and unknowns

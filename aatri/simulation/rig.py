@@ -72,9 +72,9 @@ def rig_table(members: dict[str, RigMemberOptions]) -> b.RigMembers:
     sigma = np.array([[m.sigma_m] * 3 for m in rows])
     turn = np.radians([[m.sigma_deg] * 3 for m in rows])
     free = np.concatenate([none > 0, np.array([[m.free] * 3 for m in rows])])
-    return b.RigMembers(
-        rig=np.full(len(names), NAME),
-        member=np.array(names),
+    return b.RigMembers.of(
+        rig=NAME,
+        member=names,
         is_frame=np.arange(len(names)) == 0,
         position_m=np.concatenate([none, nominal_m]),
         angles_rad=np.concatenate([none, angles]),

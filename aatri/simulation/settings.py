@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-_FROZEN = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+from aatri.errors import AatriError, GeometryError
+from aatri.options import Options
 
 BROWN = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 """Parameters of the Brown model, in the order used here."""
@@ -18,6 +19,8 @@ BROWN = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+Sigmas = tuple[NotNegative, NotNegative, NotNegative]
 
 
 def _ascending(pair: Pair) -> Pair:
@@ -36,10 +39,8 @@ Much = Annotated[NotNegative, AfterValidator(_share_or_count)]
 Range = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ascending)]
 
 
-class CameraOptions(BaseModel):
+class CameraOptions(Options):
     """The camera, interior orientation and lens."""
-
-    model_config = _FROZEN
 
     id: str = Field("camera", min_length=1, description="id of the camera")
     kind: Literal["film", "digital"] = Field("film", description="film (measured on a comparator) or digital (pixels)")
@@ -88,10 +89,8 @@ class CameraOptions(BaseModel):
         return tuple(self.brown.get(name, 0.0) for name in BROWN)  # type: ignore[call-overload]
 
 
-class FlightOptions(BaseModel):
+class FlightOptions(Options):
     """Strips and stations."""
-
-    model_config = _FROZEN
 
     arrangement: Literal["strips", "orbit", "hover"] = Field(
         "strips", description="parallel strips; rings about a place, looking at it; several images at each place"
@@ -119,29 +118,23 @@ class FlightOptions(BaseModel):
     forward_overlap: float = Field(60.0, gt=0, lt=100, description="overlap along the strip, percent")
     side_overlap: float = Field(30.0, gt=0, lt=100, description="overlap of neighbouring strips, percent")
     scale_number: float = Field(2500.0, gt=0, description="scale number of the images: height above ground over c")
-    position_sigma_m: tuple[NotNegative, NotNegative, NotNegative] = Field(
-        (5.0, 5.0, 3.0), description="irregularity along, across and in height, m"
-    )
+    position_sigma_m: Sigmas = Field((5.0, 5.0, 3.0), description="irregularity along, across and in height, m")
     tilt_sigma_deg: float = Field(0.7, ge=0, description="standard deviation of omega and phi, degrees")
     tilt_max_deg: float = Field(2.0, ge=0, lt=30, description="largest tilt; larger ones are clipped, degrees")
     kappa_sigma_deg: float = Field(1.0, ge=0, description="standard deviation of the heading, degrees")
     speed_m_per_s: float = Field(60.0, gt=0, description="ground speed, m/s; gives the exposure times")
 
 
-class TerrainOptions(BaseModel):
+class TerrainOptions(Options):
     """The ground."""
-
-    model_config = _FROZEN
 
     mean_height_m: float = Field(6.0, description="mean height above sea level, m")
     relief_m: float = Field(15.0, ge=0, description="amplitude: heights stay within mean +- relief, m")
     wavelength_m: float = Field(1500.0, gt=0, description="shortest wavelength of the relief, m")
 
 
-class TieOptions(BaseModel):
+class TieOptions(Options):
     """New points: in clusters at the standard (Gruber) positions, and at random."""
-
-    model_config = _FROZEN
 
     per_position: int = Field(2, ge=0, description="points at each standard position")
     spread_mm: float = Field(8.0, ge=0, description="half side of the square in which they lie, mm in the image")
@@ -149,10 +142,8 @@ class TieOptions(BaseModel):
     random_per_image: float = Field(0.0, ge=0, description="random points per image, where new_points is not given")
 
 
-class ControlOptions(BaseModel):
+class ControlOptions(Options):
     """Control and check points; each count is of points of that kind."""
-
-    model_config = _FROZEN
 
     full: int = Field(8, ge=0, description="control in X, Y and Z")
     plan: int = Field(0, ge=0, description="control in X and Y only")
@@ -167,31 +158,27 @@ class ControlOptions(BaseModel):
     )
 
 
-class GnssOptions(BaseModel):
+class GnssOptions(Options):
     """Positions of the stations."""
-
-    model_config = _FROZEN
 
     observed: bool = Field(True, description="positions are observed; otherwise none or approximate")
     approximate_positions: bool = Field(True, description="without observations, give those of the flight plan")
     shift_m: float = Field(0.0, ge=0, description="standard deviation of a shift common to each strip, m")
     drift_m_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, m/s")
-    lever_arm_m: tuple[float, float, float] = Field(
+    lever_arm_m: Triple = Field(
         (0.0, 0.0, 0.0), description="antenna minus projection centre, camera axes, m: positions are of the antenna"
     )
 
 
-class ImuOptions(BaseModel):
+class ImuOptions(Options):
     """Attitudes of the stations."""
-
-    model_config = _FROZEN
 
     observed: bool = Field(False, description="attitudes are observed")
     rotation: Literal["omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading"] = Field(
         "omega-phi-kappa", description="system of the angles"
     )
     heading: Literal["true", "grid"] = Field("true", description="north from which headings count")
-    boresight_deg: tuple[float, float, float] = Field(
+    boresight_deg: Triple = Field(
         (0.0, 0.0, 0.0), description="true boresight: small turns about the camera axes, degrees"
     )
     boresight: Literal["known", "fixed", "weighted", "free"] = Field(
@@ -202,24 +189,20 @@ class ImuOptions(BaseModel):
     drift_deg_per_s: float = Field(0.0, ge=0, description="standard deviation of a drift in each strip, degrees/s")
 
 
-class RigMemberOptions(BaseModel):
+class RigMemberOptions(Options):
     """A camera beside the frame of the rig, of the same kind; its place and angles in the camera axes of the frame."""
 
-    model_config = _FROZEN
-
-    position_m: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="projection centre, m")
-    angles_deg: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="omega, phi, kappa, degrees")
-    error_m: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="error of the place that the block gives")
-    error_deg: tuple[float, float, float] = Field((0.0, 0.0, 0.0), description="error of the angles the block gives")
+    position_m: Triple = Field((0.0, 0.0, 0.0), description="projection centre, m")
+    angles_deg: Triple = Field((0.0, 0.0, 0.0), description="omega, phi, kappa, degrees")
+    error_m: Triple = Field((0.0, 0.0, 0.0), description="error of the place that the block gives")
+    error_deg: Triple = Field((0.0, 0.0, 0.0), description="error of the angles the block gives")
     sigma_m: float = Field(0.0, ge=0, description="standard deviation of the place in the block, m; 0 fixed")
     sigma_deg: float = Field(0.0, ge=0, description="standard deviation of the angles in the block, degrees; 0 fixed")
     free: bool = Field(False, description="the block leaves place and angles free")
 
 
-class FilmOptions(BaseModel):
+class FilmOptions(Options):
     """Film deformation (affine, per image) and the place of the film on the comparator."""
-
-    model_config = _FROZEN
 
     deformation: bool = Field(True, description="the film is deformed; without, only turned and shifted")
     scale: Range = Field((1e-4, 3e-4), description="smallest and largest change of scale, in x and y on their own")
@@ -228,17 +211,13 @@ class FilmOptions(BaseModel):
     shift_mm: float = Field(2.0, ge=0, description="largest shift on the comparator, mm")
 
 
-class NoiseOptions(BaseModel):
+class NoiseOptions(Options):
     """A-priori standard deviations. `factor` scales the errors put in, not these."""
-
-    model_config = _FROZEN
 
     factor: float = Field(1.0, ge=0, description="size of the errors relative to the standard deviations; 0: none")
     image_um: float = Field(5.0, gt=0, description="image points, um")
     fiducial_um: float = Field(2.0, gt=0, description="fiducial marks, um")
-    control_m: tuple[NotNegative, NotNegative, NotNegative] = Field(
-        (0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m; 0: exact"
-    )
+    control_m: Sigmas = Field((0.02, 0.02, 0.03), description="control and check points in X, Y, Z, m; 0: exact")
     gnss_m: tuple[Positive, Positive, Positive] = Field((0.1, 0.1, 0.1), description="observed positions in X, Y, Z, m")
     attitude_deg: tuple[Positive, Positive, Positive] = Field(
         (0.005, 0.005, 0.01), description="observed attitudes, a1 a2 a3, degrees"
@@ -251,20 +230,16 @@ class NoiseOptions(BaseModel):
     relative_deg: float = Field(0.02, gt=0, description="angles of relative control, degrees")
 
 
-class EpochOptions(BaseModel):
+class EpochOptions(Options):
     """One of several epochs of one object: blocks with the same site have the same ground, stations and points."""
-
-    model_config = _FROZEN
 
     site: str = Field("", description="name of the object; empty: a block of its own")
     moved: int = Field(0, ge=0, description="new points that have moved at this epoch")
     moved_m: Range = Field((0.05, 0.5), description="smallest and largest movement, any direction, m")
 
 
-class GrossErrorOptions(BaseModel):
+class GrossErrorOptions(Options):
     """Gross errors: of each kind a share of all if below 1, otherwise how many."""
-
-    model_config = _FROZEN
 
     image_points: Much = Field(0.0, description="image points: share below 1, else count")
     fiducials: Much = Field(0.0, description="measured fiducial marks: share below 1, else count")
@@ -276,12 +251,17 @@ class GrossErrorOptions(BaseModel):
     size_sigmas: Range = Field((10.0, 50.0), description="smallest and largest size, in standard deviations")
 
 
+def refused(what: str, remedy: str, error: type[AatriError] = GeometryError, option: str = "") -> AatriError:
+    """The error of options that no block can have."""
+    return error(what, where=f"options of block/simulate{option and ': '}{option}", remedy=remedy)
+
+
 def over_preset(preset: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
     """The preset's values with the given ones laid over them, group by group."""
     merged = dict(preset)
     for name, value in options.items():
         below = merged.get(name)
-        above = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else _with_tuples(value)
+        above = value.model_dump(exclude_unset=True) if isinstance(value, Options) else _with_tuples(value)
         nested = isinstance(below, Mapping) and isinstance(above, Mapping) and name != "brown"
         merged[name] = over_preset(below, above) if nested else above  # type: ignore[arg-type]
     return merged

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float, Text
+from aatri.arrays import Float
 from aatri.artifacts import block as b
 from aatri.simulation.gross import gross_errors
-from aatri.simulation.measured import Disturbance, rows
+from aatri.simulation.measured import Disturbance
 from aatri.simulation.rays import Photography
 from aatri.simulation.shapes import ANGULAR, LEVEL, VALUED, Laid, laid_out
 from aatri.simulation.survey_settings import SurveyOptions
@@ -127,19 +127,17 @@ def relative_control(
     axis = {id(s): "XYZ"[(s.number - 1) % 3] if s.type == "coordinate_difference" else "" for s in structures}
     order = sorted(structures, key=lambda s: (s.type, axis[id(s)], s.ids()))
     values = [_value(s, axis[id(s)], photography, in_block) for s in order]
-    table = b.RelativeControl(
-        type=_texts(s.type for s in order),
-        value=np.array(values),
-        sigma=np.array([s.sigma for s in order]),
-        axis=_texts(axis[id(s)] for s in order),
-        file=rows(np.full(len(order), -1)),
-        line=rows(np.full(len(order), -1)),
+    table = b.RelativeControl.of(
+        type=[s.type for s in order],
+        value=values,
+        sigma=[s.sigma for s in order],
+        axis=[axis[id(s)] for s in order],
     )
     parts = [[p for p, _ in _members(s)] for s in order]
-    members = b.RelativeControlMembers(
-        condition=rows(np.repeat(np.arange(len(order)), [len(p) for p in parts])),
-        part=_texts(p for of in parts for p in of),
-        id=_texts(name for s in order for _, name in _members(s)),
+    members = b.RelativeControlMembers.of(
+        condition=np.repeat(np.arange(len(order)), [len(p) for p in parts]),
+        part=[p for of in parts for p in of],
+        id=[name for s in order for _, name in _members(s)],
     )
     return table, members, _gross_by_kind(order, parts)
 
@@ -182,7 +180,3 @@ def _value(s: Structure, axis: str, photography: Photography, in_block: Any) -> 
         u, w = X[1] - X[0], X[2] - X[0]
         return float(np.arccos(u @ w / np.sqrt((u @ u) * (w @ w)))) + s.of_value
     return float("nan")
-
-
-def _texts(values: Any) -> Text:
-    return np.array(list(values), dtype=np.str_)

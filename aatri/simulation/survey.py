@@ -21,8 +21,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from aatri.arrays import Float, Int
-from aatri.errors import GeometryError
 from aatri.simulation.rays import Photography
+from aatri.simulation.settings import refused
 from aatri.simulation.survey_settings import SurveyOptions
 from aatri.units import EARTH_RADIUS_M
 
@@ -152,10 +152,9 @@ class _View:
         """Random stations and near targets of each, (n,), (n, each) rows of points."""
         plan = self.local_m[self.candidates, :2]
         if len(plan) <= each:
-            raise GeometryError(
+            raise refused(
                 f"{len(plan)} points are too few for {each} lines of sight from each station",
-                where="options of block/simulate",
-                remedy="raise ties or known, or lower survey.directions_per_set",
+                "raise ties or known, or lower survey.directions_per_set",
             )
         last = min(max(FARTHEST, each + NEAREST), len(plan) - 1)
         at = self.rng.integers(len(plan), size=stations)

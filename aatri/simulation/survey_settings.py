@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-_FROZEN = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+from aatri.options import Options
 
 Condition = Literal[
     "distance",
@@ -27,10 +27,8 @@ Condition = Literal[
 ]
 
 
-class SurveyOptions(BaseModel):
+class SurveyOptions(Options):
     """Geodetic observations between near points, and relative control on points of its own."""
-
-    model_config = _FROZEN
 
     distances: int = Field(0, ge=0, description="slope distances")
     horizontal_distances: int = Field(0, ge=0, description="horizontal distances")

@@ -12,8 +12,9 @@ import numpy as np
 
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
+from aatri.artifacts.builder import geodetic_order
 from aatri.simulation.gross import gross_errors
-from aatri.simulation.measured import Disturbance, rows, texts
+from aatri.simulation.measured import Disturbance
 from aatri.simulation.settings import NoiseOptions
 from aatri.simulation.survey import Sighted
 
@@ -49,13 +50,11 @@ def surveyed(
     angular = np.repeat([s.type in ANGLES[:3] for s in sights], lengths)
     value = np.where(angular, value % (2 * np.pi), value)
     heights = np.concatenate([s.heights_m for s in sights])
-    n = len(value)
-    table = b.Geodetic(
+    table = b.Geodetic.of(
         type=_each(sights, lambda s: s.type),
         start=_each(sights, lambda s: point_ids[s.station]),
         end=_each(sights, lambda s: (image_ids if s.to_image else point_ids)[s.target]),
         via=_each(sights, lambda s: np.where(s.vertex >= 0, point_ids[s.vertex], "")),
-        start_kind=texts("point", times=n),
         end_kind=_each(sights, lambda s: "image" if s.to_image else "point"),
         value=value,
         sigma=sigma,
@@ -63,12 +62,9 @@ def surveyed(
         group=_each(sights, lambda s: s.group),
         start_height_m=heights[:, 0],
         end_height_m=heights[:, 1],
-        active=np.ones(n, dtype=bool),
         reduced=_each(sights, lambda s: s.reduced),
-        file=rows(np.full(n, -1)),
-        line=rows(np.full(n, -1)),
     )
-    order = canonical(table)
+    order = geodetic_order(table)
     kind = _each(sights, lambda s: s.kind)[order]
     place = np.argsort(order)
     return (
@@ -85,14 +81,6 @@ def sigma_of(type_: str, noise: NoiseOptions) -> float:
     return {"height_difference": noise.height_difference_m}.get(
         type_, noise.baseline_m if type_ in AXES else noise.distance_m
     )
-
-
-def canonical(table: b.Geodetic) -> Int:
-    """The order of geodetic tables: by type, set, ends, and the figures."""
-    names = ("type", "set", "via", "start", "end", "start_kind", "end_kind", "group", "reduced")
-    figures = ("value", "sigma", "start_height_m", "end_height_m")
-    columns = [getattr(table, name).tolist() for name in (*names, *figures)]
-    return np.array(sorted(range(len(table)), key=lambda k: [c[k] for c in columns]), dtype=np.intp)
 
 
 def _each(sights: list[Sighted], of: Any) -> Text:
@@ -134,7 +122,7 @@ def _covariances(sights: list[Sighted], place: Int, noise: NoiseOptions) -> b.Ge
     if not pairs:
         return b.GeodeticCovariances.empty()
     a, z = np.array(sorted(map(tuple, pairs))).T
-    return b.GeodeticCovariances(row_a=rows(a), row_b=rows(z), value=np.full(len(a), CORRELATION * noise.baseline_m**2))
+    return b.GeodeticCovariances.of(row_a=a, row_b=z, value=CORRELATION * noise.baseline_m**2)
 
 
 def _gross_by_kind(kind: Text, chosen: Int, errors: Float) -> list[tuple[Any, ...]]:
