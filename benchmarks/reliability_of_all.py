@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from aatri.adapters.bundle.adjusted_observations import reliability_table
+from aatri.adapters.observation_tables import reliability_table
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult

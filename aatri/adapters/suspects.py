@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters import solution as assemble
+from aatri.adapters.observation_tables import suspect_table
+from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
@@ -24,6 +25,8 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
+
+STAGE = "bundle_adjustment"
 
 
 def with_gross_errors(result: BundleResult, suspects: Suspects, options: SearchOptions) -> Suspects:
@@ -46,8 +49,9 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, options: SearchO
         test = np.sqrt((w**2).sum(axis=1))
         far = rows[test > limit]
         error = -found.observed.records.evaluate(result.adjusted.state, far)[0]
-        parts.append(_table(found.observed, far, error, test[test > limit], np.full(len(far), "rejected")))
-    return assemble.stacked([suspects, *parts])
+        verdict = np.full(len(far), "rejected")
+        parts.append(suspect_table(STAGE, found.observed, far, error, test[test > limit], verdict))
+    return stacked([suspects, *parts])
 
 
 def after(suspects: Suspects, done: Round) -> Suspects:
@@ -77,10 +81,10 @@ def after(suspects: Suspects, done: Round) -> Suspects:
         if not len(rows):
             continue
         error, test = _errors(found, done.result.adjusted.state, rows)
-        made = _table(o, rows, error, test, _verdicts(done, o, rows))
+        made = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
         told = _restated(_rejected_now(told, earlier[known[earlier]], made), earlier, made)
         parts.append(made.take([key not in before for key in keys_of(o, rows)]))
-    return assemble.stacked([told, *parts])
+    return stacked([told, *parts])
 
 
 def _errors(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
@@ -95,27 +99,6 @@ def _errors(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float
     if bare.any():  # adjusted without standard deviations: what is out is predicted all the same
         error[bare] = -o.records.evaluate(state, rows[bare])[0]
     return error, tests_of(found, state)[rows]
-
-
-def _table(o: Observed, rows: Int, error: Float, test: Float, verdict: Text) -> Suspects:
-    image, point = o.names(rows)
-    size = np.where(np.isfinite(error).any(axis=1), np.sqrt(np.nansum(error**2, axis=1)), np.nan)
-    wide = np.full((len(rows), 3), np.nan)
-    wide[:, : min(error.shape[1], 3)] = error[:, :3]
-    n = len(rows)
-    return Suspects(
-        kind=np.full(n, o.kind),
-        row=o.row[rows].astype(np.int32),
-        image=image,
-        point=point,
-        stage=np.full(n, "bundle_adjustment"),
-        size=size,
-        unit=np.full(n, o.unit),
-        sigma=np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan),
-        test=test,
-        verdict=verdict,
-        error=wide,
-    )
 
 
 def _rejected_now(suspects: Suspects, out: Int, made: Suspects) -> Suspects:

@@ -85,20 +85,6 @@ def unchecked(kind: str, image: Text, point: Text) -> Uncontrolled:
     return Uncontrolled(np.full(n, kind), np.full(n, -1, dtype=np.int32), image, point, np.zeros(n), nothing)
 
 
-def of_observations(found: tuple[Int, Float, Float], kind: Text, row: Int, image: Text, point: Text) -> Uncontrolled:
-    """What a tied adjustment found.
-
-    Parameters
-    ----------
-    found : (k,) int, (k,) float64, (k, 3) float64
-        See `TiedResult.uncontrolled`.
-    kind, row, image, point : (n,)
-        Of all its observations.
-    """
-    k, redundancy, direction = found
-    return Uncontrolled(kind[k], row[k].astype(np.int32), image[k], point[k], redundancy, direction)
-
-
 def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Uncontrolled:
     """What an earlier stage listed of image points whose ground point nothing has seen since; those in no model stay.
 

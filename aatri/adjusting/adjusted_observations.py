@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.residuals import residuals
+from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
@@ -43,3 +47,41 @@ class AdjustedObservations:
     def residuals(self, state: State) -> Float:
         """Computed minus observed of the rows that take part, (k, m)."""
         return residuals(self.observed.records, state, self.rows)
+
+
+def sigmas_of_groups(
+    observations: Sequence[AdjustedObservations], state: State, number: Sequence[Int], n_groups: int
+) -> GroupSigmas:
+    """Factors on the standard deviations of groups, from the residuals of what is used.
+
+    Parameters
+    ----------
+    number : sequence of (n, m) int
+        Group of every component of each of the observations; -1 none.
+    """
+    parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
+    parts += [_squares_and_redundancy(o, state, group) for o, group in zip(observations, number)]
+    squares, redundancy, group = (np.concatenate(of) for of in zip(*parts))
+    return group_sigmas(squares, redundancy, group.astype(np.int64), n_groups)
+
+
+def _squares_and_redundancy(found: AdjustedObservations, state: State, number: Int) -> tuple[Float, Float, Int]:
+    """v_i (P v)_i, (Qvv P)_ii and group of the components in use."""
+    o = found.observed
+    rows = np.flatnonzero(found.used)
+    if o.exact or not len(rows):
+        return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
+    L = found.records.whitener[rows]
+    v = o.records.evaluate(state, rows)[0]
+    hat = found.covariance[rows]
+    if L.ndim == 2:
+        squares, r = (L * v) ** 2, 1.0 - np.einsum("nii->ni", hat)
+    else:
+        white = np.einsum("nij,nj->ni", L, v)
+        squares = v * np.einsum("nji,nj->ni", L, white)
+        # (Qvv P)_ii = (L^-1 (I - H) L)_ii; components that are not observed are left out of L
+        both = found.records.observed_components()[rows]
+        filled = np.where(both[:, :, None] & both[:, None, :], L, np.eye(L.shape[1]))
+        r = np.einsum("nij,njk,nki->ni", np.linalg.inv(filled), np.eye(L.shape[1]) - hat, filled)
+    used = found.records.observed_components()[rows]
+    return squares[used], r[used], np.where(used, number[rows], -1)[used]

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from pydantic import field_validator
 
-from aatri.adapters.bundle.variance_groups import Level, variance_groups, variance_table
+from aatri.adapters.bundle.variance_groups import Level, variance_groups
+from aatri.adapters.observation_tables import variance_table
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import VarianceComponents
 from aatri.orientation.bundle.block import BundleInput
@@ -39,7 +40,7 @@ def with_variance_components(
         return done, None
     groups = variance_groups(block, done.given, options.groups)
     found, given, result = variance_components(done.given, done.result, adjust, groups)
-    notes = (*done.notes, *variance_notes(found, applied=options.apply))
+    notes = (*done.notes, *variance_notes(groups.names, found, applied=options.apply))
     done = replace(done, given=given, result=result) if options.apply else done
     done = replace(done, notes=notes)
-    return done, variance_table(found, applied=options.apply)
+    return done, variance_table(groups.names, found, applied=options.apply)

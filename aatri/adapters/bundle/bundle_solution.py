@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
 from aatri.adapters.bundle.independent_errors import independent_errors_table
 from aatri.adapters.cameras.tables import ParameterTables
 from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT
 from aatri.adapters.frame.adjustment_frame import result_out_of
+from aatri.adapters.observation_tables import reliability_table, residual_table
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (

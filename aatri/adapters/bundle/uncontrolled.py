@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adapters.bundle.adjusted_observations import WIDTH
+from aatri.adapters.observation_tables import uncontrolled_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
@@ -40,23 +40,13 @@ def _of_kind(found: AdjustedObservations) -> Uncontrolled:
     if o.components:
         return _of_parameters(found, rows, R)
     some, least, direction = uncontrolled_directions(R, observed, records.whitener[rows])
-    image, point = o.names(rows[some])
-    wide = np.full((len(some), WIDTH), np.nan)
-    wide[:, :m] = direction
-    return _table(o.kind, o.row[rows[some]], image, point, least, wide)
+    return uncontrolled_table(o, rows[some], least, direction)
 
 
 def _of_parameters(found: AdjustedObservations, rows: Int, R: Float) -> Uncontrolled:
     """Of weighted parameters one by one: they have no common direction."""
-    o = found.observed
-    r = np.einsum("nii->ni", R)
+    o, r = found.observed, np.einsum("nii->ni", R)
     weighted = np.isfinite(o.sigmas()[rows])
     row, component = np.nonzero(weighted & (np.where(weighted, r, 1.0) < BELOW))
-    image, _ = o.names(rows[row])
     label = np.array(o.components, dtype=np.str_)[component]
-    nothing = np.full((len(row), WIDTH), np.nan)
-    return _table(o.kind, o.row[rows[row]], image, label, r[row, component], nothing)
-
-
-def _table(kind: str, row: Int, image: np.ndarray, point: np.ndarray, least: Float, direction: Float) -> Uncontrolled:
-    return Uncontrolled(np.full(len(row), kind), row.astype(np.int32), image, point, least, direction)
+    return uncontrolled_table(o, rows[row], r[row, component], np.full((len(row), 1), np.nan), label)

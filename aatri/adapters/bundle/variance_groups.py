@@ -9,12 +9,11 @@ import numpy as np
 
 from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import VarianceComponents
 from aatri.ids import rows_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.variance_groups import EstimatedVariances, VarianceGroups, grouped
+from aatri.orientation.bundle.variance_groups import VarianceGroups, grouped
 
 Level = Literal["kind", "camera", "flight", "group"]
 
@@ -41,22 +40,6 @@ def variance_groups(block: Block, given: BundleInput, levels: Collection[Level])
         component = _component(o)
         parts.append(component[None, :] * len(of_rows) + row.reshape(-1, 1))
     return grouped(given.observed, labels, parts)
-
-
-def variance_table(found: EstimatedVariances, *, applied: bool) -> VarianceComponents:
-    """The components as a table of a Solution."""
-    differs = "applied" if applied else "proposed"
-    verdict = np.where(~found.estimable, "not estimable", np.where(found.differs, differs, "fits"))
-    verdict = np.where(found.estimable & applied, "applied", verdict)
-    return VarianceComponents(
-        group=np.array(found.names, dtype=np.str_),
-        observations=found.count.astype(np.int32),
-        redundancy=found.redundancy,
-        factor=found.factor,
-        low=found.low,
-        high=found.high,
-        verdict=verdict,
-    )
 
 
 def _parts(o: Observed) -> list[str]:

@@ -7,12 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.adjusted_observations import reliability_table, residual_table
-from aatri.adapters.solution import stacked, suspect_rows
-from aatri.adapters.uncontrolled_before import of_observations
-from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adapters.observation_tables import (
+    reliability_table,
+    residual_table,
+    suspect_table,
+    uncontrolled_table,
+    variance_table,
+)
+from aatri.adapters.solution import stacked
+from aatri.adjusting.adjusted_observations import AdjustedObservations, sigmas_of_groups
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.adjustment.statistics.variance_components import group_sigmas, sigma_limits
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
@@ -22,7 +26,6 @@ from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT
-from aatri.orientation.bundle.variance_groups import squares_and_redundancy
 
 CALLED = {
     "control": "control point {1}",
@@ -98,30 +101,15 @@ def components_of(result: TiedResult) -> VarianceComponents:
 
     As the residuals of this adjustment have them: they are proposed, and not iterated.
     """
-    names = list[str]()
-    parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
-    for found in _shown(result):
-        o = found.observed
+    names, shown, numbers = list[str](), list(_shown(result)), list[Int]()
+    for o in (found.observed for found in shown):
         number = np.full((len(o), o.records.rows), len(names))
         for k, (_, components) in enumerate(o.parts):
             number[:, components] += k
         number[o.demanded()] = -1
         names += [f"{o.kind} {part}".strip() for part, _ in o.parts or (("", ()),)]
-        parts.append(squares_and_redundancy(found, result.state, number))
-    squares, redundancy, group = (np.concatenate(of) for of in zip(*parts))
-    made = group_sigmas(squares, redundancy, group.astype(np.int64), len(names))
-    redundancy = np.where(made.estimable, made.redundancy, 1.0)
-    low, high = (np.where(made.estimable, x, np.nan) for x in sigma_limits(made.factor, redundancy))
-    differs = made.estimable & ((low > 1) | (high < 1))
-    return VarianceComponents(
-        group=np.array(names, dtype=np.str_),
-        observations=made.count.astype(np.int32),
-        redundancy=made.redundancy,
-        factor=made.factor,
-        low=low,
-        high=high,
-        verdict=np.where(~made.estimable, "not estimable", np.where(differs, "proposed", "fits")),
-    )
+        numbers.append(number)
+    return variance_table(names, sigmas_of_groups(shown, result.state, numbers, len(names)))
 
 
 def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
@@ -156,17 +144,10 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
     for o, mine in _native(result):
         active, above = result.active[mine], result.above[mine]
         listed = np.flatnonzero(~active | ~began[mine] | above)
-        test = result.test[mine][listed]
-        error = result.size[mine][listed] if to is None else to.scale * result.size[mine][listed] @ to.rotation.T
-        size = np.sqrt(np.nansum(error**2, axis=1))
-        known = np.isfinite(test) & (test > 0)
-        image, point = o.names(listed)
-        sigma = np.where(known, size / np.where(known, test, 1.0), np.nan)
-        rows = suspect_rows(
-            stage, o.kind, image=image, point=point, row=o.row[listed], size=size, unit=o.unit, sigma=sigma, test=test
-        )
+        error, test = result.size[mine][listed], result.test[mine][listed]
+        error = error if to is None else to.scale * error @ to.rotation.T
         verdict = np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected")
-        tables.append(replace(rows, verdict=verdict, error=error))
+        tables.append(suspect_table(stage, o, listed, error, test, verdict))
     return stacked(tables)
 
 
@@ -200,7 +181,6 @@ def uncontrolled_kinds(result: TiedResult, turned: Float | None = None) -> Uncon
     along = direction if turned is None else direction @ turned.T
     tables = [Uncontrolled.empty()]
     for o, part in _native(result):
-        mine = np.flatnonzero((few >= part.start) & (few < part.stop))
-        every = np.full(len(o), o.kind), o.row, *o.names(np.arange(len(o)))
-        tables.append(of_observations((few[mine] - part.start, least[mine], along[mine]), *every))
+        mine = (few >= part.start) & (few < part.stop)
+        tables.append(uncontrolled_table(o, few[mine] - part.start, least[mine], along[mine]))
     return stacked(tables)

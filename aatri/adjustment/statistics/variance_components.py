@@ -25,6 +25,7 @@ Source: Helmert 1907; Foerstner 1979 (variance components by redundancy); Paule 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri, gammaincinv
@@ -111,6 +112,18 @@ class GroupSigmas:
     factor: Float
     estimable: Bool
 
+    @cached_property
+    def limits(self) -> tuple[Float, Float]:
+        """95 % limits of the true factors, chi-square with r degrees of freedom; NaN where not estimable."""
+        r = np.where(self.estimable, self.redundancy, np.nan)
+        return self.factor * np.sqrt(r / chdtri(r, 0.025)), self.factor * np.sqrt(r / chdtri(r, 0.975))
+
+    @property
+    def differs(self) -> Bool:
+        """Groups whose standard deviation in use is outside the limits."""
+        low, high = self.limits
+        return np.asarray(self.estimable & ((low > 1) | (high < 1)))
+
 
 def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -> GroupSigmas:
     """Factors of all groups.
@@ -133,9 +146,3 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
     whole = np.bincount(group, squares, minlength=n_groups)
     factor = np.sqrt(np.divide(np.maximum(whole, 0.0), r, out=np.ones(n_groups), where=estimable))
     return GroupSigmas(count, r, factor, estimable)
-
-
-def sigma_limits(factor: Float, redundancy: Float) -> tuple[Float, Float]:
-    """95 % limits of the true factors, from estimates and redundancies: chi-square with r degrees of freedom."""
-    r = np.maximum(redundancy, 1e-3)
-    return factor * np.sqrt(r / chdtri(r, 0.025)), factor * np.sqrt(r / chdtri(r, 0.975))

@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas, sigma_limits
-from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int
+from aatri.adjusting.adjusted_observations import sigmas_of_groups
+from aatri.adjustment.statistics.variance_components import GroupSigmas
+from aatri.arrays import Float, Int
 from aatri.errors import ConvergenceError, ResourceError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
@@ -47,41 +46,9 @@ class VarianceGroups:
     number: tuple[Int, ...]
 
 
-@dataclass(frozen=True)
-class EstimatedVariances:
-    """Standard deviations of groups, as factors on those given.
-
-    Attributes
-    ----------
-    names : tuple of str
-    count : (g,) int
-    redundancy : (g,) float64
-        With the new standard deviations.
-    factor, low, high : (g,) float64
-        With 95 % limits of the true factor; 1 and NaN where not estimable.
-    estimable : (g,) bool
-    rounds : int
-        Adjustments it took.
-    """
-
-    names: tuple[str, ...]
-    count: Int
-    redundancy: Float
-    factor: Float
-    low: Float
-    high: Float
-    estimable: Bool
-    rounds: int
-
-    @property
-    def differs(self) -> Bool:
-        """Groups whose given standard deviation is outside the limits."""
-        return np.asarray(self.estimable & ((self.low > 1) | (self.high < 1)))
-
-
 def variance_components(
     given: BundleInput, result: BundleResult, adjust: Adjust, groups: VarianceGroups
-) -> tuple[EstimatedVariances, BundleInput, BundleResult]:
+) -> tuple[GroupSigmas, BundleInput, BundleResult]:
     """Estimate the standard deviations of groups.
 
     Parameters
@@ -94,7 +61,8 @@ def variance_components(
 
     Returns
     -------
-    VarianceComponents
+    GroupSigmas
+        With the new standard deviations; factors are on those given.
     BundleInput, BundleResult
         The block with the new standard deviations, and adjusted with them.
 
@@ -113,16 +81,13 @@ def variance_components(
     n = len(groups.names)
     factor, frozen = np.ones(n), np.zeros(n, dtype=bool)
     now, adjusted = given, result
-    for k in range(1, ROUNDS + 1):
-        found = _one_round(adjusted, groups)
+    for _ in range(ROUNDS):
+        found = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
         frozen |= ~found.estimable
         change = np.where(frozen, 1.0, found.factor)
         factor = np.where(frozen, 1.0, factor)
         if np.abs(change - 1).max(initial=0.0) < SAME:
-            low, high = sigma_limits(factor, found.redundancy)
-            limits = (np.where(frozen, np.nan, low), np.where(frozen, np.nan, high))
-            made = EstimatedVariances(groups.names, found.count, found.redundancy, factor, *limits, ~frozen, k)
-            return made, now, adjusted
+            return replace(found, factor=factor, estimable=~frozen), now, adjusted
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
             break
@@ -136,51 +101,23 @@ def variance_components(
     )
 
 
-def variance_notes(found: EstimatedVariances, *, applied: bool) -> list[Note]:
+def variance_notes(names: Sequence[str], found: GroupSigmas, *, applied: bool) -> list[Note]:
     """What the components say; a warning where given standard deviations do not fit."""
-    texts = []
-    for g in np.flatnonzero(found.differs):
-        limits = f"{found.factor[g]:.3g} times ({found.low[g]:.3g} to {found.high[g]:.3g}, 95 %)"
-        texts.append(f"{found.names[g]}: {limits}")
+    low, high = found.limits
+    texts = [
+        f"{names[g]}: {found.factor[g]:.3g} times ({low[g]:.3g} to {high[g]:.3g}, 95 %)"
+        for g in np.flatnonzero(found.differs).tolist()
+    ]
     notes = []
     if texts:
         what = "applied" if applied else "proposed, not applied: set them in the block, or `apply: true`"
         notes.append(Note("warning", f"standard deviations from the residuals, {what}", tuple(texts)))
-    some = [found.names[g] for g in np.flatnonzero(~found.estimable)]
+    some = [names[g] for g in np.flatnonzero(~found.estimable).tolist()]
     if some:
         notes.append(Note("note", "standard deviation not estimable (redundancy below 10), as given", tuple(some)))
     if not texts:
         notes.append(Note("note", "variance components: the given standard deviations fit the residuals"))
     return notes
-
-
-def _one_round(result: BundleResult, groups: VarianceGroups) -> GroupSigmas:
-    state = result.adjusted.state
-    parts = [squares_and_redundancy(o, state, number) for o, number in zip(result.observations, groups.number)]
-    squares, redundancy, group = (np.concatenate(p) for p in zip(*parts))
-    return group_sigmas(squares, redundancy, group.astype(np.int64), len(groups.names))
-
-
-def squares_and_redundancy(found: AdjustedObservations, state: State, number: Int) -> tuple[Float, Float, Int]:
-    """v_i (P v)_i, (Qvv P)_ii and group of the components in use."""
-    o = found.observed
-    rows = np.flatnonzero(found.used)
-    if o.exact or not len(rows):
-        return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
-    L = found.records.whitener[rows]
-    v = o.records.evaluate(state, rows)[0]
-    hat = found.covariance[rows]
-    if L.ndim == 2:
-        squares, r = (L * v) ** 2, 1.0 - np.einsum("nii->ni", hat)
-    else:
-        white = np.einsum("nij,nj->ni", L, v)
-        squares = v * np.einsum("nji,nj->ni", L, white)
-        # (Qvv P)_ii = (L^-1 (I - H) L)_ii; components that are not observed are left out of L
-        both = found.records.observed_components()[rows]
-        filled = np.where(both[:, :, None] & both[:, None, :], L, np.eye(L.shape[1]))
-        r = np.einsum("nij,njk,nki->ni", np.linalg.inv(filled), np.eye(L.shape[1]) - hat, filled)
-    used = found.records.observed_components()[rows]
-    return squares[used], r[used], np.where(used, number[rows], -1)[used]
 
 
 def _scaled(given: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:

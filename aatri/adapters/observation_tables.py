@@ -1,6 +1,11 @@
-"""Residuals and tests of adjusted observations as tables: every kind in the same way."""
+"""Adjusted observations as tables: residuals, tests, suspects, what nothing controls, variance components.
+
+Every kind of observation and every stage that adjusts gets them in the same way.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,9 +13,13 @@ from aatri.adapters import solution as assemble
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.covariance.gains import Gains
 from aatri.adjustment.statistics.reliability import Reliability, independent_reliability, moved, reliability
+from aatri.adjustment.statistics.variance_components import GroupSigmas
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float
-from aatri.artifacts.solution import Residuals, Tests
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
+from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 
 WIDTH = 3
@@ -87,3 +96,72 @@ def _correlated(found: AdjustedObservations, v: Float) -> Reliability:
     both: Bool = used[:, :, None] & used[:, None, :]
     back = np.linalg.inv(np.where(both, L, np.eye(records.rows)))
     return reliability(v, back @ back.swapaxes(1, 2), back @ np.where(both, R, 0.0) @ back.swapaxes(1, 2))
+
+
+def suspect_table(stage: str, o: Observed, rows: Int, error: Float, test: Float, verdict: Text) -> Suspects:
+    """Some observations of one kind, as a stage names them.
+
+    Parameters
+    ----------
+    stage : str
+    o : Observed
+    rows : (k,) int
+    error : (k, m) float64
+        Estimated gross errors in units of the observations; NaN not known.
+    test : (k,) float64
+        NaN without test.
+    verdict : (k,) str
+    """
+    n, (image, point) = len(rows), o.names(rows)
+    size = np.where(np.isfinite(error).any(axis=1), np.sqrt(np.nansum(error**2, axis=1)), np.nan)
+    return Suspects(
+        kind=np.full(n, o.kind),
+        row=o.row[rows].astype(np.int32),
+        image=image,
+        point=point,
+        stage=np.full(n, stage),
+        size=size,
+        unit=np.full(n, o.unit),
+        sigma=np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan),
+        test=test,
+        verdict=verdict,
+        error=_as_wide(error[:, :WIDTH]),
+    )
+
+
+def uncontrolled_table(
+    o: Observed, rows: Int, least: Float, direction: Float, component: Text | None = None
+) -> Uncontrolled:
+    """Some observations of one kind that nothing controls.
+
+    Parameters
+    ----------
+    o : Observed
+    rows : (k,) int
+    least : (k,) float64
+        Redundancy number in the direction.
+    direction : (k, m) float64
+        NaN: any.
+    component : (k,) str, optional
+        Of parameters, which of them.
+    """
+    image, point = o.names(rows)
+    name = point if component is None else component
+    return Uncontrolled(
+        np.full(len(rows), o.kind), o.row[rows].astype(np.int32), image, name, least, _as_wide(direction)
+    )
+
+
+def variance_table(names: Sequence[str], found: GroupSigmas, *, applied: bool = False) -> VarianceComponents:
+    """Factors on the standard deviations of groups: proposed, or applied to the adjustment."""
+    low, high = found.limits
+    verdict = np.where(~found.estimable, "not estimable", np.where(found.differs, "proposed", "fits"))
+    return VarianceComponents(
+        group=np.array(names, dtype=np.str_),
+        observations=found.count.astype(np.int32),
+        redundancy=found.redundancy,
+        factor=found.factor,
+        low=low,
+        high=high,
+        verdict=np.where(found.estimable & applied, "applied", verdict),
+    )
