@@ -67,11 +67,16 @@ class FreeBody:
 
     @property
     def places(self) -> Float:
-        """All points, but those at infinity, and projection centres."""
+        """All points, but those at infinity, and projection centres.
+
+        A point at infinity is uncertain by more than `UNCERTAIN` of the median distance: its own distance, as
+        uncertain, says nothing, and it alone would decide what a change of scale moves.
+        """
         centres = self.poses.position_m[self.has[POSE]]
         points = np.flatnonzero(self.has[POINT])
         spread = np.sqrt(np.einsum("nii->n", self.covariance[points]))
-        near = spread < UNCERTAIN * np.linalg.norm(self.xyz[points] - centres.mean(axis=0), axis=1)
+        distance = np.linalg.norm(self.xyz[points] - centres.mean(axis=0), axis=1)
+        near = spread < UNCERTAIN * np.median(distance)
         return np.concatenate([self.xyz[points[near]], centres])
 
     @property

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,22 @@ def test_control_only_almost_on_a_line_is_refused_too() -> None:
 def test_collinear_control_is_enough_with_one_height_off_the_line() -> None:
     ground = [[0.0, 0, 0], [1000, 0, 5], [2000, 0, 3], [900, 1100, 12]]
     assert off_m(by_control(ground, [ALL, ALL, ALL, HEIGHT]).ground_from_body) < 1e-7
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_a_point_at_infinity_does_not_decide_about_the_datum(share: float) -> None:
+    """280 times as far as the others, and known to a share of that: what it moves by a change of scale is nothing."""
+    made = MadeBody(CORNERS).control(range(4), [ALL] * 4, 0.02)
+    alone = made.oriented()
+    body, middle = made.body, made.body.poses.position_m.mean(axis=0)
+    far = middle + 280 * (body.xyz[-1] - middle)
+    covariance = (share * np.linalg.norm(far - middle)) ** 2 / 3 * np.eye(3)
+    made.body = replace(
+        body, xyz=np.append(body.xyz, far[None], axis=0), covariance=np.append(body.covariance, covariance[None], axis=0)
+    )
+    found = made.oriented()
+    assert found.analysis.extrapolation == pytest.approx(alone.analysis.extrapolation, rel=1e-9)
+    assert off_m(found.ground_from_body, alone.ground_from_body) < 1e-9
 
 
 def test_no_control_at_all_says_so() -> None:
