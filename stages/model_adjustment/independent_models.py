@@ -58,7 +58,7 @@ class IndependentModelsOptions(Options):
         None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
     )
     max_sigma0: float | None = Field(
-        None, gt=0, description="an error where sigma0 is larger; null: 20, and off by 0.5 % of the distance"
+        None, gt=0, description="an error where sigma0 is larger; null: a warning beyond 20"
     )
 
     reliability: bool = Field(

@@ -31,8 +31,8 @@ class StripBlockOptions(Options):
     max_sigma0: float | None = Field(
         None,
         gt=0,
-        description="an error where strips deform by so many times what their length explains; null: 20, and "
-        "off by 0.5 % of the distance",
+        description="an error where strips deform by so many times what their length explains; null: a warning "
+        "beyond 20 times",
     )
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"

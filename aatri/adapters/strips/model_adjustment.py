@@ -22,7 +22,7 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY, MODEL_TIE
-from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes
+from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, rms_m, search_notes
 from aatri.orientation.bodies.independent_models import adjust_models
 
 STAGE = "model_adjustment"
@@ -57,7 +57,9 @@ def adjusted_models(
     began = tables.not_rejected(problem.observed, before)
     tied, rounds = adjust_models(problem, limit=rules.limit, active=began, plan_height=rules.plan_height)
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
-    misfit = Misfit(rules.max_sigma0, pieces.distance_m(initial.images.position_m, initial.points.xyz_m))
+    distance_m = pieces.distance_m(initial.images.position_m, initial.points.xyz_m)
+    worst = farthest_bodies(tied, np.char.add("model ", names))
+    misfit = Misfit(rules.max_sigma0, distance_m, oriented=True, farthest=worst)
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "independent models", "")
     per_model = np.bincount(bodies.points.model, minlength=len(names))
     counts = f"{len(names)} models of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"

@@ -33,7 +33,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.deformation import Misfit, given_note, rms_m, search_notes, sigma0_notes
+from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, given_note, rms_m, search_notes, sigma0_notes
 from aatri.orientation.bodies.deformed_covariances import (
     DeformedCovariances,
     covariance_notes,
@@ -171,7 +171,8 @@ def adjust_strips(
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
     notes += [Note("note", text), *search_notes(tied, tied_tables.names_of, "strip block")]
-    misfit = Misfit(max_sigma0, pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz))
+    distance_m = pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz)
+    misfit = Misfit(max_sigma0, distance_m, oriented=True, farthest=farthest_bodies(tied, np.char.add("strip ", names)))
     notes += sigma0_notes(
         [tied],
         ["strip block"],

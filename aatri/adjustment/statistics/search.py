@@ -3,8 +3,9 @@
 Every round adjusts once. In this order: the added standard deviation to 2 %, robust at first; the clearest rejections
 (`rejection`), until what is left above the limit could not move the added standard deviation; then, with that of all
 residuals, the same again to the end; last each rejected record that fits is taken back, once. It ends when nothing
-changes. A robust estimate jumps, and what it asks for may depend on the value in use so that the two alternate: what
-turns back twice is halved between values too small and too large (`Steps`).
+changes. What is needed stays: a rejection after which the rest no longer determines the unknowns is not made, and is
+told as above the limit. A robust estimate jumps, and what it asks for may depend on the value in use so that the two
+alternate: what turns back twice is halved between values too small and too large (`Steps`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, stranded
 from aatri.arrays import Bool, Float, Int
+from aatri.errors import GeometryError
 
 ROUNDS = 100
 SETTLED = 0.02
@@ -56,7 +58,7 @@ class Searched(Generic[A]):
     settled : bool
         False if it was broken off.
     above : (n,) bool
-        Active records above the limit that the rules do not let reject, or that nothing controls well.
+        Active records above the limit that the rules do not let reject, that nothing controls well, or that are needed.
     """
 
     solved: A
@@ -124,15 +126,18 @@ def search(
     """
     if found is None:
         found = partial(clearest_controlled, rule, pool)
-    use, readmitted = active.copy(), np.zeros(len(active), dtype=bool)
+    use, readmitted, needed = active.copy(), np.zeros(len(active), dtype=bool), np.zeros(len(active), dtype=bool)
     tau, robust, rounds, settled = 0.0, True, 1, False
     solved, steps = solve(None, use, tau), Steps()
     while rounds < ROUNDS:
         new = solved.added_sigma(robust=robust) if added else 0.0
+        before = use
         steps, better = steps.after(tau, new)
         if better != tau:
             tau = better
-        elif (wrong := found(solved, use)).any() and not (robust and new > 0 and _negligible(rule, solved.test, use)):
+        elif (wrong := found(solved, use & ~needed) & ~needed).any() and not (
+            robust and new > 0 and _negligible(rule, solved.test, use)
+        ):
             use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
             robust, steps = False, Steps()
@@ -142,8 +147,13 @@ def search(
         else:
             settled = True
             break
-        solved = solve(solved, use, tau)
         rounds += 1
+        try:
+            solved = solve(solved, use, tau)
+        except GeometryError:
+            if not (rejected := before & ~use).any():
+                raise
+            use, needed = before, needed | rejected
     above = use & (solved.test > rule.limit)
     return Searched(solved, use, tau, rounds, settled, above)
 

@@ -34,15 +34,19 @@ from aatri.adjustment.statistics.global_test import (
     sigma0_note,
     single_misfits,
 )
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
+from aatri.observations.ties import BODY
 
 GROWTH = 0.05
 
 START = 0.005
 """Misfit, as a share of the distance between images and points, that no block of right ids, units and axes has: a tenth
 of what the bundle can begin from (docs/convergence.md)."""
+
+NAMED = 3
+"""So many bodies are named where they do not fit."""
 
 OF_GIVEN = "of control, the deformation counted,"
 
@@ -63,10 +67,17 @@ class Misfit:
         `START` of the distance; the bundle can begin from less.
     distance_m : float, m
         From the projection centres to the points.
+    oriented : bool
+        An earlier stage has held the bodies against the ground: what begins from there can go on from a larger misfit
+        too, as that of models of few points is, and without `max_sigma0` it is a warning.
+    farthest : str
+        The bodies that are farthest off, for messages.
     """
 
     max_sigma0: float | None
     distance_m: float
+    oriented: bool = False
+    farthest: str = ""
 
     def notes(self, sigma0: float, expected: float, off_m: float, what: str, why: str) -> list[Note]:
         """A warning where sigma0 is beyond the limit and the misfit is small.
@@ -74,18 +85,18 @@ class Misfit:
         Raises
         ------
         ConvergenceError
-            Where it is not.
+            Where the misfit is large, or `max_sigma0` is given.
         """
         limit = MAX_SIGMA0 if self.max_sigma0 is None else self.max_sigma0
         if not (np.isfinite(sigma0) and sigma0 > limit * expected):
             return []
         text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{why}: strips and control do not fit "
-        text += "each other"
+        text += f"each other{self.farthest}"
         remedy = (
             "check ids of points and control, units and axes of control, strips and models of the images; "
             "standard deviations that are too small by this factor are to be corrected in the block"
         )
-        if self.max_sigma0 is not None or not off_m <= START * self.distance_m:
+        if self.max_sigma0 is not None or not (self.oriented or off_m <= START * self.distance_m):
             raise ConvergenceError(text, remedy=remedy)
         share = f"{off_m:.2g} m (RMS), {off_m / self.distance_m:.1%} of the distance of the images"
         return [Note("warning", f"{text}, but by {share}: the bundle can begin from there; {remedy}")]
@@ -96,6 +107,16 @@ def rms_m(residual_m: Float, active: Bool) -> float:
     squares = np.nansum(residual_m[active] ** 2, axis=1)
     squares = squares[squares > 0]
     return float(np.sqrt(squares.mean())) if len(squares) else 0.0
+
+
+def farthest_bodies(tied: TiedResult, names: Text) -> str:
+    """The bodies whose ties in use are farthest off (RMS), for messages."""
+    o = tied.problem.ties[0]
+    body, used = dict(o.records.touches)[BODY], tied.active[: len(o)]
+    squares = np.nansum(tied.residuals[: len(o)] ** 2, axis=1) * used
+    off_m = np.sqrt(np.bincount(body, squares, len(names)) / np.maximum(np.bincount(body, squares > 0, len(names)), 1))
+    worst = np.argsort(-off_m, kind="stable")[:NAMED]
+    return f"; farthest off: {', '.join(f'{names[k]} {off_m[k]:.2g} m (RMS)' for k in worst)}"
 
 
 def sigma0_notes(

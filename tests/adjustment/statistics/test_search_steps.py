@@ -12,6 +12,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of
 from aatri.adjustment.statistics.search import SETTLED, search
 from aatri.arrays import Bool, Float, Int
+from aatri.errors import GeometryError
 
 
 @dataclass(frozen=True)
@@ -95,3 +96,27 @@ def test_what_could_not_move_the_added_standard_deviation_is_rejected_only_with_
     assert np.flatnonzero(~found.active).tolist() == [100, 700]
     assert any(robust and out for robust, out in asked) == first_robust
     assert asked[-1] == (False, 2)
+
+
+def test_a_rejection_that_leaves_something_open_is_not_made_and_is_told() -> None:
+    """Record 0 has the largest test, but alone determines something; record 2, elsewhere, goes."""
+    tests = np.full(20, 0.5)
+    tests[[0, 2]] = 9.0, 6.0
+
+    def solve(before: Made | None, use: Bool, tau: float) -> Made:
+        if not use[0]:
+            raise GeometryError("the observations leave 1 unknown(s) open")
+        return Made(tau, lambda _: 0.0, np.where(use, tests, np.nan))
+
+    found = search(solve, np.ones(20, dtype=bool), RULE, _pool(20))
+    assert found.settled
+    assert np.flatnonzero(~found.active).tolist() == [2]
+    assert np.flatnonzero(found.above).tolist() == [0]
+
+
+def test_what_is_open_from_the_first_stays_an_error() -> None:
+    def solve(before: Made | None, use: Bool, tau: float) -> Made:
+        raise GeometryError("the observations leave 1 unknown(s) open")
+
+    with pytest.raises(GeometryError):
+        search(solve, np.ones(4, dtype=bool), RULE, _pool(4))

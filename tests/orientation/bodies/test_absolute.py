@@ -78,7 +78,9 @@ def test_a_point_at_infinity_does_not_decide_about_the_datum(share: float) -> No
     far = middle + 280 * (body.xyz[-1] - middle)
     covariance = (share * np.linalg.norm(far - middle)) ** 2 / 3 * np.eye(3)
     made.body = replace(
-        body, xyz=np.append(body.xyz, far[None], axis=0), covariance=np.append(body.covariance, covariance[None], axis=0)
+        body,
+        xyz=np.append(body.xyz, far[None], axis=0),
+        covariance=np.append(body.covariance, covariance[None], axis=0),
     )
     found = made.oriented()
     assert found.analysis.extrapolation == pytest.approx(alone.analysis.extrapolation, rel=1e-9)

@@ -141,8 +141,6 @@ def test_an_initial_solution_without_orientations_is_refused() -> None:
     made.control(made.corners())
     block, points, strips = made.block(), made.image_points(), made.strips()
     initial = similarity(block, strips, points)
-    from dataclasses import replace
-
     nothing = replace(
         initial.images,
         oriented=np.zeros(10, dtype=bool),
@@ -185,8 +183,6 @@ def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_els
     made.control(range(0, len(made.truth), 4), sigma_m=0.01)
     block, points, strips = made.block(), made.image_points(), made.strips()
     initial = similarity(block, strips, points)
-    from dataclasses import replace
-
     single = np.flatnonzero(np.bincount(strips.strip_points.point) == 1)
     point = int(single[np.isin(single, block.ground_points.point)][0])
     row = int(np.flatnonzero(strips.strip_points.point == point)[0])
@@ -215,6 +211,21 @@ def test_strips_that_do_not_fit_control_at_all_are_an_error() -> None:
         made.control([p], sigma_m=0.01, error_m=rng.normal(0, 60.0, 3))
     with pytest.raises(ConvergenceError, match="beyond max_sigma0"):
         _adjusted(made)
+
+
+def test_strips_that_fit_badly_after_they_were_oriented_are_named_and_the_bundle_begins_from_them() -> None:
+    """As models of five points leave them: one strip is off by 1 % of its distance, a hundred times what it states."""
+    made = MadeBlock(3, 5, noise_m=0.01)
+    made.control(range(0, len(made.truth), 5), sigma_m=0.01)
+    block, points, strips = made.block(), made.image_points(), made.strips()
+    initial, p = similarity(block, strips, points), strips.strip_points
+    off = np.random.default_rng(3).normal(0, 0.01 * np.abs(p.xyz[:, 2]).mean(), p.xyz.shape) * (p.strip == 1)[:, None]
+    bad, heard = replace(strips, strip_points=replace(p, xyz=p.xyz + off)), Heard()
+    solution = polynomial(block, points, bad, initial, context=heard)
+    assert any(f"farthest off: strip {strips.strips.id[1]} " in text for text in heard.warnings)
+    assert solution.images.oriented.all()
+    with pytest.raises(ConvergenceError, match="beyond max_sigma0 = 20 "):
+        polynomial(block, points, bad, initial, options=PolynomialOptions(max_sigma0=20.0))
 
 
 def test_sigma0_is_told_with_what_is_expected_and_its_interval() -> None:
