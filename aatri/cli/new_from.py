@@ -82,6 +82,8 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     parts = [read_source(s.path, Reading(), SILENT, format=s.format.name) for s in sources]
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
+        for note in of_source.notes:
+            narrate(f"    {note}")
     if alone and "geodetic" in parts[0].others and not parts[0].images:
         return _text(sources, folder, _of_network(bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())))
     block = assembled(parts)

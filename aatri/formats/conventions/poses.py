@@ -20,6 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
+from aatri.geometry.rotations import angle_axes, body_from_mount
 
 Y_UP = np.array([1.0, -1.0, -1.0])
 """Diagonal of D: camera axes of vision to photogrammetric ones, and back."""
@@ -48,6 +49,12 @@ CONVENTIONS = {
     "pix4d": PoseConvention("vision", "image_from_ground"),
 }
 """What a rotation matrix means, by program. Angles omega, phi, kappa are those of `opk`: R = Rx Ry Rz."""
+
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""East, north, up of north, east, down."""
+
+UPPER_EDGE_AHEAD_DEG = 90
+"""Mount of a camera that looks straight down with its upper edge ahead: image x is to the right of the nose."""
 
 LEAST_ORTHOGONAL = 1e-3
 """What R R' may differ from the identity by: matrices are written with six decimals or more, some with four."""
@@ -89,6 +96,23 @@ def translation_of(ground_from_image: Float, position_m: Float, program: str) ->
     """Translations t = -R' X0 (n, 3) in the camera axes of a program."""
     t = -np.einsum("nji,nj->ni", ground_from_image, position_m)
     return np.asarray(t * Y_UP if CONVENTIONS[program].axes == "vision" else t)
+
+
+def rotation_of_carrier(roll_pitch_yaw_rad: Float) -> tuple[Float, Float]:
+    """The rotation of a camera whose attitude is told as that of a carrier, and the axes of the three angles.
+
+    Parameters
+    ----------
+    roll_pitch_yaw_rad : (n, 3) float64, rad
+        Of a camera that looks straight down at 0 0 0, its upper edge ahead; yaw clockwise from north.
+
+    Returns
+    -------
+    ground_from_image, axes : (n, 3, 3) float64
+        East, north, up; a change da of the angles turns by exp([axes da]x).
+    """
+    R, axes = angle_axes(roll_pitch_yaw_rad, "roll-pitch-heading")
+    return ENU_FROM_NED @ R @ body_from_mount(UPPER_EDGE_AHEAD_DEG), ENU_FROM_NED @ axes
 
 
 def matrix_of_quaternion(wxyz: Float) -> Float:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
 
 PAGE = "docs/formats.md#ign-lists"
-HEADER = ["NOM", "X", "Y", "Z", "O", "P", "K"]
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
 _MARK = re.compile(rf"\S+\s+\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
 _POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
@@ -37,12 +36,6 @@ def _read_camera(path: Path, reading: Reading, reporter: Reporter) -> BlockParts
     return read_camera(path, reporter)
 
 
-def _read_opk(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.ign.reader import read_orientations
-
-    return read_orientations(path, reporter)
-
-
 def _all_lines(view: FileView, form: re.Pattern[str], what: str) -> str:
     lines = view.lines[:20]
     return what if lines and all(form.fullmatch(line.strip()) for line in lines) else ""
@@ -53,12 +46,6 @@ def _camera(view: FileView) -> str:
     return "keys PPAx, PPAy, focal" if {"Name", "PPAx", "PPAy", "focal"} <= keys else ""
 
 
-IGN_OPK = Format(
-    "ign_opk", "IGN orientations (.OPK)",
-    lambda view: "a header NOM X Y Z O P K" if view.lines and view.lines[0].split()[:7] == HEADER else "",
-    "a header NOM X Y Z O P K CAMERA", carries=("start orientations", "positions", "attitudes"),
-    drops=("cameras", "frame", "standard deviations", "image points"), page=PAGE, read=_read_opk,
-)  # fmt: skip
 IGN_MARKS = Format(
     "ign_mes", "IGN image points (.mes)", lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
     "lines `point image column row`", carries=("image points",),

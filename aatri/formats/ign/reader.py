@@ -1,6 +1,5 @@
 """IGN's lists beside its OPK list: image points (`.mes`), ground points (`.app`), cameras.
 
-    .OPK       NOM X Y Z O P K CAMERA                     m, degrees, a header; R = Rx(O) Ry(P) Rz(K) image to ground
     .mes       point image column row                     px from the upper left corner, y down
     .app       "point" type X Y Z [sX sY sZ]              m; names may stand in quotes
     camera     Name = ...  PPAx = ...  PPAy = ...  focal = ...  width = ...  height = ...      px
@@ -14,8 +13,6 @@ Source: IGNF/Borea, documentation and data set.
 from __future__ import annotations
 
 from pathlib import Path
-
-import numpy as np
 
 from aatri.codes import CONTROL
 from aatri.errors import InputError
@@ -51,39 +48,6 @@ def read_marks(path: Path, reporter: Reporter = SILENT) -> BlockParts:
             "image": [line.words[1] for line in lines],
             "xy": [line.numbers(2) for line in lines],
             **places(lines, [path]),
-        },
-    )
-
-
-def read_orientations(path: Path, reporter: Reporter = SILENT) -> BlockParts:
-    """Read orientations, `.OPK`; they are start values unless `use: observed` says more.
-
-    Raises
-    ------
-    InputError
-        If a line is not of this form, or an image stands twice.
-    """
-    first: dict[str, TextLine] = {}
-    lines = word_lines(path, reporter)
-    if lines[0].words[:7] != ["NOM", "X", "Y", "Z", "O", "P", "K"]:
-        raise lines[0].error("the first line is not `NOM X Y Z O P K CAMERA`", "write the names of the columns")
-    for line in lines[1:]:
-        if len(line.words) not in (7, 8):
-            raise line.error(f"{len(line.words)} words", "write `image X Y Z O P K camera`")
-        line.once(line.words[0], first, "image")
-    names = [line.words[0] for line in lines[1:]]
-    at = places(lines[1:], [path])
-    return BlockParts(
-        "ign_opk",
-        [path],
-        name=path.stem,
-        frame=PLANE,
-        images={"id": names, "camera": ["".join(line.words[7:]) for line in lines[1:]], **at},
-        exterior={
-            "image": names,
-            "position_m": [line.numbers(1, 4) for line in lines[1:]],
-            "angles_rad": np.radians([line.numbers(4, 7) for line in lines[1:]]),
-            **at,
         },
     )
 

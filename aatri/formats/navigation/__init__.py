@@ -1,1 +1,1 @@
-"""Lists of positions and attitudes as receivers and inertial systems give them: DJI's MRK, Applanix' EO text."""
+"""Lists of positions as receivers give them: DJI's MRK."""

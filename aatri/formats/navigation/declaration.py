@@ -1,4 +1,4 @@
-"""What lists of receivers and inertial systems are recognised by, and what they carry."""
+"""What lists of receivers are recognised by, and what they carry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aatri.progress import Reporter
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
 
-PAGE = "docs/formats.md#dji-mrk-and-applanix"
+PAGE = "docs/formats.md#dji-mrk"
 _MRK = re.compile(r"\s*[0-9]+\s+[0-9.]+\s+\[[0-9]+\]\s.*,\s*Lat\s.*,\s*Lon\s.*,\s*Ellh\s.*,\s*Q\s*$")
 
 
@@ -22,28 +22,12 @@ def _read_mrk(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     return read_mrk(path, reading.crs, reporter)
 
 
-def _read_applanix(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.navigation.applanix import read_applanix
-
-    return read_applanix(path, reporter)
-
-
 def _mrk(view: FileView) -> str:
     return "lines with Lat, Lon, Ellh, Q" if view.lines and all(map(_MRK.match, view.lines[:5])) else ""
-
-
-def _applanix(view: FileView) -> str:
-    seen = re.search(r"^\s*\(position in .*orientation in", view.head, re.IGNORECASE | re.MULTILINE)
-    return "a line `(position in Meters, orientation in Degrees ...)`" if seen else ""
 
 
 MRK = Format(
     "dji_mrk", "DJI MRK", _mrk, "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
     carries=("positions", "standard deviations", "frame"),
     drops=("attitudes", "image points", "control", "cameras"), page=PAGE, read=_read_mrk,
-)  # fmt: skip
-APPLANIX = Format(
-    "applanix", "Applanix EO text", _applanix, "a line `(position in Meters, orientation in Degrees ...)`",
-    carries=("positions", "attitudes", "times"), drops=("image points", "control", "cameras", "standard deviations"),
-    page=PAGE, read=_read_applanix,
 )  # fmt: skip

@@ -21,25 +21,19 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.arrays import Float
 from aatri.codes import CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
+from aatri.formats.conventions.poses import rotation_of_carrier
 from aatri.formats.opensfm.ground_control import control_parts
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.frames.conversion import Frame
 from aatri.frames.crs_text import crs_from
-from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import clipped
 from aatri.progress import Reporter
 
 NEAR_M, NEAR_DEG = 0.01, 1e-7
 """Points nearer to each other than this, and not equal, are told: one point with a mistyped digit?"""
-
-BODY_FROM_CAMERA = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Camera x right, y up, z backward, in a body x forward, y right, z down: the upper edge of the image is ahead."""
-
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def read_gcp_list(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
@@ -124,18 +118,12 @@ def read_geo(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
         "line": [row.line for row in rows],
     }
     if np.isfinite(angles).all(axis=1).any():
-        parts.exterior |= {"ground_from_image": _rotations(angles)}
+        parts.exterior |= {"ground_from_image": rotation_of_carrier(np.radians(angles))[0]}
         if frame is not None and not frame.geographic:
             parts.notes.append(
                 "yaw counts from true north, the map from grid north: start values, the angle between is left"
             )
     return parts
-
-
-def _rotations(roll_pitch_yaw_deg: Float) -> Float:
-    """East, north, up from the camera."""
-    body = rotation_from_angles(np.radians(roll_pitch_yaw_deg), "roll-pitch-heading")
-    return np.asarray(ENU_FROM_NED @ body @ BODY_FROM_CAMERA)
 
 
 def _lines(path: Path, crs: str | None, reporter: Reporter) -> tuple[Frame | None, list[TextLine]]:

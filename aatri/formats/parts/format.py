@@ -97,10 +97,14 @@ class Reading(Options):
     crs: str | None = Field(None, description="coordinate system of the source, as pyproj reads it; null: as it says")
     vertical: str | None = Field(None, description="its height system, EPSG:5773 ...; null: as it says, or ellipsoidal")
     columns: str | None = Field(
-        None, description="of lists: a preset, or columns in order, `image X Y Z omega phi kappa`; null: by the header"
+        None,
+        description="of lists: a preset (docs/formats.md), or the columns in order, `image X Y Z omega phi kappa`; "
+        "null: by the header",
     )
-    angle: Literal["deg", "gon", "rad"] | None = Field(None, description="of lists: unit of angles; null: degrees")
-    rotation: Literal["omega-phi-kappa", "phi-omega-kappa"] | None = Field(
+    angle: Literal["deg", "gon", "rad"] | None = Field(
+        None, description="of lists: unit of angles; null: as the header says, or degrees"
+    )
+    rotation: Literal["omega-phi-kappa", "phi-omega-kappa", "yaw-pitch-roll"] | None = Field(
         None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
     )
     take: Annotated[tuple[TakenPart, ...], BeforeValidator(_as_tuple)] = Field(

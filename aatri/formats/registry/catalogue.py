@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
-from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_OPK, IGN_POINTS
+from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS
+from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
 from aatri.formats.micmac.declaration import MICMAC
-from aatri.formats.navigation.declaration import APPLANIX, MRK
+from aatri.formats.navigation.declaration import MRK
 from aatri.formats.nvm.declaration import BUNDLER, NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
 from aatri.formats.parts.format import Format
@@ -45,5 +46,6 @@ FORMATS: tuple[Format, ...] = (
     DBAT,
     PAIRS,
     BAL,
+    TABLE,
 )
 """All formats."""

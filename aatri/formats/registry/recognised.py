@@ -115,7 +115,7 @@ def unrecognised(path: Path) -> InputError:
     more = f" and {len(files) - MOST_TOLD} more files" if len(files) > MOST_TOLD else ""
     looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
-    remedy = f"looked for were {looked}. A list without a header: say `format: table` and its `columns`"
+    remedy = f"looked for were {looked}. A list without a header: `format: table` with its `columns`"
     return InputError(what, where=str(path), remedy=remedy)
 
 

@@ -1,0 +1,1 @@
+"""Lists of orientations, positions, control and image points: any columns, told by a header, a preset or the user."""

@@ -1,0 +1,60 @@
+"""What lists are recognised by, and what they carry: any list with a header, and those of IGN and Applanix."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.progress import Reporter
+
+if TYPE_CHECKING:
+    from aatri.formats.parts.block_parts import BlockParts
+
+PAGE = "docs/formats.md#lists"
+APPLANIX_UNITS = re.compile(r"^\s*\(position in .*orientation in", re.IGNORECASE | re.MULTILINE)
+
+
+def _reads(preset: str | None = None, *, observed: bool = False) -> Callable[[Path, Reading, Reporter], BlockParts]:
+    def read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+        from aatri.formats.lists.list_reader import read_list
+
+        return read_list(path, reading, reporter, preset=preset, observed=observed)
+
+    return read
+
+
+def _list(view: FileView) -> str:
+    from aatri.formats.lists.list_form import proposed
+
+    form = proposed(view.lines) if not view.is_folder and view.lines else None
+    return f"a header: {' '.join(form.columns.words)}" if form else ""
+
+
+def _ign(view: FileView) -> str:
+    is_one = bool(view.lines) and view.lines[0].split()[:7] == ["NOM", "X", "Y", "Z", "O", "P", "K"]
+    return "a header NOM X Y Z O P K" if is_one else ""
+
+
+def _applanix(view: FileView) -> str:
+    return "a line `(position in Meters, orientation in Degrees ...)`" if APPLANIX_UNITS.search(view.head) else ""
+
+
+TABLE = Format(
+    "table", "list with columns", _list, "a header with the columns of a list: image X Y Z omega phi kappa ...",
+    carries=("positions", "attitudes", "start orientations", "control", "check points", "image points", "times",
+             "standard deviations"),
+    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=_reads(),
+)  # fmt: skip
+IGN_OPK = Format(
+    "ign_opk", "IGN orientations (.OPK)", _ign, "a header NOM X Y Z O P K CAMERA",
+    carries=("start orientations", "positions", "attitudes"),
+    drops=("cameras", "frame", "standard deviations", "image points"), page=PAGE, read=_reads("ign"),
+)  # fmt: skip
+APPLANIX = Format(
+    "applanix", "Applanix EO text", _applanix, "a line `(position in Meters, orientation in Degrees ...)`",
+    carries=("positions", "attitudes", "times"), drops=("image points", "control", "cameras", "standard deviations"),
+    page=PAGE, read=_reads(observed=True),
+)  # fmt: skip

@@ -1,0 +1,95 @@
+"""How the lines of a list are read: what separates the cells, where its header is, and what is said above it."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from aatri.errors import InputError
+from aatri.formats.lists.list_columns import ListColumns, columns_of_header
+from aatri.formats.text.text_line import TextLine
+
+TWO_WORDS = re.compile(r"(ellipsoid|ellipsoidal|orthometric)\s+(?=height)", re.IGNORECASE)
+"""Before a height: the second word of a header between blanks is no column of its own."""
+UNITS = re.compile(r"\(\s*position in (\w+),\s*orientation in (deg|grad|gon|rad)", re.IGNORECASE)
+"""The line of units that Applanix writes above its list."""
+FEWEST = 3
+"""Columns that a list has at least."""
+MOST_BEFORE = 50
+"""A header stands within so many lines, after the preamble of a report."""
+
+
+class ListForm(NamedTuple):
+    """How a list is read: its columns, what separates its cells, and the line with its header (0: none)."""
+
+    columns: ListColumns
+    separator: str
+    header: int
+
+
+def cells(text: str, separator: str) -> list[str]:
+    """The cells of a line."""
+    if not separator:
+        return [word.strip("\"'") for word in text.split()]
+    return [cell.strip() for cell in next(csv.reader([text.strip("\r\n ")], delimiter=separator), [])]
+
+
+def separator_of(text: str, fewest: int = 1) -> str:
+    """What separates the cells of a line, so that there are enough of them; empty: blanks."""
+    signs = [sign for sign in "\t;," if sign in text]
+    return next((sign for sign in signs if len(cells(text, sign)) >= fewest), "")
+
+
+def proposed(lines: list[str]) -> ListForm | None:
+    """How a list is read by its header; None without one."""
+    for k, text in enumerate(lines[:MOST_BEFORE]):
+        below = next((line for line in lines[k + 1 :] if line.strip() and not line.lstrip().startswith("#")), "")
+        of_header = separator_of(text, FEWEST)
+        names = cells(TWO_WORDS.sub("", text).lstrip("# "), of_header)
+        separator = separator_of(below, len(names)) or (of_header if of_header in below else "")
+        columns = columns_of_header(names, cells(below, separator)) if below and len(names) >= FEWEST else None
+        if columns is not None:
+            return ListForm(columns, separator, k + 1)
+    return None
+
+
+def form_of_columns(lines: list[str], columns: ListColumns, path: Path) -> ListForm:
+    """Where the first row of stated columns is: the first line with numbers where numbers should be."""
+    numbers = [k for k, name in enumerate(columns.names) if name not in ("-", "image", "point", "camera", "role")]
+    for k, text in enumerate(lines[:MOST_BEFORE]):
+        separator = separator_of(text, columns.fewest)
+        row = TextLine(cells(text, separator), path, k + 1)
+        if text.lstrip().startswith("#") or len(row.words) < columns.fewest:
+            continue
+        if any(_is_number(row, at) for at in numbers if at < len(row.words)):
+            return ListForm(columns, separator, k)
+    what = f"no row has numbers where the columns {' '.join(columns.words)} have them"
+    raise InputError(what, where=f"{path}:1", remedy="say the columns of the list, in their order")
+
+
+def _is_number(row: TextLine, k: int) -> bool:
+    try:
+        row.number(k)
+    except InputError:
+        return False
+    return True
+
+
+def in_stated_units(columns: ListColumns, lines: list[str], path: Path) -> ListColumns:
+    """The columns with the unit of angles that a line above the header states."""
+    for k, text in enumerate(lines[:MOST_BEFORE], 1):
+        if units := UNITS.search(text):
+            if not units[1].lower().startswith("met"):
+                raise InputError(f"positions in {units[1]}", where=f"{path}:{k}", remedy="export in metres")
+            unit = units[2].lower()
+            return columns._replace(angle={"grad": "gon"}.get(unit, unit))
+    return columns
+
+
+def stated_crs(lines: list[str]) -> str:
+    """The coordinate system that Metashape writes above its lists."""
+    stated = (re.match(r"#\s*CoordinateSystem:\s*(\S.*)", text) for text in lines[:5])
+    text = next((found.group(1).strip() for found in stated if found), "")
+    return "" if text.lower().startswith("local") else text

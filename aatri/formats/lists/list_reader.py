@@ -1,0 +1,241 @@
+"""Reading of a list by its columns: orientations, positions, control, image points.
+
+The columns are those that the user names, else those of the header, which is the first line that has the names of a
+list (a remark sign before it does not count). Lines before the header or the first row are told, not read. Cells are
+separated by tabulators, semicolons, commas or blanks, as the first row is; `#` begins a remark.
+
+Angles are degrees unless the header or the user says gon or rad. omega-phi-kappa is R = Rx(omega) Ry(phi) Rz(kappa),
+phi-omega-kappa R = Ry(-phi) Rx(omega) Rz(kappa), both image to ground; yaw-pitch-roll is the attitude of a camera that
+looks straight down at pitch 0, its upper edge ahead, yaw clockwise from north. A matrix r11 ... r33 beside the angles
+is held against them: it must be R or R'. Positions and attitudes are observed where they have standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import APPROXIMATE_VALUE, CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
+from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROTATION, ListColumns, columns_named
+from aatri.formats.lists.list_form import cells, form_of_columns, in_stated_units, proposed, stated_crs
+from aatri.formats.parts.block_parts import PLANE, BlockParts
+from aatri.formats.parts.format import Reading
+from aatri.formats.text.text_file import read_lines
+from aatri.formats.text.text_line import TextLine, places
+from aatri.frames.conversion import Frame
+from aatri.geometry.rotations import angle_axes, angle_covariance
+from aatri.ids import clipped
+from aatri.progress import SILENT, Reporter
+
+RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
+ROLES = {**dict.fromkeys(("control", "gcp", "full"), CONTROL), **dict.fromkeys(("check", "checkpoint"), CHECK),
+         **dict.fromkeys(("", "none", "tie"), NO_ROLE)}  # fmt: skip
+GEOGRAPHIC = Frame("list", ("longitude", "latitude", "height"), "EPSG:4979")
+SHOWN = 3
+"""So many rows are shown as they were read."""
+
+
+def read_list(
+    path: Path, reading: Reading, reporter: Reporter = SILENT, *, preset: str | None = None, observed: bool = False
+) -> BlockParts:
+    """Read a list.
+
+    Parameters
+    ----------
+    path : Path
+    reading : Reading
+        Its `columns`, `angle`, `rotation` and `crs` come before what the file says.
+    reporter : Reporter
+    preset : str, optional
+        One of `PRESETS`, for formats that are a list of one program.
+    observed : bool
+        Positions and attitudes are observed, with standard deviations or without.
+
+    Raises
+    ------
+    InputError
+        If the columns are not known, or a row is not of them.
+    """
+    lines = read_lines(path, reporter)
+    stated = reading.columns or preset
+    form = proposed(lines) if stated is None else form_of_columns(lines, columns_named(stated), path)
+    if form is None:
+        what = f"its first line is {clipped(lines[0].strip(), 60)!r}, and no header tells its columns"
+        remedy = (
+            f"say `columns`: one of {', '.join(PRESETS)}, or the columns in their order, `image X Y Z omega phi kappa`"
+        )
+        raise InputError(what, where=f"{path}:1", remedy=remedy)
+    columns = form.columns
+    rows = []
+    for k, text in enumerate(lines[form.header :], form.header + 1):
+        if text.strip() and not text.lstrip().startswith("#"):
+            row = TextLine(cells(text, form.separator), path, k)
+            if not columns.fewest <= len(row.words) <= len(columns.words):
+                raise row.error(f"{len(row.words)} words, for the columns {' '.join(columns.words)}", "mend the row")
+            rows.append(row)
+    if not rows:
+        raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
+    parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines)
+    if observed and parts.exterior:
+        parts.exterior = {**parts.exterior, "position_use": OBSERVED_VALUE, "angle_use": OBSERVED_VALUE}
+    return parts
+
+
+class _Rows:
+    """The rows of a list by their columns."""
+
+    def __init__(self, columns: ListColumns, rows: list[TextLine], reading: Reading) -> None:
+        self.columns, self.rows, self.reading = columns, rows, reading
+        self.at = {name: k for k, name in enumerate(columns.names) if name != "-"}
+        self.sign = {name: -1.0 if word.startswith("-") else 1.0 for name, word in zip(columns.names, columns.words)}
+
+    def texts(self, name: str) -> list[str]:
+        """The cells of a column; empty ones where a row or the list has none."""
+        k = self.at.get(name)
+        return [row.words[k] if k is not None and k < len(row.words) else "" for row in self.rows]
+
+    def numbers(self, *names: str) -> Float:
+        """Columns of numbers (n, k); NaN where a cell is empty or the list has no such column."""
+        values = np.full((len(self.rows), len(names)), np.nan)
+        for j, name in enumerate(names):
+            for i, text in enumerate(self.texts(name)):
+                if text and text.lower() != "nan":
+                    values[i, j] = self.sign[name] * self.rows[i].number(self.at[name])
+        return values
+
+    def parts(self, path: Path, lines: list[str]) -> BlockParts:
+        """What the list gives of a block."""
+        parts = BlockParts("table", [path], name=path.stem, notes=self._notes(lines))
+        at = places(self.rows, [path])
+        geographic = "longitude" in self.at
+        xyz = self.numbers(*(("longitude", "latitude", "Z") if geographic else ("X", "Y", "Z")))
+        if geographic and (bad := np.flatnonzero(np.abs(xyz[:, 1]) > 90)).size:
+            raise self.rows[int(bad[0])].error(f"latitude {xyz[bad[0], 1]:g}", "longitude and latitude are degrees")
+        sigma = self.numbers("sX", "sY", "sZ")
+        if "sXY" in self.at:
+            sigma[:, :2] = self.numbers("sXY")
+        if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
+            raise self.rows[int(bad[0])].error(f"standard deviations {sigma[bad[0]].tolist()}", "positive, in m")
+        has_place = {"X", "longitude"} & {*self.at}
+        if "x" in self.at:
+            self._measured(parts, at)
+            if has_place:
+                chosen = list(dict(zip(reversed(self.texts("point")), reversed(range(len(self.rows))))).values())[::-1]
+                self._ground(parts, chosen, xyz, sigma, at)
+        elif "point" in self.at:
+            self._ground(parts, list(range(len(self.rows))), xyz, sigma, at)
+        else:
+            self._exterior(parts, xyz, sigma, at)
+        if has_place or self.columns.system:
+            crs = stated_crs(lines)
+            parts.frame = GEOGRAPHIC if geographic else Frame("list", ("east", "north", "up"), crs) if crs else PLANE
+        return parts
+
+    def _notes(self, lines: list[str]) -> list[str]:
+        """What was read how, for the user to see that it is right."""
+        system = self.reading.rotation or self.columns.system
+        angles = f", angles {system} in {self.unit}" if system and self.columns.system else ""
+        first = self.rows[:SHOWN]
+        shown = [", ".join(f"{n} = {self.texts(n)[k]}" for n in self.at) for k in range(len(first))]
+        before = [text.strip() for text in lines[: self.rows[0].line - 1] if text.strip()]
+        skipped = [f"not read, before the first row: {clipped(' | '.join(before), 200)}"] if before else []
+        read = [f"columns read as {' '.join(self.columns.words)}{angles}"]
+        return [*read, *(f"line {row.line}: {text}" for row, text in zip(first, shown)), *skipped]
+
+    @property
+    def unit(self) -> str:
+        """Unit of angles."""
+        return self.reading.angle or self.columns.angle or "deg"
+
+    def _once(self, *columns: str) -> None:
+        first: dict[str, TextLine] = {}
+        for row, names in zip(self.rows, zip(*map(self.texts, columns))):
+            if not all(names):
+                raise row.error(f"no {' and no '.join(c for c, n in zip(columns, names) if not n)}", "give the row one")
+            row.once(" in image ".join(names), first, columns[0])
+
+    def _measured(self, parts: BlockParts, at: dict[str, list[int]]) -> None:
+        self._once("point", "image")
+        xy = self.numbers("x", "y")
+        if (bad := np.flatnonzero(np.isnan(xy).any(axis=1))).size:
+            raise self.rows[int(bad[0])].error("no image coordinates", "give x and y, or remove the row")
+        parts.image_points = {"image": self.texts("image"), "point": self.texts("point"), "xy": xy, **at}
+        if "sx" in self.at:
+            parts.image_points["sigma_px"] = self.numbers("sx", "sy" if "sy" in self.at else "sx")
+
+    def _ground(self, parts: BlockParts, chosen: list[int], xyz: Float, sigma: Float, at: dict[str, list[int]]) -> None:
+        points = self.texts("point")
+        if len(chosen) == len(points):
+            self._once("point")
+        first = {points[k]: k for k in chosen}
+        for k, name in enumerate(points):
+            if not np.array_equal(xyz[k], xyz[first[name]], equal_nan=True):
+                where = self.rows[first[name]].line
+                raise self.rows[k].error(f"point {name} has other coordinates than in line {where}", "mend one")
+        roles = [role.casefold() for role in self.texts("role")]
+        for row, role in zip(self.rows, roles):
+            if role not in ROLES:
+                raise row.error(f"role {clipped(role)!r}", f"roles are {', '.join(filter(None, ROLES))}")
+        codes = np.array([ROLES[role] if "role" in self.at else CONTROL for role in roles])
+        parts.ground_points = {
+            "point": [points[k] for k in chosen],
+            "xyz_m": xyz[chosen],
+            "sigma_m": sigma[chosen],
+            "role": np.where(np.isnan(xyz), NO_ROLE, codes[:, None])[chosen],
+            **{name: [values[k] for k in chosen] for name, values in at.items()},
+        }
+
+    def _exterior(self, parts: BlockParts, xyz: Float, sigma: Float, at: dict[str, list[int]]) -> None:
+        self._once("image")
+        images = self.texts("image")
+        parts.images = {"id": images, "camera": self.texts("camera"), "time_s": self.numbers("time")[:, 0], **at}
+        observed = np.asarray(np.isfinite(sigma[:, :2]).all(axis=1))
+        parts.exterior = {
+            "image": images,
+            "position_m": xyz,
+            "sigma_m": np.where(observed[:, None], sigma, np.nan),
+            "position_use": np.where(observed, OBSERVED_VALUE, APPROXIMATE_VALUE),
+            **at,
+        }
+        if self.columns.system:
+            parts.exterior |= self._attitudes(self.reading.rotation or self.columns.system)
+
+    def _attitudes(self, system: str) -> dict[str, Float]:
+        if ("yaw" in self.at) != (system == "yaw-pitch-roll"):
+            raise self.rows[0].error(f"rotation {system}, but the columns are {' '.join(self.columns.words)}",
+                                     "say the rotation that the columns are of")  # fmt: skip
+        angles, sigma = (
+            np.stack([self.numbers(f"{before}{name}")[:, 0] for name in ANGLES[system]], axis=1) * RAD[self.unit]
+            for before in ("", "s")
+        )
+        if system == "yaw-pitch-roll":
+            R, axes = rotation_of_carrier(angles[:, ::-1])
+            axes = axes[:, :, ::-1]
+        else:
+            R, axes = angle_axes(angles, system)
+        self._hold_against_matrix(R)
+        of_rotation = np.einsum("nij,nj,nkj->nik", axes, sigma**2, axes)
+        known = np.isfinite(of_rotation).all(axis=(1, 2)) & np.isfinite(R).all(axis=(1, 2))
+        sigma_opk = np.full_like(angles, np.nan)
+        if known.any():
+            variance = angle_covariance(R[known], of_rotation[known], "omega-phi-kappa")
+            sigma_opk[known] = np.sqrt(np.einsum("nii->ni", variance))
+        use = np.where(known, OBSERVED_VALUE, APPROXIMATE_VALUE)
+        return {"ground_from_image": R, "angle_sigma_rad": sigma_opk, "angle_use": use}
+
+    def _hold_against_matrix(self, R: Float) -> None:
+        """Refuse a list whose matrices are neither R nor R' of its angles."""
+        if "r11" not in self.at:
+            return
+        stated = self.numbers(*ROTATION).reshape(-1, 3, 3)
+        apart = np.stack([np.abs(stated - R).max(axis=(1, 2)), np.abs(stated - R.swapaxes(1, 2)).max(axis=(1, 2))])
+        whole = np.nan_to_num(apart, nan=0.0).max(axis=1)
+        if whole.min() > LEAST_ORTHOGONAL:
+            k = int(np.nan_to_num(apart[int(whole.argmin())], nan=0.0).argmax())
+            what = f"r11 ... r33 is neither the matrix of the angles nor its transpose: {whole.min():.3g} beside it"
+            raise self.rows[k].error(what, "say `rotation` and `angle`, or leave the matrix out of `columns`")
