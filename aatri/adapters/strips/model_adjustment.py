@@ -10,7 +10,7 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_bodies import bodies_of
-from aatri.adapters.strips.strip_adjustment import resected_on
+from aatri.adapters.strips.strip_adjustment import rays_of_ties, resected_on
 from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.artifacts.block import Block
@@ -72,7 +72,11 @@ def adjusted_models(
         [not_seen_since(models.uncontrolled, block, tables.seen_points(tied)), tables.uncontrolled_kinds(tied)]
     )
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
-    position, rotation, resected = resected_on(block, image_points, initial, point_m)
+    out, o = np.flatnonzero(~tied.active[: len(bodies.points.model)]), models.orientations
+    of_models = np.tile(np.arange(len(o)), 2), np.concatenate([o.left, o.right])
+    rejected = bodies.model[bodies.points.model[out]], bodies.points.block[out]
+    wrong = rays_of_ties(image_points, *of_models, *rejected)
+    position, rotation, resected = resected_on(block, image_points, initial, point_m, wrong)
     transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]
     covariance_m2 = np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan)
     solution = pieces.solution_of(

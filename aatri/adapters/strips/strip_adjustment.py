@@ -15,7 +15,7 @@ from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.adapters.uncontrolled_before import not_seen_since
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -200,9 +200,11 @@ def strip_block_solution(
 ) -> tuple[Solution, list[Note]]:
     """The Solution of adjusted strips; the orientations of the images follow by resection."""
     ground, result = adjusted.ground, adjusted.result
-    point_m = result.point_m + ground.origin
-    position, rotation, notes = resected_on(block, image_points, initial, point_m)
-    tied = result.tied
+    point_m, tied, points = result.point_m + ground.origin, result.tied, ground.points
+    bodies = strips.strip_images.strip, strips.strip_images.image
+    out = np.flatnonzero(~tied.active[: len(points.point)])
+    wrong = rays_of_ties(image_points, *bodies, ground.strips[points.strip[out]], points.point[out])
+    position, rotation, notes = resected_on(block, image_points, initial, point_m, wrong)
     uncontrolled = assemble.stacked(
         [
             not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)),
@@ -231,12 +233,31 @@ def strip_block_solution(
     return solution, notes
 
 
+def rays_of_ties(image_points: ImagePoints, body: Int, image: Int, tied_body: Int, tied_point: Int) -> Bool:
+    """Image points of which ties are made, (n,): those of a tie's point in the images of its body.
+
+    Parameters
+    ----------
+    image_points : ImagePoints
+    body, image : (k,) int
+        Bodies, and the images they are made of.
+    tied_body, tied_point : (m,) int
+    """
+    measured, n = image_points.measurements, int(tied_point.max(initial=0)) + 1
+    keys = [image[body == b].astype(np.int64) * n + p for b, p in zip(tied_body, tied_point)]
+    mine = np.where(measured.point < n, measured.image.astype(np.int64) * n + measured.point, -1)
+    return np.isin(mine, np.concatenate([np.zeros(0, dtype=np.int64), *keys]))
+
+
 def resected_on(
-    block: Block, image_points: ImagePoints, initial: Solution, point_m: Float
+    block: Block, image_points: ImagePoints, initial: Solution, point_m: Float, wrong: Bool
 ) -> tuple[Float, Float, list[Note]]:
-    """Orientations on the adjusted points; where a resection fails the initial orientation stays and is reported."""
+    """Orientations on the adjusted points, without the image points of rejected ties, `wrong`, (n,).
+
+    Where a resection fails the initial orientation stays and is reported.
+    """
     measured = image_points.measurements
-    dropped = assemble.rejected_rows(initial.suspects, image_points)
+    dropped = wrong | assemble.rejected_rows(initial.suspects, image_points)
     rows = measured.active & finite_rows(measured.xy_mm) & initial.images.oriented[measured.image] & ~dropped
     found = resect_images(
         measured.xy_mm[rows],

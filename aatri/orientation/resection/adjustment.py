@@ -2,7 +2,7 @@
 
 Each image is a problem of its own with six unknowns, X0 and the increment d (R <- exp([d]x) R), solved by Gauss-Newton
 on the collinearity equations from approximate orientations, one compiled loop over the images. Gross errors are held
-down by Huber weights at `HUBER` standard deviations of the image's own spread.
+down by Huber weights at `HUBER` standard deviations of the image's own spread; the grossest have no weight.
 
 Source: Kraus, Photogrammetry; docs/formulas.md 3.7.
 """

@@ -111,7 +111,7 @@ def _reweight(robust: Float, rays: Int, v: Float, rows: Int, n: int, huber: floa
     middle = np.minimum(starts + counts // 2, len(order) - 1)
     median = np.where(counts > 0, size[order][middle], 1.0)
     limit = huber * np.maximum(1.5 * median, 1.0)[rows]
-    weight = np.where(size > limit, limit / np.maximum(size, 1e-300), 1.0)
+    weight = np.where(size > limit, limit / np.maximum(size, 1e-300), 1.0) * (size <= 10 * limit)
     changed = np.zeros(n, dtype=bool)
     np.logical_or.at(changed, rows, np.abs(weight - robust[rays]) > 1e-3)
     robust[rays] = weight

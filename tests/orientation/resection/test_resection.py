@@ -101,3 +101,14 @@ def test_images_without_enough_points_are_reported_and_not_guessed() -> None:
     assert result.resected.tolist() == [True, False]
     assert np.isnan(result.covariance[1]).all()
     assert result.points.tolist() == [40, 0]
+
+
+@pytest.mark.parametrize("below_m", [0.5, 5.0, 40.0])
+def test_a_point_that_is_wrong_close_to_the_camera_does_not_move_it(below_m: float) -> None:
+    """A bounded weight is not enough: the derivatives grow without bound towards the camera."""
+    R, X0, xyz, image, point, xy = _made(np.random.default_rng(4), 1)
+    xyz = xyz.copy()
+    xyz[7] = X0[0] + [60.0, -20.0, -below_m]
+    found = resect_images(xy, np.full(xy.shape, 0.005), image, point, np.full(1, 150.0), xyz, X0 + 2.0, R)
+    assert found.resected.all()
+    np.testing.assert_allclose(found.position_m, X0, atol=1e-6)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adapters.strips.strip_adjustment import rays_of_ties
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError, InputError
@@ -201,6 +202,17 @@ def test_ties_that_an_earlier_stage_rejected_at_a_point_come_back_if_nothing_els
     solution = polynomial(block, points, strips, replace(initial, suspects=suspects))
     assert solution.suspects.verdict.tolist() == ["readmitted"]
     assert np.isfinite(solution.points.xyz_m[point]).all()
+
+
+def test_a_rejected_tie_of_a_strip_stands_for_the_image_points_it_was_made_of() -> None:
+    made = MadeBlock(3, 5, noise_m=0.01)
+    strips, points, m = made.strips(), made.image_points(), made.image_points().measurements
+    images, point = strips.strip_images, int(strips.strip_points.point[strips.strip_points.strip == 1][0])
+    wrong = rays_of_ties(points, images.strip, images.image, np.array([1]), np.array([point]))
+    of_strip = np.isin(m.image, images.image[images.strip == 1])
+    np.testing.assert_array_equal(wrong, (m.point == point) & of_strip)
+    assert wrong.any()
+    assert not rays_of_ties(points, images.strip, images.image, np.zeros(0, int), np.zeros(0, int)).any()
 
 
 def test_strips_that_do_not_fit_control_at_all_are_an_error() -> None:

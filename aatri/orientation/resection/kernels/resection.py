@@ -59,14 +59,20 @@ def normal_equations(first, last, robust, X, xy, weight, c, X0, R, N, g, size):
     return total
 
 
+GROSS = 10.0
+"""Residuals beyond so many times Huber's limit have no weight: near the camera even a bounded one moves it far."""
+
+
 @njit("boolean(int64, float64, float64[::1], float64[::1], float64[::1])", **OPTIONS)
 def reweight(n, huber, size, robust, work):
-    """Huber weights by the image's own median spread; returns whether one still changes."""
+    """Huber weights by the image's own median spread, none of the grossest; returns whether one still changes."""
     for k in range(n):
         work[k] = size[k]
     limit, changed = huber * max(1.5 * select(work, n, n // 2), 1.0), False
     for k in range(n):
         weight = limit / size[k] if size[k] > limit else 1.0
+        if size[k] > GROSS * limit:
+            weight = 0.0
         if np.abs(weight - robust[k]) > 1e-3:
             changed = True
         robust[k] = weight
