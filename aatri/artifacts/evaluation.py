@@ -102,8 +102,25 @@ class ParameterChanges(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class LayoutPoints(Table):
+    """Points of a planned block: what they will be worth, and what control there would gain."""
+
+    point: Text = column("str", doc="id of the point")
+    xyz_m: Float = column("f8", 3, unit="m", doc="coordinates", optional=True)
+    sigma_m: Float = column("f8", 3, unit="m", doc="standard deviations", optional=True)
+    moved_m: Float = column(
+        "f8", 3, unit="m", doc="largest effect of a detectable error of one of its observations", optional=True
+    )
+    mean_gain: Float = column(
+        "f8", doc="share of the sum of all variances that control here takes away; NaN where it is", optional=True
+    )
+    worst_gain: Float = column("f8", doc="share of the largest variance", optional=True)
+    order: Int = column("i4", doc="1, 2 ...: next control, chosen one beside the other; 0 not chosen")
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
-    """Accuracy of a Solution, or of free strips; or what has moved between two epochs."""
+    """Accuracy of a Solution, or of free strips; what has moved between two epochs; what a layout is worth."""
 
     kind: ClassVar[str] = "Evaluation"
     schema_version: ClassVar[int] = 1
@@ -115,15 +132,19 @@ class Evaluation(Artifact):
     strip_errors: StripErrors | None = table(default=None)
     displacements: Displacements | None = table(default=None)
     parameter_changes: ParameterChanges | None = table(default=None)
+    layout_points: LayoutPoints | None = table(default=None)
 
     def metrics(self) -> dict[str, float | int | None]:
         """All figures; counts as integers. Those of the independent check are None where it has not been made."""
         values = zip(self.figures.name, self.figures.value)
         known = {
-            str(n): int(v) if str(n).endswith(("_points", "_parameters", "_degrees", "models")) else _plain(float(v))
+            str(n): int(v)
+            if str(n).endswith(("_points", "_parameters", "_degrees", "models", "images", "_observations"))
+            else _plain(float(v))
             for n, v in values
         }
-        if self.displacements is not None or self.parameter_changes is not None:
+        others = (self.displacements, self.parameter_changes, self.layout_points)
+        if any(other is not None for other in others):
             return known
         return known | {name: None for name in _OF_THE_CHECK if name not in known}
 

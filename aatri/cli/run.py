@@ -115,7 +115,7 @@ def run(
         say_json(plain_plan(planned)) if json else say_plan(opened, planned, only_selected=True)
         return
     how = {"jobs": jobs, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
-    records, report = _carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
+    records, report = carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
     verdicts = judge(opened.spec, records, selection.stages)
     if json:
         say_json(
@@ -132,12 +132,12 @@ def run(
     if all_variants:
         from aatri.cli.run_variants import run_variants
 
-        def carry_out(one: Opened) -> GateError | None:
+        def of_variant(one: Opened) -> GateError | None:
             chosen = select(one.nodes, start=start, until=until, only=only or (), force=())
-            made, _ = _carry_out(one, chosen, how, quiet=quiet, debug=debug)
+            made, _ = carry_out(one, chosen, how, quiet=quiet, debug=debug)
             return failure_of(judge(one.spec, made, chosen.stages))
 
-        run_variants(opened, failed, carry_out)
+        run_variants(opened, failed, of_variant)
     elif failed is not None:
         raise failed
 
@@ -156,7 +156,7 @@ def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None, v
     say(f"report  {report}" if report else "report  not written, see the warning above")
 
 
-def _carry_out(
+def carry_out(
     opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool
 ) -> tuple[list[dict[str, Any]], Path | None]:
     """Run; whatever ends it, write the report and say how to go on."""

@@ -11,11 +11,11 @@ from aatri.cli.arguments.planning import Opened, open_request
 from aatri.cli.terminal.compare_tables import say_side_by_side
 from aatri.cli.terminal.console import narrate, report_error, say
 from aatri.errors import AatriError, GateError
-from aatri.pipeline.plan.compare import read_run
+from aatri.pipeline.plan.compare import Compared, read_run
 
 
 def run_variants(base: Opened, gates: GateError | None, carry_out: Callable[[Opened], GateError | None]) -> None:
-    """Run the variants one after the other; one that fails is named and the others go on.
+    """Run the variants one after the other, and say what they change.
 
     `gates` says which gates of the pipeline itself failed, `carry_out` gives those of a variant: its results are there.
 
@@ -24,6 +24,16 @@ def run_variants(base: Opened, gates: GateError | None, carry_out: Callable[[Ope
     typer.Exit
         With the code of the last error, after the comparison, where a variant failed.
     """
+    compared, failed = made_variants(base, gates, carry_out)
+    say()
+    say_side_by_side(compared)
+    say_failures(failed)
+
+
+def made_variants(
+    base: Opened, gates: GateError | None, carry_out: Callable[[Opened], GateError | None]
+) -> tuple[list[Compared], dict[str, AatriError]]:
+    """The pipeline and its variants as run, and the errors by name; one that fails is named and the others go on."""
     failed: dict[str, AatriError] = {}
     if gates is not None:
         report_error(gates)
@@ -40,9 +50,18 @@ def run_variants(base: Opened, gates: GateError | None, carry_out: Callable[[Ope
         except AatriError as error:
             report_error(error)
             failed[name] = error
-    say()
-    say_side_by_side(compared)
+    return compared, failed
+
+
+def say_failures(failed: dict[str, AatriError]) -> None:
+    """Name what failed.
+
+    Raises
+    ------
+    typer.Exit
+        With the largest of the codes, where anything did.
+    """
+    for name, error in failed.items():
+        say(f"{name} failed: {error.what}")
     if failed:
-        for name, one in failed.items():
-            say(f"{name} failed: {one.what}")
-        raise typer.Exit(max(one.exit_code for one in failed.values()))
+        raise typer.Exit(max(error.exit_code for error in failed.values()))

@@ -95,7 +95,7 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
 def _name_of(role: str, port: str, kind: type[Artifact]) -> str | None:
     if role == "image_refinement" and port == "image_points":
         return "interior"
-    if role == "epochs" and port in ("solution", "earlier"):
+    if role in ("epochs", "design") and port in ("solution", "earlier"):
         return "calibration"
     return port if port in _OPTIONS else _BY_KIND.get(kind.kind)
 

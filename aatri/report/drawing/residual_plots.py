@@ -22,7 +22,14 @@ from aatri.report.drawing.svg import Picture
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
 MOST_STRIPS = 12
-COLOURS = {"control": "red", "check": "green", "moved": "red", "stable": "green"}
+COLOURS = {
+    "control": "red",
+    "check": "green",
+    "moved": "red",
+    "stable": "green",
+    "next control": "red",
+    "planned": "green",
+}
 CELLS = 12
 """Cells of the image format along each side."""
 
@@ -39,8 +46,13 @@ def plan_vectors(groups: Vectors, title: str = "Differences", between: str = "so
 
 def height_bars(groups: Vectors, title: str = "Differences", between: str = "solution minus given") -> Picture | None:
     """Differences in Z as vertical bars, up is too high; None where there is nothing to draw."""
+    return bars(groups, f"{title} in height, {between}")
+
+
+def bars(groups: Vectors, title: str) -> Picture | None:
+    """The third coordinates as vertical bars; None where there is nothing to draw."""
     on_screen = {name: (xyz, d[:, [2]] * [0.0, -1.0]) for name, (xyz, d) in groups.items()}
-    return _vectors(on_screen, f"{title} in height, {between}")
+    return _vectors(on_screen, title)
 
 
 def tie_pictures(strips: Vectors) -> list[Picture]:

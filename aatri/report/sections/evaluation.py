@@ -8,6 +8,7 @@ from aatri.artifacts.evaluation import (
     Differences,
     Displacements,
     Evaluation,
+    LayoutPoints,
     ParameterChanges,
     SingleModels,
     StripErrors,
@@ -15,7 +16,7 @@ from aatri.artifacts.evaluation import (
 from aatri.ids import rows_of
 from aatri.report.drawing.charts import growth_chart
 from aatri.report.drawing.plan import ground_positions
-from aatri.report.drawing.residual_plots import height_bars, plan_vectors
+from aatri.report.drawing.residual_plots import bars, height_bars, plan_vectors
 from aatri.report.drawing.svg import Picture
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
@@ -31,6 +32,8 @@ def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> Non
         made.pictures.extend(present(growth_chart(evaluation.strip_errors)))
     made.tables.extend(present(moved_table(evaluation.displacements), changes_table(evaluation.parameter_changes)))
     made.pictures.extend(movement_pictures(evaluation.displacements))
+    made.tables.extend(present(layout_table(evaluation.layout_points)))
+    made.pictures.extend(layout_pictures(evaluation.layout_points))
     made.pictures.extend(difference_pictures(evaluation, around, ("control", "check")))
     made.pictures.extend(difference_pictures(evaluation, around, ("truth",)))
 
@@ -144,6 +147,43 @@ def movement_pictures(points: Displacements | None) -> list[Picture]:
     }
     words = ("Displacements", "later minus earlier")
     return present(plan_vectors(groups, *words), height_bars(groups, *words))
+
+
+def layout_table(points: LayoutPoints | None) -> PageTable | None:
+    """Points of a planned block: the next control first, then where control would gain most."""
+    if points is None:
+        return None
+    columns: Columns = {
+        "point": points.point,
+        "next": [str(k) if k else "" for k in points.order.tolist()],
+        **axes(("sX m", "sY m", "sZ m"), points.sigma_m, metres),
+        **axes(("moved X m", "moved Y m", "moved Z m"), points.moved_m, metres),
+        "gain, mean %": (100 * points.mean_gain, "{:.1f}".format),
+        "gain, worst %": (100 * points.worst_gain, "{:.1f}".format),
+    }
+    caption = (
+        "Planned points: standard deviations, effect of the largest error that is not detected with 80 %, and what "
+        "control there would take off all variances and off the largest"
+    )
+    order = np.where(points.order > 0, points.order, len(points) + 1)
+    return all_rows(caption, columns, np.lexsort((-np.nan_to_num(points.mean_gain), order)))
+
+
+def layout_pictures(points: LayoutPoints | None) -> list[Picture]:
+    """Standard deviations and undetected errors over a planned block, as bars: in plan and in height."""
+    if points is None:
+        return []
+    pictures = []
+    for what, size in (("Standard deviations", points.sigma_m), ("Effects of undetected errors", points.moved_m)):
+        for where, bar in (("plan", np.hypot(size[:, 0], size[:, 1])), ("height", size[:, 2])):
+            heights = np.stack([bar * 0, bar * 0, bar], axis=1)
+            groups = {
+                name: (points.xyz_m[of], heights[of])
+                for name, of in (("planned", points.order == 0), ("next control", points.order > 0))
+                if of.any()
+            }
+            pictures.append(bars(groups, f"{what} in {where}"))
+    return present(*pictures)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:

@@ -1,0 +1,162 @@
+"""Figures of a layout from its planned adjustment: sigma of points, criterion, reliability, the next control points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.arrays import Float, Text
+from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.evaluation import Differences, Evaluation, Figures, LayoutPoints
+from aatri.artifacts.solution import Solution
+from aatri.errors import InputError
+from aatri.evaluation.design import Aim, Gain, criterion_eigenvalue, gains, next_control
+from aatri.evaluation.epoch_points import solved_points
+from aatri.evaluation.epochs import EpochPoints
+from aatri.ids import printable, rows_of
+
+MOST_POINTS = 1500
+"""Of the criterion: its matrices have 8 (3 n)^2 bytes, 160 MB at 1,500."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What a layout is meant to reach.
+
+    Attributes
+    ----------
+    sigma_m : (3,) float64, m, optional
+        Standard deviations of X, Y, Z asked of every point; the medians of the block itself where not stated.
+    distance_m : float, m, optional
+        At which what errors share has fallen to 1 / e; half the extent of the block where not stated.
+    control_sigma_m : (3,) float64, m
+        Standard deviations of one more control point.
+    aim : {'mean', 'worst'}
+    next_points : int
+        How many control points are chosen one beside the other.
+    """
+
+    sigma_m: Float | None
+    distance_m: float | None
+    control_sigma_m: Float
+    aim: Aim
+    next_points: int
+
+
+def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
+    """Criteria of a layout.
+
+    Parameters
+    ----------
+    block : Block
+    solution : Solution
+        With `point_covariances`.
+    goal : Goal
+
+    Raises
+    ------
+    InputError
+        If the solution has no covariances between points, or of too many."""
+    points = solved_points(solution, "solution")
+    rows = np.flatnonzero(
+        np.isfinite(points.xyz_m).all(axis=1) & (np.einsum("nini->ni", points.covariance_m2) > 0).all(axis=1)
+    )
+    if not 0 < len(rows) <= MOST_POINTS:
+        raise InputError(
+            f"covariances between {len(rows)} points that are not exact; a criterion takes 1 to {MOST_POINTS}",
+            where="port solution: point_covariances",
+            remedy='name the points that count in `point_covariances` of the bundle: ["1*", "*5"]',
+        )
+    points = points.take(rows)
+    C, variance = points.covariance_m2, np.einsum("nini->ni", points.covariance_m2)
+    sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else goal.sigma_m
+    distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
+    eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
+    candidates = np.flatnonzero(~np.isin(points.id, _full_control(block)))
+    chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
+    largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
+    figures = {
+        "images": float(solution.images.oriented.sum()),
+        "control_points": float((block.ground_points.role == CONTROL).any(axis=1).sum()),
+        "compared_points": float(len(rows)),
+        **{f"median_sigma_{a}_m": float(s) for a, s in zip("xyz", np.sqrt(np.median(variance, axis=0)))},
+        **{f"largest_sigma_{a}_m": float(s) for a, s in zip("xyz", np.sqrt(variance.max(axis=0)))},
+        "weakest_point_sigma_m": float(largest.max()),
+        "criterion_eigenvalue": eigenvalue,
+        **_reliability(solution),
+    }
+    figures |= {f"gain_of_control_{k}": getattr(gain, goal.aim) for k, gain in enumerate(chosen, start=1)}
+    table = _points(solution, points, gains(C, sigma_m, goal.control_sigma_m, candidates), chosen)
+    weakest = str(points.id[int(largest.argmax())])
+    worst = points.id[int((function**2).sum(axis=1).argmax())], "XYZ"[int((function**2).sum(axis=0).argmax())]
+    return Evaluation(
+        verdict=_verdict(figures, weakest, worst, [str(points.id[gain.point]) for gain in chosen]),
+        figures=Figures(name=np.array(list(figures)), value=np.array(list(figures.values()))),
+        differences=Differences.empty(),
+        layout_points=table,
+    )
+
+
+def _full_control(block: Block) -> Text:
+    ground = block.ground_points
+    return block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]]
+
+
+def _reliability(solution: Solution) -> dict[str, float]:
+    """Detectable errors by kind, the largest effect of one, and how many observations nothing controls."""
+    figures: dict[str, float] = {}
+    if solution.tests is not None:
+        r, t = solution.residuals, solution.tests
+        for kind in ("image_point", "control", "position"):
+            size = t.detectable[(r.kind == kind) & r.active]
+            size = size[np.isfinite(size)] * (1e3 if kind == "image_point" else 1.0)
+            if len(size):
+                unit = "um" if kind == "image_point" else "m"
+                figures[f"detectable_{kind}_median_{unit}"] = float(np.median(size))
+                figures[f"detectable_{kind}_p95_{unit}"] = float(np.percentile(size, 95))
+        if np.isfinite(t.external).any():
+            figures["largest_external"] = float(np.nanmax(t.external))
+    if solution.uncontrolled is not None:
+        figures["uncontrolled_observations"] = float(len(solution.uncontrolled))
+    return figures
+
+
+def _points(solution: Solution, points: EpochPoints, alone: list[Gain], chosen: list[Gain]) -> LayoutPoints:
+    n = len(points.id)
+    gained, order = np.full((n, 2), np.nan), np.zeros(n, dtype=np.int32)
+    gained[[gain.point for gain in alone]] = [(gain.mean, gain.worst) for gain in alone] or np.empty((0, 2))
+    order[[gain.point for gain in chosen]] = np.arange(1, len(chosen) + 1)
+    return LayoutPoints(
+        point=points.id,
+        xyz_m=points.xyz_m,
+        sigma_m=np.sqrt(np.einsum("nini->ni", points.covariance_m2)),
+        moved_m=_moved_m(solution, points.id),
+        mean_gain=gained[:, 0],
+        worst_gain=gained[:, 1],
+        order=order,
+    )
+
+
+def _moved_m(solution: Solution, ids: Text) -> Float:
+    """Largest effect of a detectable error of an observation of each point, axis by axis; NaN where none is known."""
+    moved = np.full((len(ids), 3), np.nan)
+    if solution.tests is not None:
+        by_m, row = np.abs(solution.tests.point_moved_m), rows_of(solution.residuals.point, ids)
+        known = (row >= 0) & solution.residuals.active & np.isfinite(by_m).all(axis=1)
+        np.fmax.at(moved, row[known], by_m[known])
+    return moved
+
+
+def _verdict(figures: dict[str, float], weakest: str, worst: tuple[str, str], chosen: list[str]) -> str:
+    sigma = ", ".join(f"{1e3 * figures[f'median_sigma_{a}_m']:.3g}" for a in "xyz")
+    text = (
+        f"planned: sigma {sigma} mm in X, Y, Z (median), weakest point {printable(weakest)} "
+        f"{1e3 * figures['weakest_point_sigma_m']:.3g} mm; criterion {figures['criterion_eigenvalue']:.3g}, worst in "
+        f"{worst[1]} about {printable(str(worst[0]))}"
+    )
+    if not chosen:
+        return text
+    share = figures["gain_of_control_1"]
+    named = ", then ".join(printable(name) for name in chosen)
+    return f"{text}; control at {named} would gain most, the first {100 * share:.0f} % of variance"
