@@ -116,6 +116,18 @@ class Errors(AatriError):
         return Errors, (self.errors,)
 
 
+class Faults(list[AatriError]):
+    """Errors that are gathered, to be raised together by `raise_all`; most are of one class."""
+
+    def __init__(self, of: type[AatriError] = InputError) -> None:
+        super().__init__()
+        self._of = of
+
+    def add(self, what: str, where: str = "", remedy: str = "") -> None:
+        """Add an error of the class."""
+        self.append(self._of(what, where=where, remedy=remedy))
+
+
 MOST_SHOWN = 50
 """At most this many errors are shown at once; the rest is counted."""
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from aatri.artifacts.block import CameraParameters, Cameras, DistortionTable, Fiducials
-from aatri.errors import InputError
 from aatri.formats.tables.settings.camera import VECTORS, CameraSettings
 from aatri.formats.tables.source import Source, ask_for_angle_unit, plain_angle_rad
 from aatri.ids import canonical, clipped, is_valid
@@ -100,6 +99,6 @@ def _fiducials(source: Source, ids: list[str], cameras: list[CameraSettings]) ->
     for k, mark, _ in marks:
         if not is_valid(mark):
             where = source.document.where_key("cameras", ids[k], "fiducials", mark)
-            source.problems.append(InputError(f"fiducial {clipped(mark)!r} is no id", where=where))
+            source.problems.add(f"fiducial {clipped(mark)!r} is no id", where)
     camera, mark_ids, xy_mm = zip(*marks) if marks else [()] * 3
     return Fiducials.of(camera=camera, id=mark_ids, xy_mm=xy_mm)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.errors import InputError
 from aatri.formats.tables.columns import COVARIANCES, SIGMAS
 from aatri.formats.tables.source import Source, choice, look_up
 from aatri.formats.text.csv_table import CsvTable
@@ -32,12 +31,8 @@ def read_covariances(source: Source) -> CsvTable | None:
     named = choice(table, "table", TABLES, "")
     for name in TABLES:
         if name in named and not (source.folder / f"{name}.csv").exists():
-            source.problems.append(
-                InputError(
-                    f"there is no {name}.csv",
-                    where=table.where(named.index(name), "table"),
-                    remedy="covariances are between its rows",
-                )
+            source.problems.add(
+                f"there is no {name}.csv", table.where(named.index(name), "table"), "covariances are between its rows"
             )
     return table
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.errors import InputError
 from aatri.formats.tables.columns import COORDINATES, EXTERIOR, SIGMAS
 from aatri.formats.tables.positions import ask_for_sigma, covariance_m2, frames_of, positions, stacked
 from aatri.formats.tables.source import Source, angles_rad, choice, look_up, no_repeats, not_negative
@@ -71,12 +70,10 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str], frame: Int) 
     has_angles = np.isfinite(angles).any(axis=1)
     if has_angles.any() and source.settings.rotation is None:
         where = source.document.where()
-        source.problems.append(
-            InputError(
-                f"rotation is missing, but {table.path.name} has angles",
-                where=where,
-                remedy="add rotation: omega-phi-kappa (or another)",
-            )
+        source.problems.add(
+            f"rotation is missing, but {table.path.name} has angles",
+            where,
+            "add rotation: omega-phi-kappa (or another)",
         )
     elsewhere = np.flatnonzero(has_angles & (frame > 0) & (frame != source.default_frame))
     what, remedy = "angles cannot be converted from frame {}", "give angles in the first frame of block.yaml"
@@ -88,12 +85,10 @@ def _attitudes(source: Source, table: CsvTable, use: Sequence[str], frame: Int) 
     factor = source.settings.units.sigma_angle_rad
     if factor is None and (angle_use == 1).any():
         where = source.document.where("units")
-        source.problems.append(
-            InputError(
-                "units.sigma_angle is missing, but there are observed angles",
-                where=where,
-                remedy="add units: {sigma_angle: deg} (or gon, rad, arcsec)",
-            )
+        source.problems.add(
+            "units.sigma_angle is missing, but there are observed angles",
+            where,
+            "add units: {sigma_angle: deg} (or gon, rad, arcsec)",
         )
     if source.settings.sigma.attitude is not None:
         sigma = np.where(np.isnan(sigma), source.settings.sigma.attitude, sigma)

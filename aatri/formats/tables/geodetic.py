@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.errors import InputError
 from aatri.formats.tables.columns import GEODETIC
 from aatri.formats.tables.covariances import geodetic_covariances
 from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of
@@ -109,12 +108,10 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
         rows_of_kind = [k for k in bad if (types[k] in ANGLES) == angle]
         table.complain(rows_of_kind, column, f"{column} is {{}}, not a number", unit)
     if units.angle is None and any(t in ANGLES for t in types):
-        source.problems.append(
-            InputError(
-                "units.angle is missing, but geodetic.csv has angles",
-                where=source.document.where("units"),
-                remedy="add units: {angle: gon} (or deg, rad, dms)",
-            )
+        source.problems.add(
+            "units.angle is missing, but geodetic.csv has angles",
+            source.document.where("units"),
+            "add units: {angle: gon} (or deg, rad, dms)",
         )
     return values
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.errors import AatriError, Errors, InputError
+from aatri.errors import AatriError, Errors, Faults, InputError
 from aatri.formats.tables.columns import TABLES
 from aatri.formats.tables.settings.block import FrameSettings
 from aatri.formats.tables.source import Source
@@ -57,7 +57,7 @@ def _middle(source: Source, frame: Frame) -> tuple[float, float] | None:
     plans = []
     for name in WITH_COORDINATES:
         try:
-            table = read_csv(source.folder / name, {column: s.cell for column, s in TABLES[name].items()}, [])
+            table = read_csv(source.folder / name, {column: s.cell for column, s in TABLES[name].items()}, Faults())
         except (Errors, AatriError):
             continue  # its faults are told where the table is read
         xyz = np.stack([table.number[c] for c in ("X", "Y", "Z")], axis=1)

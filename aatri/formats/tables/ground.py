@@ -9,7 +9,6 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE
-from aatri.errors import InputError
 from aatri.formats.tables.columns import COORDINATES, GROUND_POINTS, SIGMAS
 from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
@@ -75,12 +74,10 @@ def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: F
     if in_rows or (alone and source.settings.sigma.control is not None):
         place = "its rows have" if in_rows else "sigma.control in block.yaml gives"
         what = f"no ground point is control or check, all are approximate, but {place} standard deviations of control"
-        source.problems.append(
-            InputError(
-                what,
-                where=table.where(0, "role"),
-                remedy="write role control; or leave out the standard deviations, if these are start values only",
-            )
+        source.problems.add(
+            what,
+            table.where(0, "role"),
+            "write role control; or leave out the standard deviations, if these are start values only",
         )
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.artifacts.block import Cameras, Fiducials
-from aatri.errors import InputError
 from aatri.formats.tables.columns import FIDUCIALS, IMAGE_POINTS, IMAGES
 from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative
@@ -23,7 +22,7 @@ def image_columns(source: Source, cameras: Cameras) -> dict[str, Any]:
     if table is None:
         return {}
     if not len(table):
-        source.problems.append(InputError("no rows", where=str(table.path), remedy="list the images"))
+        source.problems.add("no rows", str(table.path), "list the images")
     no_repeats(table, ["image"], "image")
     _near_duplicates(source, table)
     check_rigs_of_images(source, table)
@@ -99,7 +98,7 @@ def fiducial_point_columns(
         mark = table.text["fiducial"][k]
         what = f"camera {cameras.id[camera_of[table.text['image'][k]]]} has no fiducial {clipped(mark)!r}"
         what += did_you_mean(mark, of_image[k])
-        table.problems.append(InputError(what, where=table.where(k, "fiducial"), remedy="add it to the camera"))
+        table.problems.add(what, table.where(k, "fiducial"), "add it to the camera")
     sigma_mm = _sigma_mm(source, table, camera_of, cameras, "fiducial")
     return source.columns(table, FIDUCIALS) | {"fiducial": rows, "sigma_mm": sigma_mm}
 
@@ -116,12 +115,8 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
         row, column = np.argwhere(empty)[0]
         what = f"no standard deviation in {int(empty.any(axis=1).sum())} rows, and no sigma.{kind} in block.yaml"
         unit = units.sigma_image
-        source.problems.append(
-            InputError(
-                what,
-                where=table.where(int(row), ("sx", "sy")[column]),
-                remedy=f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml",
-            )
+        source.problems.add(
+            what, table.where(int(row), ("sx", "sy")[column]), f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml"
         )
         return sigma
     sigma = np.where(empty, default if default is not None else np.nan, sigma)
@@ -135,7 +130,7 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
     for k in lacking.tolist():
         where = source.document.where("cameras", str(cameras.id[k]))
         what = f"units.sigma_image is px, but camera {cameras.id[k]} has no pixel size"
-        source.problems.append(InputError(what, where=where, remedy="add pixel: {size: ...}, or use um"))
+        source.problems.add(what, where, "add pixel: {size: ...}, or use um")
     return sigma * size
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.arrays import Int
-from aatri.errors import GeometryError, InputError
+from aatri.errors import GeometryError
 from aatri.formats.tables.columns import COORDINATES, SIGMAS
 from aatri.formats.tables.positions import covariance_m2, frames_of, stacked
 from aatri.formats.tables.relative_control import Condition
@@ -91,7 +91,7 @@ def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | Non
     except (GeometryError, np.linalg.LinAlgError) as error:
         what = error.what if isinstance(error, GeometryError) else "covariances are not positive definite"
         what = f"frame {name}, a body of {n} marks: {what}"
-        source.problems.append(InputError(what, where=marks.where(0), remedy="measure other marks, or leave it out"))
+        source.problems.add(what, marks.where(0), "measure other marks, or leave it out")
         return None
     source.reporter.log(f"frame {name} is local: a body of {n} marks, given by {len(body.pairs)} distances")
     i, j = np.triu_indices(len(body.pairs), 1)

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.errors import AatriError, InputError
+from aatri.errors import AatriError
 from aatri.formats.tables.columns import COVARIANCES, SIGMAS
 from aatri.formats.tables.source import Source, look_up
 from aatri.formats.text.csv_table import CsvTable
@@ -51,9 +51,7 @@ def ask_for_sigma(source: Source, table: CsvTable, lacking: Bool, key: str, unit
         names = SIGMAS if unit == "ground" else ("s1", "s2", "s3")
         what = f"no standard deviation in {int(lacking.any(axis=1).sum())} rows, and no sigma.{key} in block.yaml"
         measure = "0 is exact" if key == "control" else "in units.sigma_" + unit
-        source.problems.append(
-            InputError(what, where=table.where(row, names[axis]), remedy=f"add sigma: {{{key}: [a, b, c]}}, {measure}")
-        )
+        source.problems.add(what, table.where(row, names[axis]), f"add sigma: {{{key}: [a, b, c]}}, {measure}")
 
 
 def warn_of_unusual(source: Source, table: CsvTable, sigma: Float) -> None:
@@ -113,7 +111,7 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
             moved, spread = _moved(places, np.nan_to_num(covariance[rows]), frames[number], frames[0], undulation)
         except AatriError as error:
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
-            table.problems.append(InputError(error.what, where=where, remedy=error.remedy))
+            table.problems.add(error.what, where, error.remedy)
             continue
         absent = np.isnan(in_right_handed_order(xyz[rows], frames[number].axes))
         result[rows] = np.where(absent, np.nan, moved)

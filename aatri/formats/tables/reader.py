@@ -146,7 +146,7 @@ def _check_frames(source: Source) -> None:
         if fault is not None:
             key, what, remedy = fault
             where = source.document.where("frames", name, key)
-            source.problems.append(InputError(f"frame {name}: {what}", where=where, remedy=remedy))
+            source.problems.add(f"frame {name}: {what}", where, remedy)
     raise_all(source.problems)
 
 

@@ -154,7 +154,7 @@ def _condition(source: Source, document: Document, k: int, ids: dict[str, set[st
     item, before = document.value[k], len(source.problems)
 
     def fault(what: str, *keys: str | int, remedy: str = "") -> None:
-        source.problems.append(InputError(what, where=document.where(k, *keys), remedy=remedy))
+        source.problems.add(what, document.where(k, *keys), remedy)
 
     kind = str(item.get("type", "")) if isinstance(item, dict) else ""
     if kind not in FORMS:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.errors import AatriError, Errors, InputError
+from aatri.errors import Errors, Faults, InputError
 from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable, read_csv
@@ -39,7 +39,7 @@ class Source:
     settings: Settings
     document: Document
     reporter: Reporter = SILENT
-    problems: list[AatriError] = field(default_factory=list)
+    problems: Faults = field(default_factory=Faults)
     default_frame: int = 0  # of rows that name none: 1 where a map was put before a frame in degrees
 
     def table(self, name: str, columns: Mapping[str, Stated] | None = None) -> CsvTable | None:
@@ -110,10 +110,10 @@ def look_up(table: CsvTable, column: str, row_of: Mapping[str, int], what: str, 
     for name, (k, count) in list(first.items())[:MOST_PER_COLUMN]:
         often = f", in {count} rows" if count > 1 else ""
         message = f"{what} {clipped(name)!r} is unknown{often}{did_you_mean(name, row_of)}"
-        table.problems.append(InputError(message, where=table.where(k, column), remedy=remedy))
+        table.problems.add(message, table.where(k, column), remedy)
     if len(first) > MOST_PER_COLUMN:
         more = f"{len(first) - MOST_PER_COLUMN} more unknown ids in column {column}"
-        table.problems.append(InputError(more, where=str(table.path), remedy=remedy))
+        table.problems.add(more, str(table.path), remedy)
     return rows
 
 
@@ -190,7 +190,7 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
     if unit is None and any(cells[k] for k in chosen):
         where = source.document.where("units")
         what = f"units.angle is missing, but {table.path.name} has angles in column {column}"
-        source.problems.append(InputError(what, where=where, remedy="add units: {angle: deg} (or gon, rad, dms)"))
+        source.problems.add(what, where, "add units: {angle: deg} (or gon, rad, dms)")
     return values
 
 
@@ -203,12 +203,10 @@ def plain_angle_rad(source: Source) -> float:
 def ask_for_angle_unit(source: Source, because: str, *keys: str) -> None:
     """A fault at a place of block.yaml that has angles, if the file does not say in which unit."""
     if source.settings.units.angle is None:
-        source.problems.append(
-            InputError(
-                f"units.angle is missing, but {because}",
-                where=source.document.where(*keys),
-                remedy="add units: {angle: deg} (or gon, rad)",
-            )
+        source.problems.add(
+            f"units.angle is missing, but {because}",
+            source.document.where(*keys),
+            "add units: {angle: deg} (or gon, rad)",
         )
 
 

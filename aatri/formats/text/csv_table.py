@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float, Int
-from aatri.errors import AatriError, InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell, unshielded
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
@@ -49,7 +49,7 @@ class CsvTable:
     text: dict[str, list[str]]
     number: dict[str, Float]
     source: Sequence[str] = field(repr=False)
-    problems: list[AatriError] = field(default_factory=list)
+    problems: Faults = field(default_factory=Faults)
 
     def __len__(self) -> int:
         return len(self.line)
@@ -72,12 +72,10 @@ class CsvTable:
         places = np.asarray(rows, dtype=np.intp)
         for row in places[:MOST_PER_COLUMN]:
             cell = repr(clipped(self.cell(int(row), column)))
-            self.problems.append(
-                InputError(what.replace("{}", cell), where=self.where(int(row), column), remedy=remedy)
-            )
+            self.problems.add(what.replace("{}", cell), self.where(int(row), column), remedy)
         if len(places) > MOST_PER_COLUMN:
             more = f"column {column}: {len(places) - MOST_PER_COLUMN} more cells of this kind"
-            self.problems.append(InputError(more, where=str(self.path)))
+            self.problems.add(more, str(self.path))
 
     def complain_of_numbers(self, rows: Sequence[int], column: str) -> None:
         """Add an error for each cell that is no number, with the reason."""
@@ -95,9 +93,7 @@ class CsvTable:
         return cells_of(self.source[int(self.line[row]) - 1])[self.header.index(column)]
 
 
-def read_csv(
-    path: Path, columns: Mapping[str, CsvColumn], problems: list[AatriError], reporter: Reporter = SILENT
-) -> CsvTable:
+def read_csv(path: Path, columns: Mapping[str, CsvColumn], problems: Faults, reporter: Reporter = SILENT) -> CsvTable:
     """Read a CSV file.
 
     Parameters
@@ -178,33 +174,33 @@ def _header(path: Path, source: Sequence[str], line: int, columns: Mapping[str, 
         header = tuple(cells_of(text))
     except csv.Error as error:
         raise InputError(f"broken header: {error}", where=f"{path}:{line}:1", remedy="check the quotes") from error
-    faults = []
+    faults = Faults()
     if len(header) == 1 and (";" in text or "\t" in text):
         sign = "semicolons" if ";" in text else "tabs"
         raise InputError(f"separated by {sign}", where=f"{path}:{line}:1", remedy="export with commas")
     for k, name in enumerate(header[: _named(header)]):
         where = f"{path}:{line}:{start_of_cell(text, k)}"
         if name in header[:k]:
-            faults.append(InputError(f"column {clipped(name)!r} twice", where=where, remedy="remove one"))
+            faults.add(f"column {clipped(name)!r} twice", where, "remove one")
         elif name not in columns and not name.startswith("x_"):
             what = f"unknown column {clipped(name)!r}{did_you_mean(name, columns)}"
             remedy = f"columns are {', '.join(columns)}; your own start with x_"
-            faults.append(InputError(what, where=where, remedy=remedy))
+            faults.add(what, where, remedy)
     absent = [name for name, declared in columns.items() if declared.must and name not in header]
     if absent:
         what = f"column {', '.join(absent)} missing"
-        faults.append(InputError(what, where=f"{path}:{line}:1", remedy="add it to the header and to every row"))
+        faults.add(what, f"{path}:{line}:1", "add it to the header and to every row")
     raise_all(faults)
     return header
 
 
-def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: list[AatriError]) -> None:
+def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: Faults) -> None:
     for fault in malformed[:MOST_PER_COLUMN]:
         where = f"{path}:{fault.line}:{fault.character}"
-        problems.append(InputError(fault.what, where=where, remedy=fault.remedy))
+        problems.add(fault.what, where, fault.remedy)
     if len(malformed) > MOST_PER_COLUMN:
         more = f"{len(malformed) - MOST_PER_COLUMN} more lines are no rows"
-        problems.append(InputError(more, where=str(path), remedy="check the separator and the export"))
+        problems.add(more, str(path), "check the separator and the export")
 
 
 def _check_cells(table: CsvTable, columns: Mapping[str, CsvColumn], bad_number: Mapping[str, list[int]]) -> None:

@@ -53,8 +53,10 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
     InputError
         If the file is missing, empty, binary or of no known encoding.
     """
+    size = 0
     with suppress(OSError, ValueError):  # told when it is read
-        check_memory(path.stat().st_size, path)
+        size = path.stat().st_size
+    check_memory(size, path)
     text = _decoded(read_bytes(path), path, reporter)
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")

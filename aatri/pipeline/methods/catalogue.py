@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.errors import AatriError
+from aatri.errors import Faults
 from aatri.pipeline.methods import discovery
 from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
 from aatri.pipeline.methods.method import Method, from_plain, method_of
@@ -93,7 +93,7 @@ class Catalogue:
         except (OSError, AttributeError, KeyError, TypeError, ValueError):
             return None  # no such file, or a damaged cache
 
-    def prepare(self, spec: Spec, stage: StageSpec, errors: list[AatriError]) -> Prepared | None:
+    def prepare(self, spec: Spec, stage: StageSpec, errors: Faults) -> Prepared | None:
         """A stage as its plugin declares it; None if its options are wrong (see `errors`).
 
         Raises

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from aatri.errors import AatriError, PluginError, SpecError, raise_all
+from aatri.errors import Faults, PluginError, SpecError, raise_all
 from aatri.ids import did_you_mean
 from aatri.pipeline.methods.catalogue import Catalogue, Prepared
 from aatri.pipeline.methods.method import Method
@@ -75,7 +75,7 @@ def wire(spec: Spec, source: Catalogue | Registry) -> tuple[StageNode, ...]:
         Every wrong wire and option (SpecError) and plugin (PluginError), at once.
     """
     catalogue = source if isinstance(source, Catalogue) else Catalogue(registry=source)
-    errors: list[AatriError] = []
+    errors = Faults(SpecError)
     known = {name: catalogue.recall(spec, stage) for name, stage in spec.stages.items()}
     roles = _roles(spec, catalogue, known, errors)
     nodes = {}
@@ -134,9 +134,7 @@ def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
     )
 
 
-def _roles(
-    spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: list[AatriError]
-) -> dict[str, _Role]:
+def _roles(spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: Faults) -> dict[str, _Role]:
     roles = {}
     for name, stage in spec.stages.items():
         prepared = known[name]
@@ -152,7 +150,7 @@ def _roles(
 
 
 def _prepared(
-    spec: Spec, stage: StageSpec, catalogue: Catalogue, roles: Mapping[str, _Role], errors: list[AatriError]
+    spec: Spec, stage: StageSpec, catalogue: Catalogue, roles: Mapping[str, _Role], errors: Faults
 ) -> Prepared | None:
     """The stage by its plugin; what is missing among its inputs is told even if its options are wrong."""
     before = len(errors)
@@ -174,45 +172,35 @@ def _placed(error: PluginError, where: str) -> PluginError:
     return PluginError(what, where=where, remedy=error.remedy)
 
 
-def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], errors: list[AatriError]) -> None:
+def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], errors: Faults) -> None:
     ports = roles[stage.name].ports
     role = stage.use.partition("/")[0]
     for port, source in stage.inputs.items():
         if port not in ports:
             hint = did_you_mean(port, ports) or f"; it has {', '.join(ports) or 'none'}"
-            errors.append(
-                SpecError(f"{role} has no port {port!r}{hint}", where=spec.where_key(stage.name, "from", port))
-            )
+            errors.add(f"{role} has no port {port!r}{hint}", spec.where_key(stage.name, "from", port))
         elif source not in spec.stages:
-            errors.append(
-                SpecError(
-                    f"no stage {source!r}{did_you_mean(source, spec.stages)}",
-                    where=spec.where(stage.name, "from", port),
-                    remedy=_candidates(spec, stage.name, port, ports, roles),
-                )
+            errors.add(
+                f"no stage {source!r}{did_you_mean(source, spec.stages)}",
+                spec.where(stage.name, "from", port),
+                _candidates(spec, stage.name, port, ports, roles),
             )
         elif source in roles and roles[source].kind != ports[port]:
             wanted, given = ports[port], roles[source].kind
-            errors.append(
-                SpecError(
-                    f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
-                    where=spec.where(stage.name, "from", port),
-                    remedy=_candidates(spec, stage.name, port, ports, roles),
-                )
+            errors.add(
+                f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
+                spec.where(stage.name, "from", port),
+                _candidates(spec, stage.name, port, ports, roles),
             )
 
 
-def _check_required(
-    spec: Spec, stage: StageSpec, method: Method, roles: Mapping[str, _Role], errors: list[AatriError]
-) -> None:
+def _check_required(spec: Spec, stage: StageSpec, method: Method, roles: Mapping[str, _Role], errors: Faults) -> None:
     for port in method.ports:
         if not port.optional and port.name not in stage.inputs:
-            errors.append(
-                SpecError(
-                    f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
-                    where=spec.where(stage.name, "from"),
-                    remedy=_candidates(spec, stage.name, port.name, roles[stage.name].ports, roles),
-                )
+            errors.add(
+                f"{stage.name} ({method.name}) needs port {port.name} ({port.kind})",
+                spec.where(stage.name, "from"),
+                _candidates(spec, stage.name, port.name, roles[stage.name].ports, roles),
             )
 
 
@@ -234,7 +222,7 @@ def _waiting_for(spec: Spec, stage: str) -> set[str]:
     return reached
 
 
-def _order(spec: Spec, errors: list[AatriError]) -> list[str]:
+def _order(spec: Spec, errors: Faults) -> list[str]:
     position = {name: k for k, name in enumerate(spec.stages)}
     sources = {
         name: [source for source in stage.inputs.values() if source in position] for name, stage in spec.stages.items()

@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from aatri.errors import AatriError, GateError, SpecError, raise_all
+from aatri.errors import Faults, GateError, SpecError, raise_all
 from aatri.ids import did_you_mean
 from aatri.notes import CONTRADICTION
 from aatri.pipeline.spec.pipeline_file import Spec
@@ -72,18 +72,12 @@ class Verdict:
         return "\n        ".join([text, *self.why])
 
 
-def read_gates(spec: Spec, errors: list[AatriError]) -> tuple[Gate, ...]:
+def read_gates(spec: Spec, errors: Faults) -> tuple[Gate, ...]:
     """The gates of a pipeline with what variant and command line change; what is wrong goes to `errors`."""
     gates = []
     for stage, metrics in spec.gates.items():
         if not isinstance(metrics, dict) or not metrics:
-            errors.append(
-                SpecError(
-                    f"gates of {stage}: {metrics!r}, not metrics with bounds",
-                    where=spec.where_gate(stage),
-                    remedy=_REMEDY,
-                )
-            )
+            errors.add(f"gates of {stage}: {metrics!r}, not metrics with bounds", spec.where_gate(stage), _REMEDY)
             continue
         for metric, given in metrics.items():
             if given != OFF:
@@ -110,7 +104,7 @@ def judge(
     SpecError
         If a stage has no such metric.
     """
-    errors: list[AatriError] = []
+    errors = Faults(SpecError)
     made = {
         str(r["stage"]): (figures_of(r), tuple(w for w in r["warnings"] if w.startswith(CONTRADICTION)))
         for r in records
@@ -123,12 +117,8 @@ def judge(
         figures = made[gate.stage][0]
         if gate.metric not in figures:
             hint = did_you_mean(gate.metric, figures) or f"; it has {', '.join(figures)}"
-            errors.append(
-                SpecError(
-                    f"gate: {gate.stage} has no metric {gate.metric!r}{hint}",
-                    where=gate.where,
-                    remedy="`aatri metrics` lists them",
-                )
+            errors.add(
+                f"gate: {gate.stage} has no metric {gate.metric!r}{hint}", gate.where, "`aatri metrics` lists them"
             )
             continue
         value = figures[gate.metric]
@@ -176,7 +166,7 @@ def verdicts_in(overview: Mapping[str, Any]) -> tuple[Verdict, ...]:
     )
 
 
-def _gate(spec: Spec, stage: str, metric: str, given: Any, errors: list[AatriError]) -> Gate | None:
+def _gate(spec: Spec, stage: str, metric: str, given: Any, errors: Faults) -> Gate | None:
     """A gate; None if it is wrong."""
     before, where = len(errors), spec.where_gate(stage, metric)
     tell = _teller(errors, f"gate of {stage}.{metric}")
@@ -197,5 +187,5 @@ def _gate(spec: Spec, stage: str, metric: str, given: Any, errors: list[AatriErr
     return Gate(stage, metric, low, high, where)
 
 
-def _teller(errors: list[AatriError], what: str) -> Callable[[str, str], None]:
-    return lambda text, where: errors.append(SpecError(f"{what}: {text}", where=where, remedy=_REMEDY))
+def _teller(errors: Faults, what: str) -> Callable[[str, str], None]:
+    return lambda text, where: errors.add(f"{what}: {text}", where, _REMEDY)

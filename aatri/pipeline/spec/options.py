@@ -13,14 +13,14 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from aatri.errors import AatriError, SpecError
+from aatri.errors import Faults, SpecError
 from aatri.ids import did_you_mean
 from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 from aatri.plugin import InputFile, Options, StageCard
 
 
 def validated(
-    spec: Spec, stage: StageSpec, card: StageCard, errors: list[AatriError], *, runs_code: bool = False
+    spec: Spec, stage: StageSpec, card: StageCard, errors: Faults, *, runs_code: bool = False
 ) -> Options | None:
     """The options of a stage with defaults filled in; None if it takes none or they are wrong (see `errors`).
 
@@ -28,11 +28,8 @@ def validated(
     """
     if card.options is None:
         for option in stage.options:
-            errors.append(
-                SpecError(
-                    f"unknown option {option!r}; {card.name} takes no options",
-                    where=spec.where_key(stage.name, "with", option),
-                )
+            errors.add(
+                f"unknown option {option!r}; {card.name} takes no options", spec.where_key(stage.name, "with", option)
             )
         return None
     try:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aatri.errors import AatriError, SpecError, raise_all
+from aatri.errors import Faults, SpecError, raise_all
 from aatri.ids import clipped, did_you_mean
 from aatri.pipeline.store.records import MAX_NAME, is_stage_name
 from aatri.regular_file import wrong_path
@@ -105,18 +105,18 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
         With every error of the file at once.
     """
     document = load(path, SpecError)
-    errors: list[AatriError] = []
+    errors = Faults(SpecError)
     top = _mapping(document, (), _TOP_KEYS, errors)
     run = into or _run_folder(document, top, path.parent, errors)
     if into is not None and (what := wrong_path(into)):
         raise SpecError(what, where="--into", remedy="another folder")
     seed = top.get("seed", 1)
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        errors.append(SpecError(f"seed is {seed!r}, not a whole number from 0", where=document.where("seed")))
+        errors.add(f"seed is {seed!r}, not a whole number from 0", document.where("seed"))
     ignore = _ignored(document, top, errors)
     written = _mapping(document, ("stages",), None, errors)
     if not written and not errors:
-        errors.append(SpecError("no stages", where=document.where(), remedy="`aatri new` writes an example"))
+        errors.add("no stages", document.where(), "`aatri new` writes an example")
     stages = {name: _stage(document, name, errors) for name in written}
     gates_off = isinstance(document.value, dict) and document.value.get(GATES) == "none"
     gates = {} if gates_off else _gates(document, (GATES,), tuple(stages), errors)
@@ -125,83 +125,67 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
     return Spec(path, run, seed, stages, variants, document, ignore=ignore, gates=gates, gates_off=gates_off)
 
 
-def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: list[AatriError]) -> Path:
+def _run_folder(document: Document, top: Mapping[str, Any], base: Path, errors: Faults) -> Path:
     run = top.get("run")
     if not isinstance(run, str) or not run:
         what = "run is missing" if run is None else f"run is {run!r}, not a folder"
-        errors.append(SpecError(what, where=document.where("run"), remedy="`run: runs/NAME` says where results go"))
+        errors.add(what, document.where("run"), "`run: runs/NAME` says where results go")
         return base
     if what := wrong_path(base / run):
-        errors.append(
-            SpecError(f"run is {clipped(run)!r}: {what}", where=document.where("run"), remedy="a shorter name")
-        )
+        errors.add(f"run is {clipped(run)!r}: {what}", document.where("run"), "a shorter name")
     return base / run
 
 
-def _ignored(document: Document, top: Mapping[str, Any], errors: list[AatriError]) -> tuple[str, ...]:
+def _ignored(document: Document, top: Mapping[str, Any], errors: Faults) -> tuple[str, ...]:
     """Names under `ignore`."""
     names = top.get("ignore") or []
     if isinstance(names, list) and all(isinstance(name, str) for name in names):
         return tuple(names)
-    errors.append(
-        SpecError(
-            f"ignore is {names!r}, not a list of names",
-            where=document.where("ignore"),
-            remedy="ignore: [exterior.angles_rad]",
-        )
-    )
+    errors.add(f"ignore is {names!r}, not a list of names", document.where("ignore"), "ignore: [exterior.angles_rad]")
     return ()
 
 
-def _stage(document: Document, name: str, errors: list[AatriError]) -> StageSpec:
+def _stage(document: Document, name: str, errors: Faults) -> StageSpec:
     at = ("stages", name)
     _check_name(document, at, "stage", errors)
     if name == GATES:
-        errors.append(
-            SpecError(
-                f"a stage cannot be named {name!r}: the key of the quality gates",
-                where=document.where_key(*at),
-                remedy="another name",
-            )
+        errors.add(
+            f"a stage cannot be named {name!r}: the key of the quality gates", document.where_key(*at), "another name"
         )
     entry = _mapping(document, at, _STAGE_KEYS, errors)
     use = entry.get("use")
     if not isinstance(use, str) or not USE.fullmatch(use):
         what = f"stage {name} has no `use`" if use is None else f"use is {use!r}"
-        errors.append(
-            SpecError(what, where=document.where(*at, "use"), remedy="`use: ROLE/VARIANT`; see `aatri stages`")
-        )
+        errors.add(what, document.where(*at, "use"), "`use: ROLE/VARIANT`; see `aatri stages`")
         use = ""
     return StageSpec(name, use, _inputs(document, (*at, "from"), errors), _options(document, (*at, "with"), errors))
 
 
-def _check_name(document: Document, at: tuple[str, str], what: str, errors: list[AatriError]) -> None:
+def _check_name(document: Document, at: tuple[str, str], what: str, errors: Faults) -> None:
     """Names of stages and variants are names of files too."""
     if not is_stage_name(at[1]):
-        errors.append(
-            SpecError(
-                f"{clipped(at[1])!r} is no name of a {what}",
-                where=document.where_key(*at),
-                remedy=f"at most {MAX_NAME} small letters, digits and _, beginning with a letter",
-            )
+        errors.add(
+            f"{clipped(at[1])!r} is no name of a {what}",
+            document.where_key(*at),
+            f"at most {MAX_NAME} small letters, digits and _, beginning with a letter",
         )
 
 
-def _inputs(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, str]:
+def _inputs(document: Document, at: tuple[str, ...], errors: Faults) -> dict[str, str]:
     inputs = {}
     for port, source in _mapping(document, at, None, errors).items():
         if source is not None and not isinstance(source, str):
-            errors.append(SpecError(f"port {port} is {source!r}, not a stage", where=document.where(*at, port)))
+            errors.add(f"port {port} is {source!r}, not a stage", document.where(*at, port))
             continue
         inputs[port] = port if source is None else source
     return inputs
 
 
-def _options(document: Document, at: tuple[str, ...], errors: list[AatriError]) -> dict[str, Any]:
+def _options(document: Document, at: tuple[str, ...], errors: Faults) -> dict[str, Any]:
     return dict(_mapping(document, at, None, errors))
 
 
-def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriError]) -> dict[str, Any]:
+def _variants(document: Document, stages: tuple[str, ...], errors: Faults) -> dict[str, Any]:
     variants = _mapping(document, ("variants",), None, errors)
     for variant in variants:
         _check_name(document, ("variants", variant), "variant", errors)
@@ -214,15 +198,13 @@ def _variants(document: Document, stages: tuple[str, ...], errors: list[AatriErr
             patch = _mapping(document, at, _STAGE_KEYS, errors)
             use = patch.get("use", "role/variant")
             if not isinstance(use, str) or not USE.fullmatch(use):
-                errors.append(SpecError(f"use is {use!r}, not ROLE/VARIANT", where=document.where(*at, "use")))
+                errors.add(f"use is {use!r}, not ROLE/VARIANT", document.where(*at, "use"))
             _inputs(document, (*at, "from"), errors)
             _options(document, (*at, "with"), errors)
     return dict(variants)
 
 
-def _gates(
-    document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]
-) -> dict[str, Any]:
+def _gates(document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: Faults) -> dict[str, Any]:
     """Bounds by stage and metric; `gates.read_gates` checks them, with what variant and command line change."""
     gates = _mapping(document, at, None, errors)
     for stage in gates:
@@ -230,14 +212,14 @@ def _gates(
     return dict(gates)
 
 
-def _check_stage(document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: list[AatriError]) -> None:
+def _check_stage(document: Document, at: tuple[str, ...], stages: tuple[str, ...], errors: Faults) -> None:
     if at[-1] not in stages:
         hint = did_you_mean(at[-1], stages)
-        errors.append(SpecError(f"no stage {at[-1]!r}{hint}", where=document.where_key(*at)))
+        errors.add(f"no stage {at[-1]!r}{hint}", document.where_key(*at))
 
 
 def _mapping(
-    document: Document, at: tuple[str, ...], known: tuple[str, ...] | None, errors: list[AatriError]
+    document: Document, at: tuple[str, ...], known: tuple[str, ...] | None, errors: Faults
 ) -> Mapping[str, Any]:
     """The mapping at a path; nothing where it is absent. Unknown keys and other types go to `errors`."""
     value = document.value
@@ -248,12 +230,10 @@ def _mapping(
     if not isinstance(value, dict):
         shown = f"`{at[-1]}`" if at else "the file"
         remedy = "write {block} or {PORT: STAGE}" if at[-1:] == ("from",) else "write `key: value`"
-        errors.append(
-            SpecError(f"{shown} is {value!r}, not keys with values", where=document.where(*at), remedy=remedy)
-        )
+        errors.add(f"{shown} is {value!r}, not keys with values", document.where(*at), remedy)
         return {}
     for key in value:
         if known is not None and key not in known:
             hint = did_you_mean(key, known) or f"; known are {', '.join(known)}"
-            errors.append(SpecError(f"unknown key {key!r}{hint}", where=document.where_key(*at, key)))
+            errors.add(f"unknown key {key!r}{hint}", document.where_key(*at, key))
     return value

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aatri.errors import AatriError
+from aatri.errors import AatriError, Faults
 from aatri.formats.text.csv_cells import cells_of, start_of_cell
 from aatri.formats.text.csv_table import CsvColumn, read_csv
 from aatri.formats.text.number_text import number_of, numbers_of, what_is_wrong
@@ -73,7 +73,7 @@ def test_the_place_of_a_cell_is_its_first_character(index: int, character: int) 
 def test_comments_blank_lines_own_columns_and_blanks_do_not_count(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text('# note\nx , id,x_mine\n\n 1.5 ,"#7", ?\n  # more\n2,8,\n')
-    problems: list[AatriError] = []
+    problems = Faults()
     table = read_csv(path, COLUMNS, problems)
     assert problems == []
     assert table.text["id"] == ["#7", "8"]
@@ -87,7 +87,7 @@ def test_rows_beyond_one_chunk_keep_their_lines(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     n = 120_000
     path.write_text("id,x\n" + "".join(f"p{k},{k}.5\n" for k in range(n)) + "last,oops\n")
-    problems: list[AatriError] = []
+    problems = Faults()
     table = read_csv(path, COLUMNS, problems)
     assert table.number["x"][:n].tolist() == [k + 0.5 for k in range(n)]
     assert table.line[-1] == n + 2
@@ -112,7 +112,7 @@ def test_angles_are_told_with_their_decimal_reading(cell: str, reason: str) -> N
 
 
 def test_empty_rows_and_empty_columns_of_a_spreadsheet_do_not_count(tmp_path: Path) -> None:
-    problems: list[AatriError] = []
+    problems = Faults()
     path = tmp_path / "t.csv"
     path.write_text("id,x,,\nA,1,,\n,,,\nB,2,,\n , , ,\n,,,,,,\n", encoding="utf-8")
     table = read_csv(path, COLUMNS, problems)
@@ -122,7 +122,7 @@ def test_empty_rows_and_empty_columns_of_a_spreadsheet_do_not_count(tmp_path: Pa
 
 
 def test_a_cell_in_a_column_without_a_name_is_an_error_at_its_place(tmp_path: Path) -> None:
-    problems: list[AatriError] = []
+    problems = Faults()
     path = tmp_path / "t.csv"
     path.write_text("id,x,\nA,1,\nB,2,high\n", encoding="utf-8")
     read_csv(path, COLUMNS, problems)
@@ -135,14 +135,14 @@ def test_an_empty_name_between_others_is_no_column(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("id,,x\nA,,1\n", encoding="utf-8")
     with pytest.raises(AatriError, match="unknown column ''"):
-        read_csv(path, COLUMNS, [])
+        read_csv(path, COLUMNS, Faults())
 
 
 def test_a_column_in_another_case_is_suggested(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("ID,X\nA,1\n", encoding="utf-8")
     with pytest.raises(AatriError, match="did you mean 'id'"):
-        read_csv(path, COLUMNS, [])
+        read_csv(path, COLUMNS, Faults())
 
 
 @pytest.mark.parametrize("encoding", ["utf-32", "utf-32-le", "utf-32-be"])
@@ -150,4 +150,4 @@ def test_text_of_32_bits_a_sign_is_refused_as_that_or_as_no_text(tmp_path: Path,
     path = tmp_path / "t.csv"
     path.write_bytes("id,x\nA,1\n".encode(encoding))
     with pytest.raises(AatriError, match="UTF-32" if encoding == "utf-32" else "a zero byte"):
-        read_csv(path, COLUMNS, [])
+        read_csv(path, COLUMNS, Faults())

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from aatri.errors import InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.tables.settings.block import DefaultSigmas, FrameSettings, Settings, Units
 from aatri.formats.tables.settings.camera import PARAMETERS, CameraSettings, Pixel, RigMemberSettings, RigMemberSigmas
 from aatri.ids import clipped, did_you_mean, is_valid
@@ -31,12 +31,12 @@ def read_settings(path: Path) -> tuple[Settings, Document]:
         faults = [_fault(document, dict(item)) for item in error.errors(include_url=False)]
         raise_all(list({str(fault): fault for fault in faults}.values()))
         raise
-    problems = []
+    problems = Faults()
     named = [("frames", name) for name in settings.frames] + [("cameras", name) for name in settings.cameras]
     named += [("rigs", name) for name in settings.rigs]
     for keys in [*named, *(("rigs", rig, member) for rig, members in settings.rigs.items() for member in members)]:
         if not is_valid(keys[-1]):
-            problems.append(InputError(f"{clipped(keys[-1])!r} is no id", where=document.where_key(*keys)))
+            problems.add(f"{clipped(keys[-1])!r} is no id", document.where_key(*keys))
     raise_all(problems)
     return settings, document
 
