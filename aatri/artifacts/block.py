@@ -21,6 +21,7 @@ from aatri.artifacts.block_control import (
     GeodeticCovariances,
     GroundPointCovariances,
     GroundPoints,
+    ModelCoordinates,
     RelativeControl,
     RelativeControlMembers,
 )
@@ -77,6 +78,7 @@ __all__ = [
     "GroundPoints",
     "Images",
     "MeasuredPoints",
+    "ModelCoordinates",
     "Points",
     "Rejects",
     "RelativeControl",
@@ -182,6 +184,7 @@ class Block(Artifact):
     relative_control: RelativeControl = table()
     relative_control_members: RelativeControlMembers = table()
     rejects: Rejects = table()
+    model_coordinates: ModelCoordinates | None = table(default=None)
     true_images: TrueImages | None = table(default=None)
     true_points: TruePoints | None = table(default=None)
     gross_errors: GrossErrors | None = table(default=None)

@@ -104,3 +104,16 @@ class RelativeControlMembers(Table):
     condition: Int = column("i4", doc="row in relative_control", refers="relative_control")
     part: Text = column("str", doc="points, images, at, between or pairs")
     id: Text = column("str", doc="id of the point or image")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelCoordinates(Table):
+    """Points of stereo models measured without images, each model in axes and a unit of its own, Z upwards."""
+
+    model: Text = column("str", doc="id of the model")
+    point: Int = column("i4", doc="row in points", refers="points")
+    xyz: Float = column("f8", 3, unit="model", doc="model coordinates")
+    sigma: Float = column("f8", unit="model", doc="standard deviation of a coordinate")
+    centre: Bool = column("bool", doc="a perspective centre of the model", default=False)
+    file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False)
+    line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)

@@ -39,6 +39,7 @@ from aatri.artifacts.block import (
     GroundPoints,
     Images,
     MeasuredPoints,
+    ModelCoordinates,
     Points,
     StripIds,
 )
@@ -73,6 +74,7 @@ def block_of(
     geodetic: Columns | None = None,
     geodetic_covariances: Columns | None = None,
     fiducial_points: Columns | None = None,
+    model_coordinates: Columns | None = None,
     **others: Any,
 ) -> Block:
     """The Block of some columns.
@@ -82,7 +84,7 @@ def block_of(
     name : str
     files : sequence of Path
         The columns `file` count in it.
-    cameras ... fiducial_points : mapping of str to array
+    cameras ... model_coordinates : mapping of str to array
         Columns of these tables; cameras may be tables.
     points : iterable of str
         Ids that rows of `point` count in, and of points that nothing measures.
@@ -95,13 +97,14 @@ def block_of(
         If an id stands twice, or one that is named is nowhere given.
     """
     paths = [str(path) for path in files]
-    cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points = (
-        _plain_columns(columns, paths)
-        for columns in (cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points)
+    cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points, model_coordinates = (
+        _plain_columns(of, paths)
+        for of in (cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points, model_coordinates)
     )
     camera_ids, image_ids = _Ids.of("camera", cameras, paths), _Ids.of("image", images, paths)
     local = list(points)
-    named = [_texts_in(local), _texts_in(image_points.get("point", ())), _texts_in(ground_points.get("point", ()))]
+    named = [_texts_in(of.get("point", ())) for of in (image_points, ground_points, model_coordinates)]
+    named.append(_texts_in(local))
     point_ids = _Ids("point", np.unique(np.concatenate(named)), _texts_in(local), paths)
     strip_ids = np.unique([text for text in _texts_in(images.get("strip", ())).tolist() if text]).astype(np.str_)
     tables: dict[str, Any] = {
@@ -119,6 +122,9 @@ def block_of(
     if image_points:
         measured = MeasuredPoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
         tables["image_points"] = measured.take(image_point_order(measured))
+    if model_coordinates:
+        in_models = ModelCoordinates.of(**_with_rows(model_coordinates, point=point_ids))
+        tables["model_coordinates"] = in_models.take(np.lexsort((in_models.point, in_models.model)))
     if fiducial_points:
         marks = FiducialPoints.of(**_with_rows(fiducial_points, image=image_ids))
         tables["fiducial_points"] = marks.take(np.lexsort((marks.fiducial, marks.image)))

@@ -192,6 +192,8 @@ _DECLARED = (
               "instrument and target heights of {} geodetic observations (geodetic.csv: h_from, h_to)", "geodetic",
               lambda b: b.geodetic.active & ((np.nan_to_num(b.geodetic.start_height_m) != 0)
                                              | (np.nan_to_num(b.geodetic.end_height_m) != 0))),
+    _Declared("model_coordinates.xyz", "observation", "{} coordinates of points in models", "model_coordinates",
+              lambda b: np.ones(0 if b.model_coordinates is None else len(b.model_coordinates), dtype=bool)),
     _Declared("geodetic_covariances", "standard deviation",
               "{} covariances between geodetic observations (covariances.csv)", "geodetic_covariances",
               lambda b: b.geodetic_covariances.value != 0),

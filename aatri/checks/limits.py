@@ -66,6 +66,9 @@ LEAST_EIGENVALUE = 1e-12
 FIELD_OF_VIEW_DEG = (1.0, 170.0)
 """No metric lens is narrower or wider: 1 degree is 1,000 mm of focal length on a full frame, 170 a fish-eye."""
 
+USUAL_FIELD_DEG = (5.0, 140.0)
+"""From long lenses (300 mm on a full frame: 8 degrees) to super-wide aerial cameras (88 mm on 23 cm film: 123)."""
+
 SAMPLING_M, SMALLEST_SCALE = (1e-5, 100.0), 2e6
 """Ground sampling distances from the microscope (0.01 mm) to satellites, and the scale number of film from orbit."""
 

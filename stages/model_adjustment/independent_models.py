@@ -35,6 +35,8 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
+from ._options import ModelAdjustmentOptions
+
 
 class Centres(Options):
     """The perspective centres of the models."""
@@ -45,24 +47,11 @@ class Centres(Options):
     )
 
 
-class IndependentModelsOptions(Options):
+class IndependentModelsOptions(ModelAdjustmentOptions):
     """Options of the block adjustment with independent models."""
 
     centres: Centres = Field(
         Centres(), description="perspective centres as tie points: a mapping with sigma, or the sigma alone"
-    )
-    iteration: Literal["together", "plan_height"] = Field(
-        "together", description="all seven parameters together, or plan (4) and height (3) in turn"
-    )
-    limit: float | None = Field(
-        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
-    )
-    max_sigma0: float | None = Field(
-        None, gt=0, description="an error where sigma0 is larger; null: a warning beyond 20"
-    )
-
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
     )
 
     @field_validator("centres", mode="before")

@@ -50,6 +50,7 @@ READ_BY_EVERY_STAGE = {
     "ground_points": {"point", "role"},
     "ground_point_covariances": {"row_a", "axis_a", "row_b", "axis_b", "value"},  # the whole table
     "exterior": {"image", "position_covariance_m2", "angle_sigma_rad", "position_use", "angle_use", "refers_to"},
+    "model_coordinates": {"model", "point", "sigma", "centre"},
     "geodetic": {
         "type",
         "start",

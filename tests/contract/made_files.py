@@ -32,3 +32,11 @@ def pair_files(folder: Path) -> Path:
     for name, rows in (("1-2", first), ("2-3", second)):
         (folder / f"{name}.dat").write_text("\n".join(["153.0 0.0 0.0", *rows]))
     return folder
+
+
+def model_file(folder: Path) -> Path:
+    """Two models that share four points."""
+    folder.mkdir(parents=True)
+    path = folder / "models.txt"
+    path.write_text("".join(f"{m} P{k} {k % 2} {k // 2 + m} {0.1 * k * k}\n" for m in range(2) for k in range(6)))
+    return path

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.builder import block_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.relative_orientation.connected import connected
@@ -17,10 +18,15 @@ from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
-from tests.contract.made_files import colmap_model, pair_files
+from tests.contract.made_files import colmap_model, model_file, pair_files
 
 VARIANTS = sorted(find_stages().variants)
-MADE_FILES = {"block/tables": example_folder, "block/colmap": colmap_model, "block/pairs": pair_files}
+MADE_FILES = {
+    "block/tables": example_folder,
+    "block/colmap": colmap_model,
+    "block/pairs": pair_files,
+    "block/models": model_file,
+}
 REAL_FILES = {
     "block/bal": {"path": "bal/problem-49-7776-pre.txt"},
     "block/dbat": {
@@ -47,6 +53,8 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
 
 def needed_inputs(name: str) -> dict[str, Artifact] | None:
     """Inputs of a variant that cannot take those of the usual chain."""
+    if name == "model_adjustment/given_models":
+        return {"block": models_of_a_block()}
     if name != "strip_formation/connected":
         return None
     registry = find_stages()
@@ -56,6 +64,21 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
     assert isinstance(block, Block)
     assert isinstance(points, ImagePoints)
     return {**given, "models": connected(block, points)}
+
+
+def models_of_a_block() -> Block:
+    """Two models that are shifted against each other, over five control points."""
+    X = np.array([[x, y, (x * y) % 7] for x in (0.0, 100.0, 200.0, 300.0) for y in (0.0, 90.0, 180.0)])
+    ids = [f"P{k}" for k in range(len(X))]
+    of = [(m, k) for m, first in enumerate((0, 3)) for k in range(first, first + 9)]
+    in_models = {
+        "model": [f"m{m}" for m, _ in of],
+        "point": [ids[k] for _, k in of],
+        "xyz": np.array([0.01 * X[k] + m for m, k in of]),
+        "sigma": 1e-4,
+    }
+    control = {"point": ids[::2], "xyz_m": X[::2], "sigma_m": 0.01, "role": CONTROL}
+    return block_of(name="models", model_coordinates=in_models, ground_points=control)
 
 
 @pytest.mark.parametrize(

@@ -74,14 +74,16 @@ def left_out(block: Block, oriented: Bool) -> list[Note]:
     return [Note("warning", text, tuple(block.images.id[left].tolist()))] if len(left) else []
 
 
-def similarity_rows(name: str, similarity: Similarity, origin_m: Float) -> StripTransformations:
+def similarity_rows(
+    name: str, similarity: Similarity, origin_m: Float, sigma: npt.ArrayLike = np.nan
+) -> StripTransformations:
     """The seven parameters from the free strip to the ground; angles omega, phi, kappa of the rotation."""
     values = [
         *(similarity.translation + origin_m),
         similarity.scale,
         *angles_from_rotation(similarity.rotation, "omega-phi-kappa"),
     ]
-    return transformation_rows(name, "similarity", SIMILARITY_PARAMETERS, values)
+    return transformation_rows(name, "similarity", SIMILARITY_PARAMETERS, values, sigma)
 
 
 def transformation_rows(
@@ -129,7 +131,7 @@ class Placed:
 
 def solution_of(
     block: Block,
-    image_points: ImagePoints,
+    image_points: ImagePoints | None,
     placed: Placed,
     *,
     method: str,
@@ -158,8 +160,14 @@ def solution_of(
     components : VarianceComponents, optional
     """
     oriented, solved = finite_rows(placed.position_m), finite_rows(placed.point_m)
-    measured = image_points.measurements
-    used = measured.active & finite_rows(measured.xy_mm) & oriented[measured.image] & solved[measured.point]
+    rays = np.zeros(len(oriented), dtype=np.int64), np.zeros(len(solved), dtype=np.int64)
+    if image_points is not None:
+        measured = image_points.measurements
+        used = measured.active & finite_rows(measured.xy_mm) & oriented[measured.image] & solved[measured.point]
+        rays = (
+            np.bincount(measured.image[used], minlength=len(oriented)),
+            np.bincount(measured.point[used], minlength=len(solved)),
+        )
     return Solution(
         method=method,
         observations=counts[0],
@@ -168,15 +176,8 @@ def solution_of(
         sigma0=sigma0,
         sigma0_um=float("nan"),
         iterations=iterations,
-        images=assemble.oriented_images(
-            block,
-            placed.position_m,
-            placed.ground_from_image,
-            np.bincount(measured.image[used], minlength=len(oriented)),
-        ),
-        points=assemble.ground_points(
-            block, placed.point_m, np.bincount(measured.point[used], minlength=len(solved)), point_covariance_m2
-        ),
+        images=assemble.oriented_images(block, placed.position_m, placed.ground_from_image, rays[0]),
+        points=assemble.ground_points(block, placed.point_m, rays[1], point_covariance_m2),
         cameras=assemble.solved_cameras(block),
         transformations=transformations,
         parameters=parameters,

@@ -5,7 +5,7 @@
 Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
 rays, which some adjustments survive with another principal distance.
 Test: a share below a twentieth, or a reach beyond twice the half diagonal. Where neither format nor marks are given,
-the angle 2 atan(reach / c) that the points span must be one that a camera has.
+the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.checks.as_read.cameras import CameraFrames
 from aatri.checks.finding import Finding, Level
-from aatri.checks.limits import BEYOND_FORMAT, FEWEST_COVERING, FIELD_OF_VIEW_DEG, NO_COVERAGE, SMALL_COVERAGE
+from aatri.checks.limits import (
+    BEYOND_FORMAT,
+    FEWEST_COVERING,
+    FIELD_OF_VIEW_DEG,
+    NO_COVERAGE,
+    SMALL_COVERAGE,
+    USUAL_FIELD_DEG,
+)
+
+UNITS_MM = {"0.1 um": 1e-4, "um": 1e-3, "0.01 mm": 1e-2, "cm": 10.0, "inches": 25.4, "m": 1000.0}
+"""Units in which photo coordinates are met with, other than mm."""
 
 REMEDY = "check the unit of the image coordinates: `image_coordinates` of the camera, pixel size, all lengths in mm"
 
@@ -42,7 +52,8 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
         field = float(np.degrees(2 * np.arctan(reach / c)))
         text = f"its {len(xy)} image points span {field:.3g} deg, up to {reach:.4g} mm from the middle of the image"
         if not np.isfinite(half).all():
-            level = "note" if FIELD_OF_VIEW_DEG[0] <= field <= FIELD_OF_VIEW_DEG[1] else "warning"
+            if not FIELD_OF_VIEW_DEG[0] <= field <= FIELD_OF_VIEW_DEG[1]:
+                level, text = "warning", f"{text}: as no lens does{_other_unit(reach, c)}"
         elif share < SMALL_COVERAGE:
             level = "error" if share < NO_COVERAGE else "warning"
             text = (
@@ -55,3 +66,12 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
             continue
         findings.append(Finding("coverage", level, text, REMEDY * (level != "note"), where=f"camera {name}"))
     return findings
+
+
+def _other_unit(reach_mm: float, c_mm: float) -> str:
+    """What the angle would be where millimetres are another unit that has been read as millimetres."""
+    fields = {unit: float(np.degrees(2 * np.arctan(mm * reach_mm / c_mm))) for unit, mm in UNITS_MM.items()}
+    usual = [unit for unit, field in fields.items() if USUAL_FIELD_DEG[0] <= field <= USUAL_FIELD_DEG[1]]
+    if not usual:
+        return ""
+    return "; " + ", ".join(f"in units of {unit} {fields[unit]:.0f} deg" for unit in usual)

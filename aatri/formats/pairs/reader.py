@@ -3,10 +3,11 @@
     c [x0 y0]                 principal distance and principal point, mm
     point x1 y1 x2 y2         photo coordinates of a point in the left and the right photo
 
-One file a model, words between blanks or commas, lines that begin with # are left out. A folder holds the models of a
-strip in the order of their names. `319-320.dat` is of the photos 319 and 320; other names are numbered, the right photo
-of a file being the left one of the next. A point of two files has one measurement in the photo they share, or two where
-each model was measured by itself: both count, if they agree within their standard deviations (screening).
+One file a model, words between blanks or commas; lines that begin with # are left out, `-99` or `end` ends a list. A
+folder holds the models of a strip in the order of their names. `319-320.dat` is of the photos 319 and 320; other names
+are numbered, the right photo of a file being the left one of the next. A point of two files has one measurement in the
+photo they share, or two where each model was measured by itself: both count, if they agree within their standard
+deviations (screening).
 
 Ground points: `point X Y Z` (east, north, up, m), one file of control and one of check points.
 
@@ -29,6 +30,9 @@ from aatri.ids import is_valid
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
+END = ("-99", "-99.0", "end")
+"""First words of a line that ends a list."""
+
 WORDS = {"blanks": ",", "remark": "#"}
 Place = tuple[float, float]
 Measured = tuple[Place, TextLine]
@@ -73,14 +77,13 @@ def read_pairs(
     order: list[str] = []
     measured: dict[tuple[str, str], list[Measured]] = {}
     for number, path in enumerate(models):
-        rows = word_lines(path, reporter, **WORDS)
+        rows = rows_of_list(path, reporter)
         photos = _photos(path, number)
         interior = _interior(rows[0], interior)
         order += [photo for photo in photos if photo not in order]
         for row in rows[1:]:
             _add(row, photos, unit_um * 1e-3, measured)
-    surveyed = [(path, role) for path, role in ((control, CONTROL), (check, CHECK)) if path is not None]
-    ground_lines = [(row, role) for path, role in surveyed for row in word_lines(path, reporter, **WORDS)]
+    surveyed = ground_lines(control, check, reporter)
     c, x0, y0 = interior
     every = [(name, one) for name, of in measured.items() for one in of]
     return block_of(
@@ -108,8 +111,20 @@ def read_pairs(
             "sigma_mm": image_sigma_um * 1e-3,
             "at": [entry for _, (_, entry) in every],
         },
-        ground_points=_ground(ground_lines, control_sigma_m),
+        ground_points=ground_of(surveyed, control_sigma_m),
     )
+
+
+def rows_of_list(path: Path, reporter: Reporter = SILENT) -> list[TextLine]:
+    """The lines of a file before its end mark, where it has one; an error if rows follow that."""
+    rows = word_lines(path, reporter, **WORDS)
+    end = next((k for k, row in enumerate(rows) if row.words[0].lower() in END), len(rows))
+    after = [row for row in rows[end:] if row.words[0].lower() not in END]
+    if after:
+        raise after[0].error(f"rows after the end mark of line {rows[end].line}", "remove the mark, or the rows")
+    if not end:
+        raise InputError("no rows before the end mark", where=str(path), remedy="put the data in")
+    return rows[:end]
 
 
 def _photos(path: Path, number: int) -> tuple[str, str]:
@@ -151,12 +166,21 @@ def _add(
             before.append((place, row))
 
 
-def _ground(ground_lines: list[tuple[TextLine, int]], sigma_m: float) -> dict[str, Any]:
+def ground_lines(control: Path | None, check: Path | None, reporter: Reporter) -> list[tuple[TextLine, int]]:
+    """The lines of the files of control and check points, with their role."""
+    surveyed = [(path, role) for path, role in ((control, CONTROL), (check, CHECK)) if path is not None]
+    return [(row, role) for path, role in surveyed for row in rows_of_list(path, reporter)]
+
+
+def ground_of(lines: list[tuple[TextLine, int]], sigma_m: float, axes: str = "east,north,up") -> dict[str, Any]:
+    """Columns of ground points from lines `point X Y Z`, m, in these axes."""
     first: dict[str, TextLine] = {}
+    east, north = (0, 1) if axes.startswith("east") else (1, 0)
+    xyz = [entry.of_width(4, "point X Y Z").numbers(1) for entry, _ in lines]
     return {
-        "point": [entry.of_width(4, "point X Y Z").once(entry.words[0], first, "point") for entry, _ in ground_lines],
-        "xyz_m": [entry.numbers(1) for entry, _ in ground_lines],
+        "point": [entry.once(entry.words[0], first, "point") for entry, _ in lines],
+        "xyz_m": [[row[east], row[north], row[2]] for row in xyz],
         "sigma_m": sigma_m,
-        "role": [[role] * 3 for _, role in ground_lines],
-        "at": [entry for entry, _ in ground_lines],
+        "role": [[role] * 3 for _, role in lines],
+        "at": [entry for entry, _ in lines],
     }

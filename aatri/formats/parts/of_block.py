@@ -29,7 +29,7 @@ def parts_of(block: Block, format: str) -> BlockParts:
     others: dict[str, Any] = {
         name: getattr(block, name)
         for name in tables_of(Block)
-        if name not in BY_IDS | TRUTH and len(getattr(block, name))
+        if name not in BY_IDS | TRUTH and len(getattr(block, name) or ())
     }
     for name in ("geodetic_covariances", "ground_point_covariances"):  # `block_of` takes them as columns
         if name in others:

@@ -92,6 +92,7 @@ def join_strips(
     limit: float = TIE_LIMIT,
     weakly: bool = True,
     apart: Sequence[int] = (),
+    word: str = "strip",
 ) -> FreeBlock:
     """Join strips by common points to free components.
 
@@ -110,6 +111,8 @@ def join_strips(
         Also by common points nearly on a line, see component_growth.
     apart : sequence of int
         Strips that are joined to no other.
+    word : str
+        What messages call a strip.
     """
     use = np.ones(len(points.strip), dtype=bool) if active is None else active.copy()
     use[np.isin(points.strip, apart)] = False
@@ -120,19 +123,19 @@ def join_strips(
     while groups:
         strips = groups.pop()
         try:
-            component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids)
+            component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids, word)
         except GeometryError as error:  # ties that agree leave a strip open: it stands by itself
             loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
             groups += [strips[strips != loose], np.array([loose])]
             loose_strips.append(loose)
-            open_[f"strip {names[loose]}: {error.what}"] = False
+            open_[f"{word} {names[loose]}: {error.what}"] = False
             continue
         components.append(component)
         if component.tied is not None:
             use[component.rows] = component.tied.active
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
     tied = [c for c in components if not np.isin(c.strips, loose_strips).any()]
-    reasons = {**_reasons(tied, weak, member, names), **open_}
+    reasons = {**_reasons(tied, weak, member, names, word), **open_}
     return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
 
 
@@ -144,6 +147,7 @@ def _adjusted(
     limit: float,
     names: Sequence[str],
     point_ids: Text,
+    word: str,
 ) -> Component:
     rows = np.flatnonzero(np.isin(points.strip, strips))
     mine = points.take(rows)
@@ -167,7 +171,7 @@ def _adjusted(
     )
     begin = similarities_of(start)
     active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
-    what = f"joining strips {', '.join(str(names[k]) for k in strips)}"
+    what = f"joining {word}s {', '.join(str(names[k]) for k in strips)}"
     ids = point_ids[number]
     of_ties = ties.observed(STRIP_TIE, np.array([names[k] for k in strips], dtype=np.str_)[local], ids[point], begin)
     problem = tied_problem([of_ties], {POINT: ties.places(begin, len(number))}, {POINT: ids}, what)
@@ -235,7 +239,7 @@ def _medians(point: Int, value: Float, count: Int) -> Float:
 
 
 def _reasons(
-    components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str]
+    components: list[Component], weak: dict[tuple[int, int], Tie], member: Int, names: Sequence[str], word: str
 ) -> dict[str, bool]:
     """Why pairs of components are not joined, and whether they could be weakly."""
     components = sorted(components, key=lambda c: int(c.strips[0]))
@@ -244,7 +248,7 @@ def _reasons(
     for i, first in enumerate(components):
         for j, second in enumerate(components[i + 1 :], i + 1):
             tie = weak.get((min(label[i], label[j]), max(label[i], label[j])))
-            between = f"{strip_names(first, names)} and {strip_names(second, names)}"
+            between = f"{strip_names(first, names, word)} and {strip_names(second, names, word)}"
             if tie is None:
                 texts[f"{between} have no common point"] = False
             elif tie.common < 3:
@@ -256,7 +260,6 @@ def _reasons(
     return texts
 
 
-def strip_names(component: Component, names: Sequence[str]) -> str:
+def strip_names(component: Component, names: Sequence[str], word: str = "strip") -> str:
     """`strip 1` or `strips 1, 2`."""
-    plural = "strips" if len(component.strips) > 1 else "strip"
-    return f"{plural} {', '.join(str(names[k]) for k in component.strips)}"
+    return f"{word}{'s' * (len(component.strips) > 1)} {', '.join(str(names[k]) for k in component.strips)}"

@@ -18,6 +18,7 @@ from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
 from tests.reading import read_pairs
+from tests.small_blocks import Told
 
 FIRST = (
     "153.033 0.01 -0.02\n# point x1 y1 x2 y2\n11 100000 200000 -700000 210000\n12, 50000, -3000, -760000, -1500\n"
@@ -122,3 +123,31 @@ def test_models_measured_one_by_one_go_to_an_adjusted_block(tmp_path: Path) -> N
     off = np.array([solution.points.xyz_m[at[str(p)]] - X[p] for p in range(len(X)) if str(p) in at])
     assert np.sqrt((off**2).mean()) < 0.1
     assert 0.8 < solution.sigma0 < 1.25
+
+
+def test_end_marks_end_a_list_and_nothing_may_follow_them(tmp_path: Path) -> None:
+    """As the student program's files have them; what stands after a mark was forgotten by someone."""
+    control = tmp_path / "control.txt"
+    control.write_text("12 446000.5 4505000.25 12.5\n-99 0 0 0\n")
+    block = read_pairs(
+        folder(tmp_path / "a", m1=FIRST + "-99\n-99\n"), unit_um=0.1, image_sigma_um=5.0, control=control
+    )
+    assert len(block.image_points) == 6
+    assert len(block.ground_points) == 1
+    with pytest.raises(InputError, match=r"m1\.dat:7: rows after the end mark of line 6"):
+        read_pairs(folder(tmp_path / "b", m1=FIRST + "END\n15 1 2 3 4\n"), unit_um=0.1, image_sigma_um=5.0)
+    with pytest.raises(InputError, match="no rows before the end mark"):
+        read_pairs(folder(tmp_path / "c", m1="-99\n"), unit_um=0.1, image_sigma_um=5.0)
+
+
+@pytest.mark.parametrize(("given_um", "as_um", "told"), [(0.1, 1000.0, "0.1 um 67 deg"), (1000.0, 1.0, "m 67 deg")])
+def test_a_wrong_unit_is_named(tmp_path: Path, given_um: float, as_um: float, told: str) -> None:
+    """The file in one unit read as another: no lens has such a field, and what would be one is named."""
+    rng = np.random.default_rng(2)
+    xy_mm = np.column_stack([rng.uniform(-70, 70, 30), rng.uniform(-70, 70, 30)])
+    xy_mm[0] = 71.0, 71.0
+    rows = [f"{k} {x:.6f} {y:.6f} {x - 5:.6f} {y:.6f}" for k, (x, y) in enumerate(xy_mm * 1000 / given_um)]
+    made = folder(tmp_path / "strip", m1="\n".join(["153", *rows]))
+    told_by = Told()
+    pairs(options=PairsOptions(path=made, unit_um=as_um), context=told_by)
+    assert any("as no lens does" in w and f"in units of {told}" in w for w in told_by.warnings)

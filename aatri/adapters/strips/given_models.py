@@ -1,0 +1,171 @@
+"""Models given by coordinates, without images: joined, brought to the ground and adjusted as independent models.
+
+Perspective centres are points with a standard deviation of their own. Models are first joined by common points to free
+components, none of them averaged for the adjustment that follows; a component is laid onto its control by one
+similarity, and from there all models are adjusted together. One model is an absolute orientation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aatri.adapters import solution as assemble
+from aatri.adapters.strips import oriented_strips as pieces
+from aatri.adapters.strips import tied_tables as tables
+from aatri.adapters.strips.model_adjustment import STAGE, ModelRules
+from aatri.adjusting.tied_adjustment import TiedResult
+from aatri.adjusting.tied_problem import tied_problem
+from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
+from aatri.arrays import Float, Text
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution, StripTransformations
+from aatri.errors import GeometryError
+from aatri.geometry.rotations import angle_covariance, skew
+from aatri.geometry.similarity import Similarity, compose
+from aatri.notes import Note
+from aatri.observations.control import Control, control_of, observed_control
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, Poses
+from aatri.observations.positions import positions_of
+from aatri.observations.ties import BODY, MODEL_TIE
+from aatri.orientation.bodies.absolute import OrientationRules, orient_body
+from aatri.orientation.bodies.component_growth import BodyPoints
+from aatri.orientation.bodies.components import TIE_LIMIT, Component, join_strips, strip_names
+from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes
+from aatri.orientation.bodies.free_body import FreeBody, concerning
+from aatri.orientation.bodies.independent_models import adjust_models
+from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, model_ties
+from aatri.orientation.bodies.similarity_ties import similarities_of
+
+START_LIMIT = 5.0
+"""Test statistic of wrong control where a component is laid onto it, in sigma: as in the absolute orientation."""
+
+
+def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, list[Note]]:
+    """Adjust the models that a block gives by coordinates.
+
+    Raises
+    ------
+    GeometryError
+        If no model can be brought to the ground; the message names what is missing.
+    ConvergenceError
+        If the adjustment does not converge.
+    """
+    given, control = block.model_coordinates, control_of(block)
+    if given is None or not len(given):
+        raise GeometryError("the block has no model coordinates", remedy="read them with block/models")
+    names, model = np.unique(given.model, return_inverse=True)
+    centre = np.stack([given.xyz[model == k].mean(axis=0) for k in range(len(names))])
+    x, variance = given.xyz - centre[model], given.sigma**2
+    covariance = variance[:, None, None] * np.eye(3)
+    body_points = BodyPoints(model.astype(np.int64), given.point.astype(np.int64), x, covariance)
+    origin = pieces.origin_of(control, positions_of(block))
+    start, notes = _start(block, control, body_points, names, origin)
+    chosen = np.flatnonzero([s is not None for s in start])
+    place = np.full(len(names), -1)
+    place[chosen] = np.arange(len(chosen))
+    begin = ModelPoses(similarities_of([s for s in start if s is not None]), np.zeros((len(chosen), LATENT)))
+    rows, ids = np.flatnonzero(place[model] >= 0), block.points.id
+    of, n = given.point[rows], len(rows)
+    tied_rows = ModelRows(place[model[rows]], of, x[rows], covariance[rows], np.zeros((n, 3, LATENT)))
+    ties = model_ties(tied_rows, names=names[chosen], latent=False)
+    ground = observed_control(control, origin, ids[control.point])
+    ground = tuple(o.take(np.flatnonzero(np.isin(o.records.touches[0][1], of))) for o in ground)
+    observed = [ties.observed(MODEL_TIE, names[model[rows]], ids[of], begin), *ground]
+    places = {POINT: ties.places(begin, len(ids))}
+    problem = tied_problem(observed, places, {POINT: ids}, "models given by coordinates")
+    began = np.ones(sum(map(len, problem.observed)), dtype=bool)
+    tied, rounds = adjust_models(problem, limit=rules.limit, active=began, plan_height=rules.plan_height)
+    fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
+    size = [np.ptp(begin.similarity.scale[k] * x[place[model] == k], axis=0) for k in range(len(chosen))]
+    misfit = Misfit(rules.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
+    notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "models", "")
+    text = f"{len(chosen)} models; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
+    notes += [Note("note", text), sigma0_note(fit, f"of {len(chosen)} models"),
+              *search_notes(tied, tables.names_of, "models")]  # fmt: skip
+    if rounds:
+        notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
+    return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, rules), notes
+
+
+def _start(
+    block: Block, control: Control, points: BodyPoints, names: Text, origin: Float
+) -> tuple[list[Similarity | None], list[Note]]:
+    """Every model on the ground, reduced to the origin, about; None where its component has too little control."""
+    free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
+    start, failed = list[Similarity | None]([None] * len(names)), list[GeometryError]()
+    for component in free.components:
+        what = strip_names(component, names.tolist(), "model")
+        body = _body(component, len(block.points))
+
+        def seen(_: Similarity, body: FreeBody = body) -> Sequence[Observed]:
+            return concerning(observed_control(control, origin, block.points.id[control.point]), body)
+
+        try:
+            to = orient_body(seen, body, OrientationRules(START_LIMIT), what=what, image_ids=np.array([what]),
+                             point_ids=block.points.id).ground_from_body  # fmt: skip
+        except GeometryError as error:
+            failed.append(error)
+            continue
+        for k, pose in zip(component.strips.tolist(), component.component_from_strip):
+            start[k] = compose(to, pose)
+    apart = [f"not joined: {text}" for text in free.unjoined]
+    if len(failed) == len(free.components):
+        raise GeometryError("; ".join([*(e.what for e in failed), *apart]), remedy=failed[0].remedy)
+    return start, [Note("warning", text) for text in (*apart, *(f"left out: {e.what}" for e in failed))]
+
+
+def _body(component: Component, n_points: int) -> FreeBody:
+    """A component as a body, seen from above as models are, whose Z is upwards: no image of it is known."""
+    xyz, covariance = np.full((n_points, 3), np.nan), np.full((n_points, 3, 3), np.nan)
+    xyz[component.point], covariance[component.point] = component.xyz, component.covariance
+    above = component.xyz.mean(axis=0) + np.ptp(component.xyz, axis=0).max() * np.array([0.0, 0.0, 1.0])
+    typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
+    return FreeBody(Poses(above[None], np.eye(3)[None]), xyz, covariance, typical, 1.0)
+
+
+def _solution(
+    block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, rules: ModelRules
+) -> Solution:
+    began = np.ones(sum(map(len, tied.problem.observed)), dtype=bool)
+    of = tied.state[BODY].similarity
+    point_m = tied.xyz_m + origin
+    transformations = []
+    for k, name in enumerate(names.tolist()):
+        to = compose(of[k], Similarity(-centre[k], 1.0, np.eye(3)))
+        sigma = _sigmas(to, centre[k], tied.covariances[BODY][k][:7, :7])
+        transformations.append(pieces.similarity_rows(name, to, origin, sigma))
+    none = np.full((len(block.images), 3), np.nan)
+    return pieces.solution_of(
+        block,
+        None,
+        pieces.Placed(none, np.full((len(none), 3, 3), np.nan), point_m),
+        method="model_adjustment/given_models",
+        counts=tied.counts,
+        sigma0=tied.sigma0,
+        iterations=tied.iterations + rounds,
+        transformations=assemble.stacked([StripTransformations.empty(), *transformations]),
+        parameters=pieces.precision_row("all models", tied.tau_m),
+        residuals=tables.residuals_of(tied),
+        suspects=tables.suspects_of(tied, STAGE, began),
+        point_covariance_m2=np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan),
+        uncontrolled=tables.uncontrolled_kinds(tied),
+        tests=tables.tests_of(tied) if rules.tests else None,
+        components=tables.components_of(tied) if rules.tests else None,
+    )
+
+
+def _sigmas(to: Similarity, centre: Float, covariance: Float) -> Float:
+    """Standard deviations of shift, scale, omega, phi and kappa from the covariance of the step about the centre.
+
+    dT0 = dT + [s R c]x d - s R c m,      ds = s m
+    """
+    arm = to.scale * to.rotation @ centre
+    J = np.eye(7)
+    J[:3, 3:6], J[:3, 6] = skew(arm[None])[0], -arm
+    J[6, 6] = to.scale
+    C = J @ covariance @ J.T
+    angles = angle_covariance(to.rotation[None], C[None, 3:6, 3:6], "omega-phi-kappa")[0]
+    return np.sqrt(np.concatenate([np.diagonal(C)[:3], C[6:, 6], np.diagonal(angles)]))

@@ -1,0 +1,43 @@
+"""Absolute orientation and block adjustment of models given by coordinates, without images (block/models).
+
+    X = T_m + s_m R_m x + v,      x: points of model m, perspective centres among them
+
+One model goes to its control by seven parameters, with their standard deviations: the absolute orientation of the
+textbooks. Several are joined by common points - each keeps its own coordinates, none are averaged - and adjusted
+together: the block adjustment with independent models. Residuals are those of every point in every model.
+
+Reduced to the centroid of each model the normal equations of shift, rotation and scale fall apart; see
+absolute_orientation/similarity, `start: centroids`.
+
+Source: Ackermann, Ebner & Klein 1970; Kraus, Photogrammetry; lecture notes A503, A801-A806.
+"""
+
+from __future__ import annotations
+
+from aatri.adapters.strips.given_models import adjusted_given_models
+from aatri.adapters.strips.model_adjustment import ModelRules
+from aatri.artifacts.block import Block
+from aatri.artifacts.offers import datum_needed
+from aatri.artifacts.solution import Solution
+from aatri.checks.finding import report
+from aatri.plugin import SILENT, Context, stage
+
+from ._options import ModelAdjustmentOptions
+
+
+@stage(
+    version=1,
+    uses=("ground_points.xyz_m", "ground_points.covariance_m2", "model_coordinates.xyz"),
+    needs=datum_needed(positions=False),
+)
+def given_models(
+    block: Block,
+    *,
+    options: ModelAdjustmentOptions = ModelAdjustmentOptions(),
+    context: Context = SILENT,
+) -> Solution:
+    """Adjust models given by coordinates."""
+    rules = ModelRules(None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability)
+    solution, notes = adjusted_given_models(block, rules)
+    report(notes, context)
+    return solution

@@ -1,0 +1,162 @@
+"""Models given by coordinates: absolute orientations as they are printed, and a block of models against its truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from aatri.arrays import Float
+from aatri.artifacts.solution import Solution
+from aatri.errors import GeometryError, InputError
+from aatri.stages.block.models import ModelsOptions, models
+from aatri.stages.model_adjustment._options import ModelAdjustmentOptions
+from aatri.stages.model_adjustment.given_models import given_models
+
+
+def example(shared_data: Path, name: str) -> dict[str, object]:
+    text = (shared_data / "worked_examples" / "absolute_orientation.yaml").read_text()
+    return next(one for one in yaml.safe_load(text) if one["id"] == name)
+
+
+def solved(folder: Path, rows: list[str], control: dict[str, Float], **options: object) -> Solution:
+    (folder / "models.txt").write_text("\n".join(rows) + "\n")
+    lines = [" ".join([point, *map(str, xyz.tolist())]) for point, xyz in control.items()]
+    (folder / "control.txt").write_text("\n".join(lines) + "\n")
+    given = {"path": folder / "models.txt", "control": folder / "control.txt", **options}
+    return given_models(models(options=ModelsOptions.model_validate(given)))
+
+
+def parameters(solution: Solution) -> dict[str, tuple[float, float]]:
+    t = solution.transformations
+    return {name: (value, sigma) for name, value, sigma in zip(t.parameter.tolist(), t.value, t.sigma)}
+
+
+def test_an_absolute_orientation_of_a_textbook(shared_data: Path, tmp_path: Path) -> None:
+    """Dewitt's 3DCONF: six control points, equal weights; seven parameters, their standard deviations, new points.
+
+    His rotation is that of ground to model, so its transpose is ours.
+    """
+    given = example(shared_data, "dewitt_3dconf")
+    control = {p: np.array(v[3:]) for p, v in given["control"].items()}
+    rows = [f"m {p} {v[0]} {v[1]} {v[2]}" for p, v in given["control"].items()]
+    rows += [f"m {p} {v[0]} {v[1]} {v[2]}" for p, v in given["unknown"].items()]
+    answer = given["answer"]
+    solution = solved(tmp_path, rows, control, sigma=answer["s0"] / answer["scale"])
+    found = parameters(solution)
+    assert solution.sigma0 == pytest.approx(1.0, abs=1e-3)
+    assert solution.redundancy == 11
+    assert found["scale"] == pytest.approx((answer["scale"], answer["sd"]["scale"]), abs=6e-6)
+    np.testing.assert_allclose([found[f"T{a}_m"][0] for a in "XYZ"], answer["T"], atol=6e-4)
+    np.testing.assert_allclose([found[f"T{a}_m"][1] for a in "XYZ"], answer["sd"]["T"], atol=6e-4)
+    angles = [np.degrees(found[f"{a}_rad"][0]) for a in ("omega", "phi", "kappa")]
+    theirs = [np.radians(answer[f"{a}_deg"]) for a in ("omega", "phi", "kappa")]
+    ours = Rotation.from_euler("xyz", theirs).as_matrix()  # M = R3 R2 R1 of Dewitt, transposed twice
+    np.testing.assert_allclose(Rotation.from_euler("XYZ", np.radians(angles)).as_matrix(), ours, atol=3e-6)
+    at = {p: k for k, p in enumerate(solution.points.id.tolist())}
+    for point, xyz in answer["transformed"].items():
+        np.testing.assert_allclose(solution.points.xyz_m[at[str(point)]], xyz, atol=6e-4)
+
+
+def test_unweighted_control_of_six_points(shared_data: Path, tmp_path: Path) -> None:
+    """The validation of ENGO 431: six points in mm, ground in m; parameters where the iteration has converged."""
+    given = example(shared_data, "mikhail_ao")
+    control = {str(p): np.array(v) for p, v in given["object_m"].items()}
+    rows = [f"m {p} {x} {y} {z}" for p, (x, y, z) in given["model_mm"].items()]
+    solution = solved(tmp_path, rows, control)
+    found, answer = parameters(solution), given["answer_converged_here"]
+    assert found["scale"][0] == pytest.approx(answer["lambda"], abs=1e-6)
+    np.testing.assert_allclose([found[f"T{a}_m"][0] for a in "XYZ"], answer["T"], atol=2e-4)
+    M = Rotation.from_euler("XYZ", [answer[f"{a}_deg"] for a in ("omega", "phi", "kappa")], degrees=True)
+    R = Rotation.from_euler("XYZ", [found[f"{a}_rad"][0] for a in ("omega", "phi", "kappa")])
+    np.testing.assert_allclose(R.as_matrix(), M.as_matrix().T, atol=1e-8)
+
+
+SIGMA = 1e-5
+
+
+def flown(seed: int) -> tuple[list[str], dict[str, Float], dict[str, Float]]:
+    """Lines of six models, each with axes and a unit of its own; control and truth of all points, centres included."""
+    rng = np.random.default_rng(seed)
+    truth = {f"P{i}{j}": np.array([400.0 * i, 450.0 * j, 30.0 * rng.normal()]) for i in range(5) for j in range(5)}
+    truth |= {f"O{i}{j}": np.array([400.0 * i + 20 * rng.normal(), 450.0 + 900.0 * j, 1200.0]) for i in range(4)
+              for j in range(2)}  # fmt: skip
+    lines = []
+    for j in range(2):
+        for i in range(3):
+            R = Rotation.from_euler("xyz", [0.03 * rng.normal(), 0.03 * rng.normal(), rng.uniform(-3, 3)]).as_matrix()
+            shift, scale = rng.normal(size=3), 1 / rng.uniform(300, 500)
+            names = [f"P{a}{b}" for a in (i, i + 1) for b in range(2 * j, 2 * j + 3)] + [f"O{i}{j}", f"O{i + 1}{j}"]
+            for name in names:
+                x = scale * R @ (truth[name] - truth[f"P{i}{2 * j}"]) + shift + rng.normal(0, SIGMA, 3)
+                lines.append(" ".join([f"{j}{i}", name, *map(repr, x.tolist()), "centre" * (name[0] == "O")]))
+    corners = [f"P{a}{b}" for a in (0, 3) for b in (0, 4)] + ["P02"]
+    return lines, {p: truth[p] for p in corners}, truth
+
+
+def test_a_block_of_given_models_is_that_of_the_truth_with_its_covariances(tmp_path: Path) -> None:
+    """Over twenty blocks the errors of points and centres are those of their standard deviations."""
+    squares = []
+    for seed in range(20):
+        lines, control, truth = flown(seed)
+        solution = solved(tmp_path, lines, control, sigma=SIGMA)
+        assert solution.redundancy == 6 * 8 * 3 + 5 * 3 - 6 * 7 - 28 * 3
+        new = [k for k, p in enumerate(solution.points.id.tolist()) if p not in control]
+        off = solution.points.xyz_m[new] - np.array([truth[p] for p in solution.points.id[new].tolist()])
+        sigma = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2[new]))
+        squares.append(np.mean((off / sigma) ** 2))
+    assert np.sqrt(np.mean(squares)) == pytest.approx(1.0, abs=0.08)
+
+
+def test_plan_and_height_in_turn_end_at_the_same(tmp_path: Path) -> None:
+    lines, control, _ = flown(3)
+    (tmp_path / "a").mkdir()
+    first = solved(tmp_path, lines, control, sigma=SIGMA)
+    block = models(options=ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA))
+    second = given_models(block, options=ModelAdjustmentOptions(iteration="plan_height"))
+    np.testing.assert_allclose(second.points.xyz_m, first.points.xyz_m, atol=1e-6)
+
+
+def test_a_wrong_point_of_a_model_is_named_and_the_rest_is_as_without_it(tmp_path: Path) -> None:
+    lines, control, _ = flown(5)
+    clean = solved(tmp_path, lines, control, sigma=SIGMA)
+    wrong = next(k for k, line in enumerate(lines) if line.startswith("01 P12"))
+    words = lines[wrong].split()
+    lines[wrong] = " ".join([*words[:2], repr(float(words[2]) + 30 * SIGMA), *words[3:]])
+    solution = solved(tmp_path, lines, control, sigma=SIGMA)
+    assert list(zip(solution.suspects.image.tolist(), solution.suspects.point.tolist())) == [("01", "P12")]
+    sigma = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2))
+    assert (np.abs(solution.points.xyz_m - clean.points.xyz_m) < 2 * sigma + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "told"),
+    [
+        (lambda lines: [*lines, lines[0]], InputError, "point P00 of model 00 twice, first in line 1"),
+        (lambda lines: [*lines, "00 P99 1 2"], InputError, "4 words where"),
+        (lambda lines: [*lines, "00 P99 1 2 3 0"], InputError, "standard deviation 0"),
+        (lambda lines: [*lines, "00 P99 1 2 x"], InputError, "'x': not a number"),
+        (
+            lambda lines: [line.replace(" P", " Q") for line in lines],
+            GeometryError,
+            "no control",
+        ),
+    ],
+)
+def test_bad_files_are_refused_by_line(tmp_path: Path, change, error, told) -> None:  # type: ignore[no-untyped-def]
+    lines, control, _ = flown(1)
+    with pytest.raises(error, match=told):
+        solved(tmp_path, change(lines), control, sigma=SIGMA)
+
+
+def test_control_with_north_first_is_refused_and_read_when_said(tmp_path: Path) -> None:
+    lines, control, truth = flown(2)
+    exchanged = {p: xyz[[1, 0, 2]] for p, xyz in control.items()}
+    with pytest.raises(GeometryError, match="mirror"):
+        solved(tmp_path, lines, exchanged, sigma=SIGMA)
+    solution = solved(tmp_path, lines, exchanged, sigma=SIGMA, axes="north,east,up")
+    at = solution.points.id.tolist().index("P22")
+    np.testing.assert_allclose(solution.points.xyz_m[at], truth["P22"], atol=0.05)
