@@ -90,13 +90,15 @@ class TangentFrame:
     def axes_at(self, xyz_m: Float) -> Float:
         """B: grid east, grid north and up at places of the tangent frame, (n, 3, 3), columns.
 
-        Grid north is the direction in which the east coordinate and the height do not change.
+        Grid north is the direction in which the east coordinate and the height do not change. NaN where the map has
+        no such place.
         """
         if self.geocentric:
             return np.broadcast_to(self.axes.T, (len(xyz_m), 3, 3)).copy()
-        up = self.up_at(xyz_m)
-        inverse: Float = np.asarray(np.linalg.inv(self.derivatives_at(xyz_m)), dtype=np.float64)
-        return _frame_of(inverse[:, :, 1], up)
+        D = self.derivatives_at(xyz_m)
+        with np.errstate(invalid="ignore"):
+            north = np.sign(np.linalg.det(D))[:, None] * np.cross(D[:, 2], D[:, 0])
+            return _frame_of(north, self.up_at(xyz_m))
 
     def true_axes_at(self, xyz_m: Float) -> Float:
         """East, north (true) and up at places of the tangent frame, (n, 3, 3), columns."""

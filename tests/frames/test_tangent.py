@@ -194,6 +194,17 @@ def test_a_place_the_map_does_not_have_is_nan_and_no_error() -> None:
     assert np.isnan(frame.to_block(np.array([[np.nan, 0.0, 0.0]]))).all()
 
 
+@pytest.mark.parametrize("away_m", [1e7, 1e12, 1e17, 1e30])
+def test_axes_where_the_map_ends_are_nan_and_no_error(away_m: float) -> None:
+    """There an iteration may arrive that runs away: every coordinate is the same within rounding."""
+    far = np.array([[away_m, 0.0, 0.0], [0.0, away_m, -away_m], [0.0, 0.0, away_m]])
+    axes = utm().axes_at(far)
+    known = np.isfinite(axes).all(axis=(1, 2))
+    np.testing.assert_allclose(
+        axes[known] @ axes[known].swapaxes(1, 2), np.tile(np.eye(3), (known.sum(), 1, 1)), atol=1e-9
+    )
+
+
 def test_expansions_are_the_map_and_its_axes_and_smooth() -> None:
     frame, X = utm(), places(30)
     expanded = Expanded(frame, CENTRE)

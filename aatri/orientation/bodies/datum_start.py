@@ -45,6 +45,8 @@ COLLINEAR = 0.01
 HEADINGS = 12
 """Starts: every 30 degrees one."""
 
+SHIFT_AND_SCALE = [0, 1, 2, 6]
+
 LINEAR_STEPS = 3
 """Steps of shift and scale, in which distances are nearly linear."""
 
@@ -126,7 +128,10 @@ def _used(observed: Sequence[Observed], use: Bool) -> list[Observed]:
 
 
 def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Similarity) -> Similarity:
-    """Shift and scale, the rotation held, from the observations without unknowns of their own."""
+    """Shift and scale, the rotation held, from the observations without unknowns of their own.
+
+    What these do not see by a standard deviation, if the body is shifted by its size or doubled, stays as it is.
+    """
     plain = [
         _of_body(o.records, body)
         for o in _used(observed, use)
@@ -135,9 +140,11 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
     for _ in range(LINEAR_STEPS if plain else 0):
         rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
         J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])
-        used = [0, 1, 2, 6]
+        size = np.append(np.full(3, start.scale * np.linalg.norm(np.ptp(body.places, axis=0))), 1.0)
+        U, seen, Vt = np.linalg.svd(J[:, SHIFT_AND_SCALE] * size, full_matrices=False)
+        along = U.T @ np.concatenate([w.ravel() for w, _ in rows])
         step = np.zeros((1, 7))
-        step[0, used] = -np.linalg.lstsq(J[:, used], np.concatenate([w.ravel() for w, _ in rows]), rcond=1e-9)[0]
+        step[0, SHIFT_AND_SCALE] = -size * (Vt.T @ np.divide(along, seen, out=np.zeros(len(seen)), where=seen > 1.0))
         start = _retracted(start, step)
     return start
 
