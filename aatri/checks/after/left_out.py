@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.arrays import Bool
 from aatri.checks.finding import Finding
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, touched_points
@@ -23,8 +24,8 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Finding]:
     findings = []
     set_aside = result.set_aside
     images = np.asarray(given.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
-    tied = touched_points(given) & ~set_aside.get(POINT, np.False_)
-    points = np.asarray(given.point_ids)[tied & ~result.point_adjusted]
+    tied = touched_points(given)
+    points = np.asarray(given.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
     for ids, of, what, why in (
         (points, len(given.point_ids), "points", "too few usable rays"),
         (images, len(given.image_ids), "images", "no start or too few points"),
@@ -33,15 +34,16 @@ def left_out(given: BundleInput, result: BundleResult) -> list[Finding]:
             findings.append(
                 Finding("left_out", "warning", f"left out, {why} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist()))
             )
+    n_rays = -1 if given.rays is None else len(given.rays.image)
     for o in result.observations:
-        findings += _unused(o, given)
-    return [*findings, *_idle(given, result)]
+        findings += _unused(o, tied, n_rays)
+    return [*findings, *_idle(result)]
 
 
-def _idle(given: BundleInput, result: BundleResult) -> list[Finding]:
+def _idle(result: BundleResult) -> list[Finding]:
     """Cameras, drift groups ... that are to be estimated, and that no observation in use touches."""
     findings, adjusted = [], {u.name: u.free for u in result.adjusted.problem.unknowns}
-    for u in (u for o in given.observed for u in o.unknowns if not u.joins):
+    for u in (u for o in result.observations for u in o.observed.unknowns if not u.joins):
         idle = u.free.any(axis=1) & ~adjusted[u.name].any(axis=1)
         if idle.any() and not (u.free & ~adjusted[u.name])[~idle].any():
             ids = tuple(np.asarray(u.ids, dtype=np.str_)[idle].tolist())
@@ -51,18 +53,18 @@ def _idle(given: BundleInput, result: BundleResult) -> list[Finding]:
     return findings
 
 
-def _unused(adjusted: AdjustedObservations, given: BundleInput) -> list[Finding]:
+def _unused(adjusted: AdjustedObservations, tied: Bool, n_rays: int) -> list[Finding]:
     """Observations in use on input that touch nothing that takes part; image points are told by image and point."""
     o = adjusted.observed
     unused = o.records.active.copy()
     unused[adjusted.rows] = False
     rows = np.flatnonzero(unused)
-    if not len(rows) or o.components or (given.rays is not None and len(o) == len(given.rays.image)):
+    if not len(rows) or o.components or len(o) == n_rays:
         return []
     image, point = o.names(rows)
     ids = tuple(a or b for a, b in zip(image.tolist(), point.tolist()))
     alone = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
-    if alone and not touched_points(given)[o.records.touches[0][1][rows]].any():
+    if alone and not tied[o.records.touches[0][1][rows]].any():
         return [Finding("left_out", "note", f"{o.kind}: nothing else is measured at {len(rows)} of {len(o)}", ids=ids)]
     return [
         Finding(

@@ -33,7 +33,7 @@ from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
+from aatri.orientation.bundle.block import BundleInput, Participants, taking_part, unknowns_of
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum
@@ -60,11 +60,12 @@ def adjust_bundle(
         If the iteration does not converge.
     """
     part = taking_part(given)
-    start = start_of(given)
-    given, raised = _within_reach(given, start)
+    start = part.start
+    observed, raised = _within_reach(given.observed, start)
+    given = replace(given, observed=observed)
     poses = _free_poses(given, part.of[POSE], settings.datum)
     unknowns = unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
-    records, constraints = _records(given, part, settings)
+    records, constraints = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
             "there is nothing to adjust: no image and no point has enough observations that tie it to others",
@@ -84,7 +85,7 @@ def adjust_bundle(
             records,
             values,
             constraints=constraints,
-            veto=_veto(given, part),
+            veto=_veto(observed, part),
             reporter=reporter,
             settings=settings.solution,
         )
@@ -147,20 +148,20 @@ _WITHOUT_FACTOR = (
 )
 
 
-def _within_reach(given: BundleInput, start: dict[str, object]) -> tuple[BundleInput, list[Note]]:
-    """Observations between points or images whose standard deviations are too small beside those of all others."""
+def _within_reach(observed: tuple[Observed, ...], start: State) -> tuple[tuple[Observed, ...], list[Note]]:
+    """Observations between points or images, with standard deviations that are not too small beside all others'."""
     some = [
         i
-        for i, o in enumerate(given.observed)
+        for i, o in enumerate(observed)
         if len(o.records.touches) > 1 and not (o.exact or o.components or _is_ray(o.records))
     ]
     if not some:
-        return given, []
-    others = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in given.observed]
+        return observed, []
+    others = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in observed]
     factors = within_reach(others, some, start)
-    observed, notes = list(given.observed), []
+    raised, notes = list(observed), []
     for i, factor in factors.items():
-        o = given.observed[i]
+        o = observed[i]
         far = np.flatnonzero(factor < 1)
         sigmas = [np.nanmin(f) for f in (o.sigmas()[far], o.sigmas()[far] / factor[far, None])]
         names = tuple(o.label(int(k)) for k in far)
@@ -169,8 +170,8 @@ def _within_reach(given: BundleInput, start: dict[str, object]) -> tuple[BundleI
             f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}"
         )
         notes.append(Note("note", text, names))
-        observed[i] = replace(o, records=scaled(o.records, factor))
-    return replace(given, observed=tuple(observed)), notes
+        raised[i] = replace(o, records=scaled(o.records, factor))
+    return tuple(raised), notes
 
 
 def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
@@ -203,11 +204,13 @@ def _is_ray(records: Records) -> bool:
     return records.name == IMAGE_POINT
 
 
-def _records(given: BundleInput, part: Participants, settings: BundleSettings) -> tuple[list[Records], list[Records]]:
+def _records(
+    observed: tuple[Observed, ...], part: Participants, settings: BundleSettings
+) -> tuple[list[Records], list[Records]]:
     """Observations and constraints of what takes part."""
     records: list[Records] = []
     constraints: list[Records] = []
-    for i, (o, rows) in enumerate(zip(given.observed, part.rows)):
+    for i, (o, rows) in enumerate(zip(observed, part.rows)):
         if not len(rows):
             continue
         named = replace(o.records, label=o.label)
@@ -221,10 +224,8 @@ def _records(given: BundleInput, part: Participants, settings: BundleSettings) -
     return records, constraints
 
 
-def _veto(given: BundleInput, part: Participants) -> Callable[[State, State], str] | None:
-    vetoes = [
-        o.veto(rows[o.records.active[rows]]) for o, rows in zip(given.observed, part.rows) if o.veto and len(rows)
-    ]
+def _veto(observed: tuple[Observed, ...], part: Participants) -> Callable[[State, State], str] | None:
+    vetoes = [o.veto(rows[o.records.active[rows]]) for o, rows in zip(observed, part.rows) if o.veto and len(rows)]
     if not vetoes:
         return None
     return lambda old, new: next((why for veto in vetoes if (why := veto(old, new))), "")
@@ -248,7 +249,8 @@ def _result(
         for name, values in known.items():
             some = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)
             groups[name][some] = values[some]
-        found = _of_observations(given, part, marginal.records)
+        places = [i for i, rows in enumerate(part.rows) if len(rows) and not given.observed[i].exact]
+        found = dict(zip(places, marginal.records))
     poses: Poses = adjusted.state[POSE]
     return BundleResult(
         Poses(
@@ -266,12 +268,6 @@ def _result(
         free,
         part.absent,
     )
-
-
-def _of_observations(given: BundleInput, part: Participants, found: tuple[Float, ...]) -> dict[int, Float]:
-    """Covariances of the adjusted values, by place among the observations."""
-    places = [i for i, (o, rows) in enumerate(zip(given.observed, part.rows)) if len(rows) and not o.exact]
-    return dict(zip(places, found))
 
 
 def _observations(o: Observed, rows: np.ndarray, found: Float | None) -> AdjustedObservations:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjustment.records import Records
-from aatri.adjustment.unknowns import Ids, Unknowns, add_step
+from aatri.adjustment.unknowns import Ids, State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
@@ -84,6 +84,8 @@ class Participants:
 
     Attributes
     ----------
+    start : State
+        Values of all groups of unknowns.
     of : dict of str to (n,) bool
         Blocks of each group of unknowns.
     rows : tuple of (k,) int
@@ -92,6 +94,7 @@ class Participants:
         Coordinates of points that no observation can see.
     """
 
+    start: State
     of: dict[str, Bool]
     rows: tuple[Int, ...]
     absent: Bool
@@ -99,10 +102,10 @@ class Participants:
 
 def taking_part(given: BundleInput) -> Participants:
     """Which blocks and observations take part; see above."""
-    absent = absent_coordinates(given)
+    absent, start = _absent_coordinates(given.observed, len(given.point_ids)), start_of(given)
     part = {
         POSE: finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image),
-        POINT: finite_rows(_start_points(given)),
+        POINT: finite_rows(start[POINT]),
     }
     own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
@@ -134,16 +137,15 @@ def taking_part(given: BundleInput) -> Participants:
         np.flatnonzero(use & (o.records.active if o.rejected is None else o.records.active | o.rejected))
         for o, use in zip(given.observed, usable)
     )
-    return Participants(part, rows_of, absent & part[POINT][:, None])
+    return Participants(start, part, rows_of, absent & part[POINT][:, None])
 
 
-def absent_coordinates(given: BundleInput) -> Bool:
+def _absent_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
     """Coordinates of points that no observation can see, (n_points, 3)."""
-    n = len(given.point_ids)
-    seen = np.zeros((n, 3), dtype=bool)
-    if not any(not np.all(o.sees) for o in given.observed):
+    seen = np.zeros((n_points, 3), dtype=bool)
+    if all(np.all(o.sees) for o in observed):
         return seen
-    for o in given.observed:
+    for o in observed:
         sees = np.broadcast_to(o.sees, (len(o), 3))
         for group, block in o.records.touches:
             for k in range(3) if group == POINT else ():
@@ -190,23 +192,21 @@ def _holds(observed: Sequence[Observed]) -> list[Holds]:
     return [o.holds for o in observed if o.holds is not None and o.holds.group == POINT]
 
 
-def _start_points(given: BundleInput) -> Float:
-    """Start of the points, exact coordinates at their values, absent ones that are not given at the mean."""
+def start_of(given: BundleInput) -> State:
+    """Values of all groups of unknowns at the start.
+
+    Exact coordinates of points are at their values, absent ones that have no start at the mean of the others.
+    """
     xyz = given.xyz_m.copy()
     if not given.level.curved:
-        known = np.isfinite(xyz)
-        mean = np.where(known, xyz, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        xyz = np.where(absent_coordinates(given) & ~known, mean, xyz)
+        finite = np.isfinite(xyz)
+        mean = np.where(finite, xyz, 0.0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1)
+        xyz = np.where(_absent_coordinates(given.observed, len(xyz)) & ~finite, mean, xyz)
     for h in _holds(given.observed):
         row, scalar = np.nonzero(h.scalar)
         xyz[h.block[row], scalar] = h.value[row, scalar]
-    return xyz
-
-
-def start_of(given: BundleInput) -> dict[str, object]:
-    """Values of all groups of unknowns at the start."""
     own = {name: value for o in given.observed for name, value in o.start.items()}
-    return {POSE: given.poses, **own, POINT: _start_points(given)}
+    return {POSE: given.poses, **own, POINT: xyz}
 
 
 def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, places: Float) -> list[Unknowns]:
@@ -225,13 +225,13 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     groups = []
     if len(poses):
         start = (given.rays, given.poses, given.xyz_m)
-        seen_at_m = np.where(_with_own_observations(given), 0.0, seen_distances_m(*start))
+        seen_at_m = np.where(_with_own_observations(given.observed, len(poses)), 0.0, seen_distances_m(*start))
         groups = [pose_unknowns(given.image_ids, poses, places, median_distance_m(*start), seen_at_m)]
     for o in given.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
     # Where no image is adjusted, nothing is left to eliminate the points from: they are the unknowns that are kept.
     onto = bool(poses.any()) or given.held_images is None
-    far = np.full(3, _extent_m(given)) if given.rays is None else None
+    far = np.full(3, _extent_m(given.xyz_m)) if given.rays is None else None
     return [
         *groups,
         Unknowns(
@@ -248,17 +248,17 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
     ]
 
 
-def _with_own_observations(given: BundleInput) -> Bool:
+def _with_own_observations(observed: Sequence[Observed], n_images: int) -> Bool:
     """Images whose poses are observed, not their points alone, (n_images,)."""
-    own = np.zeros(len(given.image_ids), dtype=bool)
-    for o in given.observed:
+    own = np.zeros(n_images, dtype=bool)
+    for o in observed:
         groups = dict(o.records.touches)
         if POSE in groups and POINT not in groups:
             own[groups[POSE][o.records.active]] = True
     return own
 
 
-def _extent_m(given: BundleInput) -> float:
+def _extent_m(xyz_m: Float) -> float:
     """Extent of a network, m: a point less certain than this is not determined."""
-    known = given.xyz_m[finite_rows(given.xyz_m)]
+    known = xyz_m[finite_rows(xyz_m)]
     return float(np.linalg.norm(np.ptp(known, axis=0))) if len(known) > 1 else np.inf

@@ -69,7 +69,7 @@ def adjust_bundle_from_afar(
     if best is None:
         assert failure is not None
         raise failure
-    over = turned_over(given, best)
+    over = turned_over(given.rays, best)
     if over.any():
         raise ConvergenceError(
             f"images see most of their points behind them: {shown(np.asarray(given.image_ids)[over])}",
@@ -79,10 +79,10 @@ def adjust_bundle_from_afar(
 
 
 def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
-    if result is None or turned_over(given, result).any():
+    if result is None or turned_over(given.rays, result).any():
         return False
     # relative control has minima of its own: a cylinder through other points that nearly fit
-    strayed = restarted or has_shapes(given) or any(step.strayed for step in result.adjusted.history)
+    strayed = restarted or has_shapes(given.observed) or any(step.strayed for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
 
 
@@ -90,7 +90,7 @@ def _best_restart(
     given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
-    if has_shapes(given):
+    if has_shapes(given.observed):
         try:
             given = start_without_shapes(given, settings, reporter)
             found = adjust_bundle(given, settings, reporter=reporter)
@@ -167,9 +167,9 @@ def _misfits(given: BundleInput, result: BundleResult) -> Bool:
             total += np.bincount(image, o.observed.records.standardised(result.adjusted.state)[rows], n)
     mean = total / np.maximum(count, 1)
     large = mean > max(FAR_SIGMA0, 3.0 * float(np.median(mean[result.image_adjusted])))
-    return np.asarray(large | turned_over(given, result))
+    return np.asarray(large | turned_over(given.rays, result))
 
 
 def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
-    over = turned_over(given, result)
+    over = turned_over(given.rays, result)
     return int(over.sum()), result.adjusted.cost

@@ -7,6 +7,7 @@ observations alone give points that are right, to which every shape is fitted an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +20,9 @@ from aatri.orientation.bundle.settings import BundleSettings
 from aatri.progress import Reporter
 
 
-def has_shapes(given: BundleInput) -> bool:
+def has_shapes(observed: Sequence[Observed]) -> bool:
     """Whether some observations are of points of a shape."""
-    return any(_is_shape(o) for o in given.observed)
+    return any(map(_is_shape, observed))
 
 
 def _is_shape(o: Observed) -> bool:

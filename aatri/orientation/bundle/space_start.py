@@ -8,7 +8,6 @@ same image points, exactly where the ground is flat.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.orientation.bundle.block import BundleInput, Participants, start_of, taking_part, unknowns_of
+from aatri.orientation.bundle.block import BundleInput, Participants, taking_part, unknowns_of
 from aatri.orientation.bundle.result import BundleResult
 
 SPACE_ITERATIONS = 60
@@ -44,7 +43,7 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
     part = taking_part(given)
     image, point = part.of[POSE], part.of[POINT]
     rays, others = given.rays.take(_ray_rows(given, part)), _other_records(given, part)
-    state: Any = start_of(given)
+    state = part.start
     distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - given.poses.position_m[rays.image], axis=1)))
     records = [object_space_records(rays, distance, factor), *others]
     for turning in (False, True) if rotations_held else (True,):
@@ -59,11 +58,11 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
     return replace(given, poses=poses, xyz_m=np.where(point[:, None], xyz, given.xyz_m))
 
 
-def turned_over(given: BundleInput, result: BundleResult) -> Bool:
+def turned_over(rays: ImagePointRows | None, result: BundleResult) -> Bool:
     """Images with more than half of their points behind them, (n_images,) bool."""
-    if given.rays is None:
-        return np.zeros(len(given.image_ids), dtype=bool)
-    return images_turned_over(given.rays.take(result.ray_used), result.poses, result.xyz_m)
+    if rays is None:
+        return np.zeros(len(result.image_adjusted), dtype=bool)
+    return images_turned_over(rays.take(result.ray_used), result.poses, result.xyz_m)
 
 
 def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Bool:

@@ -33,7 +33,7 @@ def _best(monkeypatch: pytest.MonkeyPatch, first: Any, found: list[Any]) -> Any:
     monkeypatch.setattr(from_afar, "has_shapes", lambda _: False)
     monkeypatch.setattr(from_afar, "turned_over", lambda _, result: result.over)
     monkeypatch.setattr(from_afar, "_resected", lambda _, best, *__: best)
-    given: Any = SimpleNamespace(rays=())
+    given: Any = SimpleNamespace(rays=(), observed=())
     return from_afar._best_restart(given, first, SILENT, BundleSettings())
 
 

@@ -24,6 +24,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.tested_block import known_covariance, residuals_and_redundancy
+from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
 
@@ -66,7 +67,7 @@ class Classes:
             if o.exact or o.components or not len(o):
                 number.append(np.broadcast_to(np.int64(-1), (len(o), o.records.rows)))
                 continue
-            labels, label = _labels(o, given)
+            labels, label = _labels(o, given.images)
             parts = o.parts or (("", tuple(range(o.records.rows))),)
             component = np.zeros(o.records.rows, dtype=np.int64)
             for k, (_, components) in enumerate(parts):
@@ -177,13 +178,13 @@ def _is_prior(o: Observed) -> bool:
     return bool(o.components) and not any(is_additional(group) for group, _ in o.records.touches)
 
 
-def _labels(o: Observed, given: BundleInput) -> tuple[list[str], Int]:
+def _labels(o: Observed, images: ImageGroups | None) -> tuple[list[str], Int]:
     """What tells the observations of one kind apart, and which each has: camera and group."""
     labels, label = [""], np.zeros(len(o), dtype=np.int64)
     touched = dict(o.records.touches)
-    if given.images is not None and POSE in touched and POINT in touched and len(given.images.cameras) > 1:
-        used, label = np.unique(given.images.camera[touched[POSE]], return_inverse=True)
-        labels = [str(name) for name in given.images.cameras[used]]
+    if images is not None and POSE in touched and POINT in touched and len(images.cameras) > 1:
+        used, label = np.unique(images.camera[touched[POSE]], return_inverse=True)
+        labels = [str(name) for name in images.cameras[used]]
     if o.group is not None:
         names, group = np.unique(o.group, return_inverse=True)
         labels = [f"{a} {b}".strip() for a in labels for b in names.tolist()]

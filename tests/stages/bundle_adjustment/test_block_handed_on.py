@@ -1,0 +1,44 @@
+"""Behind the bundle's door there are arrays: few calls receive the whole block."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from aatri.artifacts.block import Block
+from aatri.observations.observed import Given
+from aatri.orientation.bundle.block import BundleInput
+from aatri.stages.bundle_adjustment.bundle import bundle
+from tests.stages.chain import run_chain, simulated
+
+HOUSE = tuple(f"{Path(__file__).parents[3] / top}/" for top in ("aatri", "stages"))
+WHOLE = (Block, Given, BundleInput)
+
+
+def test_few_calls_receive_the_whole_block() -> None:
+    """150 calls in 60 modules, of a block in which the search finds no gross error; a method of the block is a call, too."""
+    flight = {"strips": 2, "images_per_strip": 5}
+    chain = run_chain(simulated(3, preset="rc30", flight=flight))
+    calls: list[str] = []
+    generators: set[int] = set()  # one that goes on is no call
+
+    def note(frame: FrameType, event: str, _: Any) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(HOUSE) and frame is not here:
+            arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+            if any(isinstance(frame.f_locals.get(name), WHOLE) for name in arguments):
+                if not code.co_flags & inspect.CO_GENERATOR or id(frame) not in generators:
+                    calls.append(code.co_filename)
+                generators.add(id(frame))
+
+    here = inspect.currentframe()
+    sys.setprofile(note)
+    try:
+        bundle(chain.block, chain.refined, chain.strip_block)
+    finally:
+        sys.setprofile(None)
+    assert 60 < len(calls) <= 150
+    assert len(set(calls)) <= 60
