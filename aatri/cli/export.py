@@ -1,31 +1,30 @@
-"""`aatri export`: artifacts as tables or models of other programs, a pipeline as a script for SLURM."""
+"""`aatri export`: artifacts as tables or files of other programs, a pipeline as a script for SLURM."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_run_stage
+from aatri.cli.arguments.exporting import check_folder, complete_format, write_format
 from aatri.cli.arguments.locate import LocatedRun, find_run, split_stage
+from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ArtifactError, ResourceError, SpecError
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 
-class ExportForm(StrEnum):
-    """Forms that artifacts can be exported to."""
+OTHERS = ("slurm",)
+"""Forms that are no format of blocks."""
 
-    tables = "tables"
-    colmap = "colmap"
-    bal = "bal"
-    slurm = "slurm"
-    wucaps = "wucaps"
+
+def _complete(incomplete: str) -> list[str]:
+    return complete_format(incomplete) + [form for form in OTHERS if form.startswith(incomplete)]
 
 
 @reports_errors
@@ -37,48 +36,42 @@ def export(
         ),
     ],
     form: Annotated[
-        ExportForm,
-        typer.Argument(
-            parser=one_of(ExportForm),
-            autocompletion=complete(ExportForm),
-            metavar="FORM",
-            help=f"One of {listed(ExportForm)}.",
-        ),
+        str,
+        typer.Argument(metavar="FORMAT", autocompletion=_complete, help="tables, slurm, or a format that is written."),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
-    overwrite: Annotated[bool, typer.Option(help="Write into a folder that is not empty.")] = False,
+    overwrite: Overwrite = False,
+    measured: Annotated[
+        bool, typer.Option("--measured", help="Image points as measured, with the distortion of the cameras.")
+    ] = False,
+    columns: ListColumns = None,
+    angle: ListAngle = None,
+    rotation: ListRotation = None,
+    lens_misfit: LensMisfit = 0.05,
 ) -> None:
-    """Export results as tables or WuCAPS files, a Solution for COLMAP or BAL, a pipeline for SLURM."""
-    if form is ExportForm.slurm:
+    """Export results as tables or for another program (`aatri formats`), a pipeline for SLURM.
+
+    The image points of a Solution are written free of all that was corrected, with cameras without distortion, or, with
+    --measured, as they were measured.
+    """
+    if form == "slurm":
         _write_script(Path(what), folder, overwrite=overwrite)
         return
+    from aatri.formats.registry.export import written_format
+
+    written_format(form, OTHERS)
     path, stage = split_stage(what)
     run = find_run(path)
     name = run.stage(stage)["stage"] if stage else _last_solution(run)
-    if folder.exists() and not folder.is_dir():
-        raise SpecError("not a folder", where=str(folder))
-    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-        raise SpecError("the folder is not empty", where=str(folder), remedy="another folder, or --overwrite")
-    _refuse_links(folder)
-    if form is ExportForm.tables:
-        _write(run, name, folder)
-    elif form is ExportForm.wucaps:
-        _write_wucaps(run, name, folder)
-    else:
-        _write_model(run, name, form, folder)
-    narrate(f"{name} of {run.folder} written as {form}")
-    say(str(folder))
-
-
-def _refuse_links(folder: Path) -> None:
-    """Writing over a link would change a file elsewhere; over a pipe it would wait for a reader."""
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise SpecError(
-                "is a link or no file, and would be written through",
-                where=str(path),
-                remedy="remove it, or another folder",
-            )
+    check_folder(folder, overwrite=overwrite)
+    if form == "tables" and _record(run, name)["output"]["kind"] != "Block":
+        _write_tables(run, name, folder)
+        narrate(f"{name} of {run.folder} written as {form}")
+        say(str(folder))
+        return
+    options = {"columns": columns, "angle": angle, "rotation": rotation, "lens_misfit_px": lens_misfit}
+    oriented = _oriented(run, name, form, measured=measured)
+    write_format(form, oriented, folder, options, what=f"{name} of {run.folder}")
 
 
 def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
@@ -97,23 +90,20 @@ def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
     say(str(path))
 
 
-def _write(run: LocatedRun, name: str, folder: Path) -> None:
-    kind = _record(run, name)["output"]["kind"]
-    if kind == "Block":
-        from aatri.formats.tables.writer import write_block
+def _write_tables(run: LocatedRun, name: str, folder: Path) -> None:
+    """A Solution or an Evaluation as tables."""
+    from aatri.pipeline.store import run_folder as store
 
-        write_block(_block(run, name), folder)
-    elif kind == "Solution":
+    kind = _record(run, name)["output"]["kind"]
+    if kind == "Solution":
         from aatri.artifacts.solution import Solution
         from aatri.formats.results.solution_tables import write_solution_tables
-        from aatri.pipeline.store import run_folder as store
 
         source = _record(run, name)["inputs"]["block"]["stage"]
         write_solution_tables(store.load(run.folder, name, Solution), _block(run, source), folder)
     elif kind == "Evaluation":
         from aatri.artifacts.evaluation import Evaluation
         from aatri.formats.results.solution_tables import write_evaluation_tables
-        from aatri.pipeline.store import run_folder as store
 
         write_evaluation_tables(store.load(run.folder, name, Evaluation), folder)
     else:
@@ -122,47 +112,23 @@ def _write(run: LocatedRun, name: str, folder: Path) -> None:
         )
 
 
-def _write_model(run: LocatedRun, name: str, form: ExportForm, folder: Path) -> None:
-    """A Solution as another program reads it, with the image points it was made from."""
+def _oriented(run: LocatedRun, name: str, form: str, *, measured: bool) -> OrientedBlock:
+    """A Block, or a Solution with the image points it was made from, as writers take it."""
     from aatri.artifacts.image_points import ImagePoints
     from aatri.artifacts.solution import Solution
-    from aatri.formats.results.crs import write_crs
+    from aatri.formats.results.oriented_block import OrientedBlock
     from aatri.pipeline.store import run_folder as store
 
     record = _record(run, name)
-    if record["output"]["kind"] != "Solution":
-        raise SpecError(
-            f"{name} gives {record['output']['kind']}; only a Solution can be written as {form}", where=str(run.folder)
-        )
+    kind = record["output"]["kind"]
     inputs = {port: source["stage"] for port, source in record["inputs"].items()}
-    solution, block = store.load(run.folder, name, Solution), _block(run, inputs["block"])
-    points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
-    if form is ExportForm.colmap:
-        from aatri.formats.colmap.writer import write_colmap_model
-
-        write_colmap_model(solution, block, folder, image_points=points)
-    else:
-        from aatri.formats.bal.writer import write_bal_problem
-
-        write_bal_problem(solution, block, folder / "problem.txt", image_points=points)
-    write_crs(block, folder)
-
-
-def _write_wucaps(run: LocatedRun, name: str, folder: Path) -> None:
-    """A Block as measured, or that of a Solution with the image points it was made from."""
-    from aatri.artifacts.image_points import ImagePoints
-    from aatri.formats.wucaps.writer import write_wucaps
-    from aatri.pipeline.store import run_folder as store
-
-    record = _record(run, name)
-    inputs = {port: source["stage"] for port, source in record["inputs"].items()}
-    if record["output"]["kind"] not in ("Block", "Solution"):
-        raise SpecError(
-            f"{name} gives {record['output']['kind']}; a Solution or a Block can be exported", where=str(run.folder)
-        )
-    points = store.load(run.folder, inputs["image_points"], ImagePoints) if "image_points" in inputs else None
-    for note in write_wucaps(_block(run, inputs.get("block", name)), folder, points):
-        narrate(f"{note.level}: {note}")
+    if kind == "Block":
+        return OrientedBlock(_block(run, name))
+    if kind != "Solution":
+        raise SpecError(f"{name} gives {kind}; a Solution or a Block can be written as {form}", where=str(run.folder))
+    corrected = "image_points" in inputs and not measured
+    points = store.load(run.folder, inputs["image_points"], ImagePoints) if corrected else None
+    return OrientedBlock(_block(run, inputs["block"]), store.load(run.folder, name, Solution), points)
 
 
 def _block(run: LocatedRun, name: str) -> Block:

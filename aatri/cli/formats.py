@@ -28,6 +28,7 @@ def formats(
             "carries": list(f.carries),
             "does_not_carry": list(f.drops),
             "read_by": f.stage or ("block/combined" if f.read else ""),
+            "writes": list(f.written) if f.write else [],
             "page": f.page,
         }
         for f in listed
@@ -38,7 +39,10 @@ def formats(
         for key, value in described[0].items():
             say(f"{key.replace('_', ' '):<16}{', '.join(value) if isinstance(value, list) else value}")
     else:
-        rows = [[str(d["name"]), str(d["title"]), str(d["read_by"]), ", ".join(d["carries"])] for d in described]
-        say_table(("format", "title", "read by", "carries"), rows)
+        rows = [
+            [str(d["name"]), str(d["title"]), str(d["read_by"]), "yes" if d["writes"] else "", ", ".join(d["carries"])]
+            for d in described
+        ]
+        say_table(("format", "title", "read by", "written", "carries"), rows)
         say()
         say("`aatri formats FORMAT` says by what a format is recognised, and what it does not carry")

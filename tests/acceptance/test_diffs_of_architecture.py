@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.parameter_set import classical, correction, scale_of_format
 from aatri.errors import InputError
+from aatri.formats.parts.format import AS_USUAL
+from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.registry.export import write_as
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.observations.kinds import catalogue as kinds
-from aatri.pipeline.store import run_folder
+from aatri.progress import SILENT
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.testing.check import check_stage
@@ -178,15 +180,12 @@ def test_the_export_writes_the_points(tmp_path: Path, monkeypatch: pytest.Monkey
     assert all(re.search(rf"^layers = \[.*\b{room}\b", contracts, re.M) for room in rooms)
     for path in (path for path in files if path.startswith("aatri/formats/")):
         _module(path, files[path], tmp_path, monkeypatch)
-    export = _module("aatri/cli/export.py", files["aatri/cli/export.py"], tmp_path, monkeypatch, "export_of_docs")
+    listed = "aatri/formats/registry/catalogue.py"
+    patched = _module(listed, files[listed], tmp_path, monkeypatch, "catalogue_of_docs")
+    (ply,) = set(patched.FORMATS) - set(FORMATS)
     block = made_block()
     solution = made_solution(block)
-    made = {Solution: solution, Block: block, ImagePoints: None}
-    record = {"output": {"kind": "Solution"}, "inputs": {"block": {"stage": "block"}}}
-    monkeypatch.setattr(run_folder, "load", lambda _run, _name, kind: made[kind])
-    monkeypatch.setattr(export, "_record", lambda _run, _name: record)
-    run = type("Run", (), {"folder": tmp_path})()
-    export._write_model(run, "bundle", export.ExportForm("ply"), tmp_path / "out")
+    write_as(ply, OrientedBlock(block, solution), tmp_path / "out", AS_USUAL, SILENT)
     head, _, rows = (tmp_path / "out" / "points.ply").read_text().partition("end_header\n")
     xyz_m = np.array([[float(word) for word in row.split()] for row in rows.splitlines()])
     assert f"element vertex {len(xyz_m)}\n" in head

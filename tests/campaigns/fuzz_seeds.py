@@ -11,6 +11,7 @@ from pathlib import Path
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.formats.colmap.writer import write_colmap_model
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.spec.pipeline_file import load_spec
@@ -141,7 +142,7 @@ def _write(files: dict[str, str]) -> Callable[[Path], object]:
 
 def _colmap_binary(folder: Path) -> None:
     block = read_colmap(colmap_model(folder / "text"))
-    write_colmap_model(start_solution(block), block, folder, binary=True)
+    write_colmap_model(OrientedBlock(block, start_solution(block)), folder, binary=True)
 
 
 def _artifact(folder: Path) -> None:

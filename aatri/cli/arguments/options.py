@@ -22,6 +22,17 @@ RunArgument: TypeAlias = Annotated[
     typer.Argument(help="Run folder or pipeline file; default ./pipeline.yaml.", autocompletion=complete_run),
 ]
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Overwrite: TypeAlias = Annotated[bool, typer.Option(help="Write into a folder that is not empty.")]
+ListColumns: TypeAlias = Annotated[
+    str | None, typer.Option("--columns", help="Of lists: a preset (pix4d, metashape ...), or the columns in order.")
+]
+ListAngle: TypeAlias = Annotated[str | None, typer.Option("--angle", help="Of lists: deg, gon or rad.")]
+ListRotation: TypeAlias = Annotated[
+    str | None, typer.Option("--rotation", help="Of lists: omega-phi-kappa, phi-omega-kappa or yaw-pitch-roll.")
+]
+LensMisfit: TypeAlias = Annotated[
+    float, typer.Option("--lens-misfit", min=0, help="Largest misfit, px, of a distortion that the target lacks.")
+]
 Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")]
 
 

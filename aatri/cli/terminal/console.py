@@ -86,6 +86,24 @@ def narrate(text: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
+class Narrated:
+    """A reporter whose lines are narrated."""
+
+    def log(self, message: str) -> None:
+        """Tell a line."""
+        narrate(message)
+
+    def warn(self, message: str) -> None:
+        """Tell a line that the user must see."""
+        narrate(f"warning: {message}")
+
+    def progress(self, done: int, total: int, what: str = "") -> None:
+        """Drop the figure."""
+
+
+NARRATED = Narrated()
+
+
 def say_json(value: Any) -> None:
     """Print data as JSON."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)

@@ -65,13 +65,37 @@ def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float 
     InputError
         If none represents it within `allowed_px`.
     """
-    for name in [*(name for name in OURS if _has_place_for(lens, name)), *GENERAL]:
-        if (exact := _exactly(lens, name)) is not None:
-            return exact
+    exact = _first_exact(lens, [*(name for name in OURS if _has_place_for(lens, name)), *GENERAL])
+    if exact is not None:
+        return exact
     fits = [_fitted(lens, name) for name in GENERAL if (name == "fisheye") == (FORMS[lens.form].family == "fisheye")]
     best = min(fits, key=lambda fit: fit.misfit_px)
     tell_misfit(lens, best, reporter, allowed_px, where)
     return best.lens
+
+
+def as_program_states(
+    lens: Lens, forms: Sequence[str], reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX
+) -> Lens:
+    """A camera in a program's form: the first of its forms that has all terms, else the last of the family, fitted.
+
+    Raises
+    ------
+    InputError
+        If that does not represent it within `allowed_px`.
+    """
+    exact = _first_exact(lens, forms)
+    if exact is not None:
+        return exact
+    fisheye = FORMS[lens.form].family == "fisheye"
+    alike = [form for form in forms if (FORMS[form].family == "fisheye") == fisheye]
+    fit = _fitted(lens, (alike or list(forms))[-1])
+    tell_misfit(lens, fit, reporter, allowed_px)
+    return fit.lens
+
+
+def _first_exact(lens: Lens, forms: Sequence[str]) -> Lens | None:
+    return next((exact for form in forms if (exact := _exactly(lens, form)) is not None), None)
 
 
 def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: float, where: str = "") -> None:

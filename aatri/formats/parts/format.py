@@ -21,6 +21,7 @@ from aatri.regular_file import open_regular
 
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 HEAD_BYTES = 1 << 16
 """So much of a file is looked at to recognise it."""
@@ -118,6 +119,22 @@ class Reading(Options):
     )
 
 
+class Writing(Options):
+    """What may be said of an export."""
+
+    columns: str | None = Field(None, description="of lists: a preset, or the columns in order; null: pix4d")
+    angle: Literal["deg", "gon", "rad"] | None = Field(None, description="of lists: unit of angles; null: degrees")
+    rotation: Literal["omega-phi-kappa", "phi-omega-kappa", "yaw-pitch-roll"] | None = Field(
+        None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
+    )
+    lens_misfit_px: float = Field(
+        0.05, ge=0, description="largest misfit that a distortion may have which the target lacks, px"
+    )
+
+
+AS_USUAL = Writing()
+
+
 @dataclass(frozen=True)
 class Format:
     """A format.
@@ -138,7 +155,9 @@ class Format:
     stage : str
         That stage, where it has one: `block/colmap`; else `block/combined` reads it.
     write : callable, optional
-        (oriented block, folder, options) -> what could not be carried, in words. See `results.oriented_block`.
+        (oriented block, folder, writing, reporter): writes files of this form; see `results.oriented_block`.
+    written : sequence of Content
+        What it writes; what else a block has is told by `registry.export`.
     """
 
     name: str
@@ -150,6 +169,7 @@ class Format:
     page: str = "docs/formats.md"
     read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
     stage: str = ""
-    write: Callable[..., Any] | None = None
+    write: Callable[[OrientedBlock, Path, Writing, Reporter], None] | None = None
+    written: Sequence[Content] = ()
     files_of: Callable[[FileView], Sequence[Path]] = field(default=lambda view: [view.path])
     """Of a folder: the files that are read with it."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
-from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.formats.parts.format import Content, FileView, Format, Reading, Writing
 from aatri.progress import Reporter
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 _NUMBER = r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
 _BAL_HEAD = re.compile(r"\s*[0-9]+\s+[0-9]+\s+[0-9]+\s*$")
@@ -20,6 +21,13 @@ _BAL_ROW = re.compile(rf"\s*[0-9]+\s+[0-9]+\s+{_NUMBER}\s+{_NUMBER}\s*$")
 _PAIR_HEAD = re.compile(rf"\s*{_NUMBER}(?:[\s,]+{_NUMBER}[\s,]+{_NUMBER})?\s*$")
 _PAIR_ROW = re.compile(rf"\s*\S+(?:[\s,]+{_NUMBER}){{4}}\s*$")
 _WUCAPS = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
+OF_MODELS: tuple[Content, ...] = (
+    "cameras",
+    "distortion",
+    "image points",
+    "start orientations",
+    "start values of points",
+)
 _COLMAP = ("cameras", "images", "points3D")
 
 
@@ -58,6 +66,31 @@ def _block(name: str, path: Path, reporter: Reporter) -> Block:
     from aatri.formats.gama.reader import read_gama
 
     return read_gama(path, reporter)
+
+
+def _writes(name: str) -> Callable[[OrientedBlock, Path, Writing, Reporter], None]:
+    """The writer of a format."""
+
+    def write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+        if name == "tables":
+            from aatri.formats.tables.writer import write_block
+
+            write_block(oriented.block, folder)
+        elif name == "wucaps":
+            from aatri.formats.wucaps.writer import write_wucaps
+            from aatri.notes import tell
+
+            tell(write_wucaps(oriented.block, folder, oriented.image_points), reporter)
+        elif name == "bal":
+            from aatri.formats.bal.writer import write_bal_problem
+
+            write_bal_problem(oriented, folder, writing, reporter)
+        else:
+            from aatri.formats.colmap.writer import write_colmap_model
+
+            write_colmap_model(oriented, folder, writing, reporter)
+
+    return write
 
 
 def _tables(view: FileView) -> str:
@@ -117,13 +150,14 @@ TABLES = _format(
     carries=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "attitudes", "start orientations", "strips", "times", "frame", "standard deviations", "covariances",
              "rigs", "film", "geodetic observations"),
-    page="docs/formats.md#the-block-folder", files_of=_all_files,
+    page="docs/formats.md#the-block-folder", files_of=_all_files, write=_writes("tables"), written=get_args(Content),
 )  # fmt: skip
 WUCAPS = _format(
     "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
     drops=("distortion", "standard deviations", "positions", "attitudes", "frame"),
-    page="docs/formats.md#wucaps-files", files_of=_all_files,
+    page="docs/formats.md#wucaps-files", files_of=_all_files, write=_writes("wucaps"),
+    written=("cameras", "image points", "control", "check points", "strips", "film"),
 )  # fmt: skip
 DBAT = _format(
     "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler",
@@ -135,13 +169,13 @@ BAL = _format(
     "bal", "Bundle Adjustment in the Large", _bal, "three numbers, then rows `camera point x y`",
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#bundle-adjustment-in-the-large",
+    page="docs/formats.md#bundle-adjustment-in-the-large", write=_writes("bal"), written=OF_MODELS,
 )  # fmt: skip
 COLMAP = _format(
     "colmap", "COLMAP sparse model", _colmap, "a folder with cameras, images, points3D (.txt or .bin)",
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#colmap-models", files_of=_all_files,
+    page="docs/formats.md#colmap-models", files_of=_all_files, write=_writes("colmap"), written=OF_MODELS,
 )  # fmt: skip
 PAIRS = _format(
     "pairs", "pair files of models", _pairs, "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",

@@ -14,9 +14,10 @@ from aatri.artifacts.block_images import CameraParameters
 from aatri.artifacts.solution import Residuals, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.models.forward_models import bal
-from aatri.errors import AatriError, InputError
+from aatri.errors import AatriError
 from aatri.formats.bal.reader import PIXEL_MM, read_problem
-from aatri.formats.bal.writer import write_bal_problem
+from aatri.formats.bal.writer import NAME, write_bal_problem
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
 from tests.formats.start_solution import start_solution
@@ -101,7 +102,8 @@ def test_fixed_cameras_when_not_calibrating(path: Path) -> None:
 
 
 def test_writing_and_reading_again_gives_the_same_problem(block: Block, path: Path, tmp_path: Path) -> None:
-    (written,) = write_bal_problem(start_solution(block), block, tmp_path)
+    write_bal_problem(OrientedBlock(block, start_solution(block)), tmp_path)
+    written = tmp_path / NAME
     first, again = read_problem(path), read_problem(written)
     for rows in (first, again):
         assert (np.diff(rows.point) >= 0).all()
@@ -114,14 +116,16 @@ def test_writing_and_reading_again_gives_the_same_problem(block: Block, path: Pa
 
 def test_an_observation_rejected_by_the_solution_is_not_written(block: Block, tmp_path: Path) -> None:
     solution = start_solution(block, rejected=[0, 7])
-    (written,) = write_bal_problem(solution, block, tmp_path / "rejected.txt")
+    write_bal_problem(OrientedBlock(block, solution), tmp_path)
+    written = tmp_path / NAME
     assert len(read_problem(written).camera) == 31843 - 2
 
 
 def test_a_film_block_is_written_from_its_corrected_image_points(tmp_path: Path) -> None:
     block = made_block()
     solution: Solution = made_solution(block)
-    (written,) = write_bal_problem(solution, block, tmp_path, image_points=None)  # photo coordinates, no distortion
+    write_bal_problem(OrientedBlock(block, solution), tmp_path)  # photo coordinates, no distortion
+    written = tmp_path / NAME
     assert _cost_of_the_file_near(written) < 1e-18
     k1 = CameraParameters(
         camera=np.array([0]),
@@ -132,11 +136,10 @@ def test_a_film_block_is_written_from_its_corrected_image_points(tmp_path: Path)
     )
     brown = dataclasses.replace(block.cameras, distortion=np.array(["brown"]))
     bent = dataclasses.replace(block, cameras=brown, camera_parameters=k1)
-    with pytest.raises(InputError, match="camera cam: distortion brown is a correction"):
-        write_bal_problem(solution, bent, tmp_path)
     corrected = _image_points(block)
     solution = dataclasses.replace(solution, residuals=Residuals.empty())  # those made up are not of these rays
-    (written,) = write_bal_problem(solution, bent, tmp_path, image_points=corrected)
+    write_bal_problem(OrientedBlock(bent, solution, corrected), tmp_path)
+    written = tmp_path / NAME
     assert _cost_of_the_file_near(written) < 1e-18
 
 

@@ -1,7 +1,9 @@
-"""A distortion of zeros is none: such a block is written for other programs; one with numbers is refused as before."""
+"""A distortion of zeros is none: such a block is written for other programs; one with numbers is fitted."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +16,12 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.formats.bal.writer import write_bal_problem
 from aatri.formats.colmap.writer import write_colmap_model
+from aatri.formats.parts.format import Writing
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.formats.told import Told
 from tests.reading import read_colmap, read_dbat
 from tests.stages.chain import simulated
 
@@ -33,7 +38,7 @@ def test_a_real_block_whose_distortion_is_zero_is_written_for_colmap_and_read_ba
     made: tuple[Block, Solution], tmp_path: Path
 ) -> None:
     block, solution = made
-    write_colmap_model(solution, block, tmp_path / "model", image_points=calibrated(block))
+    write_colmap_model(OrientedBlock(block, solution, calibrated(block)), tmp_path / "model")
     again = read_colmap(tmp_path / "model", max_reject_share=0.1)  # one point is seen once, and no control there
     assert sorted(again.images.id) == sorted(block.images.id)
     np.testing.assert_allclose(
@@ -42,23 +47,34 @@ def test_a_real_block_whose_distortion_is_zero_is_written_for_colmap_and_read_ba
     )
 
 
-def test_with_a_number_it_is_refused(made: tuple[Block, Solution], tmp_path: Path) -> None:
+def with_k1(block: Block, solution: Solution, value: float) -> OrientedBlock:
+    given, solved = block.camera_parameters, solution.parameters
+    return OrientedBlock(
+        replace(block, camera_parameters=replace(given, value=np.where(given.name == "k1", value, given.value))),
+        replace(solution, parameters=replace(solved, value=np.where(solved.name == "k1", value, solved.value))),
+    )
+
+
+@pytest.mark.parametrize("write", [write_colmap_model, write_bal_problem])
+def test_with_a_number_it_is_fitted_and_refused_beyond_the_misfit_allowed(
+    made: tuple[Block, Solution], tmp_path: Path, write: Callable[..., None]
+) -> None:
     block, solution = made
-    given = block.camera_parameters
-    wrong = replace(given, value=np.where(given.name == "k1", 1e-9, given.value))
-    with pytest.raises(InputError, match="distortion brown is a correction"):
-        write_colmap_model(solution, replace(block, camera_parameters=wrong), tmp_path / "model")
+    bent = with_k1(block, solution, 1e-8)
+    told = Told()
+    write(bent, tmp_path / "taken", Writing(lens_misfit_px=0.05), told)
+    assert re.search(r"its distortion \(brown\) has no exact like; .* differs by up to \S+ px", "".join(told.lines))
+    with pytest.raises(InputError, match="has no exact like"):
+        write(bent, tmp_path / "refused", Writing(lens_misfit_px=0.0), told)
+    assert not (tmp_path / "refused").exists()
+
+
+def test_a_distortion_table_is_refused(made: tuple[Block, Solution], tmp_path: Path) -> None:
+    block, solution = made
+    table = replace(block, cameras=replace(block.cameras, distortion=np.array(["table"])))
+    with pytest.raises(InputError, match="distortion table corrects the measured coordinates"):
+        write_colmap_model(OrientedBlock(table, solution), tmp_path / "model")
     assert not (tmp_path / "model").exists()
-
-
-def test_a_refused_export_leaves_no_folder_behind(made: tuple[Block, Solution], tmp_path: Path) -> None:
-    block, solution = made
-    given = block.camera_parameters
-    wrong = replace(block, camera_parameters=replace(given, value=np.where(given.name == "k1", 1e-9, given.value)))
-    with pytest.raises(InputError):
-        write_bal_problem(solution, wrong, tmp_path / "bal" / "problem.txt")
-    assert not (tmp_path / "bal").exists()
-    assert write_bal_problem(solution, block, tmp_path / "bal" / "problem.txt") == [tmp_path / "bal" / "problem.txt"]
 
 
 def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(tmp_path: Path) -> None:
@@ -82,7 +98,7 @@ def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(
     points = calibrated(block)
     start = graph(block, points, rng=np.random.default_rng(1))
     solution = bundle(block, points, start, options=BundleOptions(self_calibration={"set": "brown_conrady"}))
-    write_colmap_model(solution, block, tmp_path / "model", image_points=points)
+    write_colmap_model(OrientedBlock(block, solution, points), tmp_path / "model")
     cameras, images, xyz = _written(tmp_path / "model")
     misfit_px = []
     for quaternion, translation, rays in images:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from aatri.artifacts.block import CONTROL, OBSERVED_VALUE
 from aatri.errors import GeometryError
 from aatri.formats.colmap.writer import write_colmap_model
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.stages.block.bal import BalOptions, bal
 from aatri.stages.block.colmap import ColmapOptions, colmap
 from aatri.stages.block.dbat import DbatOptions, dbat
@@ -36,7 +37,7 @@ def test_dbat_refuses_undetermined_points_unless_they_are_to_be_set_aside(shared
 def test_bal_and_colmap_blocks_survive_the_artifact_file(shared_data: Path, tmp_path: Path) -> None:
     first = bal(options=BalOptions(path=shared_data / "bal/problem-49-7776-pre.txt", image_sigma_px=2.0))
     assert (first.image_points.sigma_mm == 0.002).all()
-    write_colmap_model(start_solution(first), first, tmp_path / "model", binary=True)
+    write_colmap_model(OrientedBlock(first, start_solution(first)), tmp_path / "model", binary=True)
     second = colmap(options=ColmapOptions(path=tmp_path / "model", position_sigma=0.1, calibrate=True))
     assert (second.exterior.position_use == OBSERVED_VALUE).all()
     for block in (first, second):

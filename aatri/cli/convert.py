@@ -1,0 +1,47 @@
+"""`aatri convert SOURCE DIR --to FORMAT`: files of one program as those of another, without a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aatri.cli.arguments.exporting import check_folder, complete_format, write_format
+from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
+from aatri.cli.terminal.console import NARRATED, narrate, reports_errors
+
+
+@reports_errors
+def convert(
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files and folders of one block.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
+    to: Annotated[str, typer.Option("--to", autocompletion=complete_format, help="A format that is written.")],
+    crs: Annotated[str | None, typer.Option(help="Coordinate system of sources that state none.")] = None,
+    overwrite: Overwrite = False,
+    columns: ListColumns = None,
+    angle: ListAngle = None,
+    rotation: ListRotation = None,
+    lens_misfit: LensMisfit = 0.05,
+) -> None:
+    """Read files of other programs as one block, and write it for another, with the orientations that they have.
+
+    Several sources are joined as by block/combined. What the target has no place for is told.
+    """
+    from aatri.formats.parts.assembled import assembled
+    from aatri.formats.parts.format import Reading
+    from aatri.formats.registry.export import written_format
+    from aatri.formats.registry.recognised import recognised
+    from aatri.formats.registry.sources import read_source
+    from aatri.formats.results.oriented_block import OrientedBlock
+
+    written_format(to)
+    check_folder(folder, overwrite=overwrite)
+    found = [source for path in sources for source in recognised(path)]
+    for source in found:
+        narrate(f"{source.path}: {source.format.title} ({source.seen})")
+    reading = Reading(crs=crs, lens_misfit_px=lens_misfit)
+    parts = [read_source(s.path, reading, NARRATED, format=s.format.name) for s in found]
+    block = assembled(parts, reporter=NARRATED)
+    options = {"columns": columns, "angle": angle, "rotation": rotation, "lens_misfit_px": lens_misfit}
+    write_format(to, OrientedBlock(block), folder, options, what=block.name)

@@ -1,0 +1,67 @@
+"""The one way out: an oriented block as files of a format, and what the format has no place for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from aatri.errors import SpecError
+from aatri.formats.parts.format import Format, Writing
+from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.results.crs import write_crs
+from aatri.formats.results.exported_files import lost
+from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.ids import clipped, did_you_mean
+from aatri.progress import Reporter
+
+
+def written_formats() -> list[str]:
+    """Names of the formats that are written."""
+    return [f.name for f in FORMATS if f.write]
+
+
+def written_format(name: str, others: Sequence[str] = ()) -> Format:
+    """A format that is written; `others` are names beside them, for the message.
+
+    Raises
+    ------
+    SpecError
+        If it is none, or read alone.
+    """
+    names = {f.name: f for f in FORMATS}
+    written = [*others, *written_formats()]
+    if name not in names:
+        what = f"no format {clipped(name)!r}{did_you_mean(name, written)}"
+        raise SpecError(what, remedy=f"one of {', '.join(written)}")
+    if names[name].write is None:
+        raise SpecError(f"{names[name].title} is read, not written", remedy=f"written are {', '.join(written)}")
+    return names[name]
+
+
+def write_as(declared: Format, oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    """Write an oriented block; what the format has no place for is told.
+
+    Parameters
+    ----------
+    declared : Format
+        One that is written.
+    oriented : OrientedBlock
+    folder : Path
+        Made if it is not there.
+    writing : Writing
+    reporter : Reporter
+
+    Raises
+    ------
+    InputError
+        If the block has no such form; nothing is written then.
+    ResourceError
+        If a file cannot be written.
+    """
+    if declared.write is None:
+        raise ValueError(f"{declared.name} is not written")
+    declared.write(oriented, folder, writing, reporter)
+    if "frame" not in declared.written:
+        write_crs(oriented.block, folder)
+    if absent := lost(oriented, declared.written):
+        reporter.log(f"{declared.title} has no place for: {', '.join(absent)}")
