@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Declared:
-    """A name with the rows of one table that it stands for; `{}` of the words takes their count."""
+    """A name with the rows of one table that it stands for; `{}` of the words takes their count.
+
+    Where it bears on nothing it stands beside another name of the same rows, for stages that need it.
+    """
 
     name: str
     nature: Nature
@@ -34,6 +37,10 @@ class _Declared:
     table: str
     rows: Callable[[Block], Bool]
     bears_on: str = "Solution"
+
+
+WITHOUT_SHIFT = "exterior.position_m:in_no_group"
+"""Positions that say where the block lies: those of drift groups have an unknown shift."""
 
 
 def _observed_positions(block: Block) -> Bool:
@@ -155,6 +162,9 @@ _DECLARED = (
               lambda b: b.ground_point_covariances.value != 0),
     _Declared("exterior.position_m", "observation", "{} observed positions (exterior.csv: X, Y, Z)", "exterior",
               _observed_positions),
+    _Declared(WITHOUT_SHIFT, "observation",
+              "{} observed positions in no drift group (exterior.csv: X, Y, Z)", "exterior",
+              lambda b: _observed_positions(b) & (b.exterior.drift_group == ""), bears_on=""),
     _Declared("exterior.angles_rad", "observation", "{} observed attitudes (exterior.csv: a1, a2, a3)", "exterior",
               _observed_attitudes),
     _Declared("exterior.position_m:approximate_in_part", "grouping",
@@ -274,12 +284,29 @@ def _joined(a: Text, b: Text | str) -> Text:
     return np.char.add(np.asarray(a, dtype=np.str_), b)
 
 
-def datum_needed(*, positions: bool = True) -> tuple[Need, ...]:
-    """What an adjustment whose datum is given by its observations cannot do without."""
-    names = ("ground_points.xyz_m", "exterior.position_m") if positions else ("ground_points.xyz_m",)
-    text = "neither control nor observed positions" if positions else "no control"
-    remedy = (
-        "give control (ground_points.csv) or observed positions (exterior.csv); a bundle with `datum: free` or `datum: "
-        "minimal`, that starts from initial_orientation/graph, adjusts the block without"
+def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all"] = "none") -> tuple[Need, ...]:
+    """What an adjustment whose datum is given by its observations cannot do without.
+
+    Parameters
+    ----------
+    positions : bool
+        Positions are used.
+    shift : str
+        Which of them have an unknown shift: none, those of drift groups, all.
+    """
+    names, text = ("ground_points.xyz_m", "exterior.position_m"), "neither control nor observed positions"
+    remedy = "give control (ground_points.csv) or observed positions (exterior.csv); "
+    if not positions:
+        names, text = names[:1], "no control"
+    elif shift != "none":
+        names = (names[0], WITHOUT_SHIFT) if shift == "group" else names[:1]
+        text += " that say where it lies (those of a group share an unknown shift)"
+        remedy = (
+            "give control (ground_points.csv), or positions in no group (`drift_group` in exterior.csv, empty), or "
+            "take the positions as they are by `positions: {drift: none}`; "
+        )
+    remedy += (
+        "a bundle with `datum: free` or `datum: minimal`, that starts from initial_orientation/graph, adjusts the "
+        "block without"
     )
     return (Need("block", names, f"the block has {text}", remedy),)

@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import field_validator, model_validator
 
@@ -170,7 +170,11 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
 
 
 def _needs(options: BundleOptions) -> tuple[Need, ...]:
-    return datum_needed(positions=options.positions.use) if options.datum == "given" else ()
+    if options.datum != "given":
+        return ()
+    positions = options.positions
+    shift: Literal["none", "group", "all"] = "group" if positions.per == "group" else "all"
+    return datum_needed(positions=positions.use, shift="none" if positions.drift == "none" else shift)
 
 
 @stage(version=7, uses=_uses, needs=_needs)

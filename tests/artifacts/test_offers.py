@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
+from aatri.artifacts.offers import WITHOUT_SHIFT, offers_of
 from aatri.pipeline.methods.registry import find_stages
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, _needs
 from aatri.tables.schema import columns_of, tables_of
 from tests.formats.tables.block_folder import replaced, write_folder
 from tests.reading import read_block
@@ -157,10 +161,27 @@ def test_the_stages_of_the_demo_use_all_that_the_demo_offers() -> None:
     ):
         card = registry.card(name)
         used |= set(card.used_with(card.options() if card.options else None) or ())
-    assert set(offers) <= used
+    assert set(offers) - {WITHOUT_SHIFT} <= used
 
 
 def test_every_built_in_stage_says_what_it_uses() -> None:
     registry = find_stages()
     silent = [name for name in registry.variants if registry.card(name).uses is None]
     assert silent == []
+
+
+def test_positions_in_no_drift_group_say_where_a_block_lies_and_are_not_told_as_unused() -> None:
+    block = simulated(1, gnss={"observed": True, "shift_m": 2.0}, known={"full": 0})
+    assert "exterior.position_m" in _offers(block)
+    assert WITHOUT_SHIFT not in _offers(block)
+    without = replace(block, exterior=replace(block.exterior, drift_group=np.full(len(block.exterior), "")))
+    (offer,) = (o for o in offers_of(without) if o.name == WITHOUT_SHIFT)
+    assert offer.bears_on == ""
+    for given, positions, found in (
+        (block, {}, False),
+        (block, {"drift": "none"}, True),
+        (without, {}, True),
+        (without, {"per": "block"}, False),
+    ):
+        (need,) = _needs(BundleOptions.model_validate({"positions": positions}))
+        assert bool(set(need.one_of) & {o.name for o in offers_of(given)}) == found
