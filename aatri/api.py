@@ -7,8 +7,6 @@ run["bundle"].artifact.points.xyz_m
 run["bundle"].to_dataframe("residuals")
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The four kinds of arrays that signatures speak of. Docstrings say shape and unit, these the kind of number."""
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

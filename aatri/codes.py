@@ -1,7 +1,5 @@
 """Codes in the tables of a Block: small integers with a name."""
 
-from __future__ import annotations
-
 NO_ROLE, CONTROL, CHECK, APPROXIMATE = 0, 1, 2, 3
 """Role of one coordinate of a ground point."""
 

@@ -5,8 +5,6 @@ about. The stage tells all notes of a result with `tell`: a `note` goes to the l
 the record, the artifact and the report.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Options of stages and of kinds of observations: frozen pydantic models, unknown names refused."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, ConfigDict
 
 

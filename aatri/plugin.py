@@ -18,8 +18,6 @@ without which of them it cannot work: a pipeline is refused as soon as a port is
     @stage(version=1, uses=lambda options: ("exterior.position_m",) if options.use_positions else ())
 """
 
-from __future__ import annotations
-
 import inspect
 import types
 import typing

@@ -1,7 +1,5 @@
 """Opening of a file to read: never a pipe that keeps its reader waiting, a device without end, or a folder."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

@@ -3,8 +3,6 @@
 Factors turn a value in the named unit into the inner unit: `value * ANGLE_RAD["deg"]`.
 """
 
-from __future__ import annotations
-
 import math
 
 ANGLE_RAD = {

@@ -9,8 +9,6 @@ A Block comes with its tables: `block_images` declares cameras, images and measu
 of the ground. All are imported from here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

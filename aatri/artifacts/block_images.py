@@ -3,8 +3,6 @@
 Conventions are those of `block`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aatri.arrays import Bool, Float, Int, Text

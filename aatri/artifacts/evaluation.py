@@ -1,7 +1,5 @@
 """Evaluation: accuracy of a Solution, empirical and theoretical, summarised and per point; errors of free strips."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

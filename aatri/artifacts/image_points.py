@@ -4,8 +4,6 @@ Row k of `measurements` belongs to row k of the Block's `image_points`; what can
 `corrections` lists what has been applied, so that nothing is applied twice.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

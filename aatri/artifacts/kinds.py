@@ -1,7 +1,5 @@
 """The six kinds of artifact by name."""
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints

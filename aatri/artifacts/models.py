@@ -4,8 +4,6 @@ The model frame is the frame of the left image: origin in its projection centre,
 unit of length is the base. `left_from_right` turns a direction of the right image into the model frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

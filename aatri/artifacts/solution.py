@@ -5,8 +5,6 @@ covariances belong to the increment d on the ground side, R <- exp([d]x) R. Stan
 not applied to them. NaN is *not determined*; covariances of methods that give none are NaN throughout.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

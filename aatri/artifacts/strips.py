@@ -4,8 +4,6 @@ The strip frame is that of the strip's first image; the unit of length is the ba
 Block that is broken by a missing model gives several strips here, and a row in `gaps`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -3,8 +3,6 @@
 The next stage starts without what was rejected and tests each for re-admission.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

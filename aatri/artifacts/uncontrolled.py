@@ -1,7 +1,5 @@
 """Observations that nothing controls: told by every stage that adjusts, beside its suspects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aatri.arrays import Float, Int, Text

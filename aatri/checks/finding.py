@@ -5,8 +5,6 @@ says what was seen, of which rows, and what to do about it; alternatives stand b
 cannot tell them apart. The statistic and its level of significance are those of the test behind it, where it is one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal

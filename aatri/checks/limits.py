@@ -4,8 +4,6 @@ A threshold that stands for a test is none: the test is made, with its false-ala
 (`aatri.adjustment.statistics.limits`).
 """
 
-from __future__ import annotations
-
 import math
 
 # --- after: weak datum

@@ -1,7 +1,5 @@
 """`aatri accept`: say that a change of code does not matter to a result."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`aatri exec`: make one stage, for schedulers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

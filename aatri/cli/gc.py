@@ -1,7 +1,5 @@
 """`aatri gc`: remove results that nothing refers to."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

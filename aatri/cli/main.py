@@ -3,8 +3,6 @@
 Every verb is a file of this folder. What `aatri --help` says of it stands here, so that help imports none of them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

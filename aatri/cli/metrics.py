@@ -1,7 +1,5 @@
 """`aatri metrics`: figures of all stages of a run."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -1,7 +1,5 @@
 """`aatri new`: write a pipeline.yaml to start from; with `--plugin` a stage of one's own and its test."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """Templates of a block folder: block.yaml and every table, commented, to be filled in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 BLOCK_YAML = """\

@@ -1,7 +1,5 @@
 """`aatri report`: write the report of a run again."""
 
-from __future__ import annotations
-
 from aatri.cli.arguments.locate import find_run
 from aatri.cli.arguments.options import RunArgument
 from aatri.cli.terminal.console import reports_errors, say

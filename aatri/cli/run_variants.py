@@ -1,7 +1,5 @@
 """`aatri run --all-variants`: every variant of a pipeline file after the pipeline itself, then what they change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

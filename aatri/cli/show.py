@@ -1,7 +1,5 @@
 """`aatri show`: what an artifact holds and where it comes from."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Any

@@ -4,8 +4,6 @@ The page carries no script and loads nothing; everything from the run is escaped
 policy forbids the rest. It is a function of the run folder: the same folder gives the same page.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ A colour has a cause: sigma0 is good within the 99.9 % interval of its global te
 that count how many independent errors they are (`evaluation.expected_ratios`).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Truth is in the frame of the Block: on a flat earth and in a map, coordinates wi
 axes (east, north, up) of each station; in a tangent frame, Cartesian coordinates and rotations to its axes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -7,8 +7,6 @@ omega, phi, kappa are the intrinsic angles X Y Z of R_imu against the axes of th
 the grid or of the meridian. A shift and a drift of each strip are added to the angles, and the noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

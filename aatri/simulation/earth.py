@@ -16,8 +16,6 @@ whoever corrects for refraction in a tangent frame uses this same definition. Ea
 directions in which E, N and h grow; they are orthogonal, the map being conformal. Source: closed forms of the sphere.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

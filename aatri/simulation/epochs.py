@@ -1,7 +1,5 @@
 """Epochs of one object: the same ground, stations and points under other errors, some points moved."""
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import replace
 

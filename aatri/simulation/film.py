@@ -7,8 +7,6 @@ Digital: column = x / pixel + columns / 2, row = rows / 2 - y / pixel, origin at
 Source: docs/formulas.md 2.2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

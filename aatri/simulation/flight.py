@@ -10,8 +10,6 @@ phi are normal and clipped to the largest tilt; kappa is the flight direction an
 Rotations: R = Rx(omega) Ry(phi) Rz(kappa) in the local axes (east, north, up) of the station.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

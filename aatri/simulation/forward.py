@@ -20,8 +20,6 @@ Both implicit equations are solved by fixed-point iteration to the last bits, so
 opposite order, invert them to 1e-12 mm. Nothing here is shared with the correction code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

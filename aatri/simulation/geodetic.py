@@ -6,8 +6,6 @@ conversion. East, north and up of a place are its grid axes: true north from the
 turned by PROJ's meridian convergence. Nothing here is shared with the frames of the adjustment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

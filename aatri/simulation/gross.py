@@ -4,8 +4,6 @@ Each is a random direction over the coordinates observed, times a size drawn eve
 deviations.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

@@ -5,8 +5,6 @@ whatever the factor. Each kind of observation has its own random stream, so that
 they were.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ ones up to the number wanted. Control and check points seen less often move towa
 steps until they are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

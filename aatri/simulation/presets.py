@@ -1,7 +1,5 @@
 """Presets of simulated blocks: sets of values laid under those the user gives."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

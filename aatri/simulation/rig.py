@@ -5,8 +5,6 @@
 All members are cameras of one kind. Positions and attitudes are observed at the frame alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -4,8 +4,6 @@ Each is laid out so that it holds exactly, with the directions in which its memb
 condition has of errors is in its points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -12,8 +12,6 @@ the line between the two in the axes (grid east, grid north, up) of its place:
 Points observed are near each other: neighbours in plan that belong to no relative control.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

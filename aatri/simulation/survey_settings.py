@@ -1,7 +1,5 @@
 """What can be set about the survey of a simulated block: geodetic observations and relative control."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -3,8 +3,6 @@
 Coordinate differences of a baseline correlate by 0.3; all other errors are independent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -5,8 +5,6 @@ neighbouring images and strips coincide: in the image x in {-b, 0, b}, y in {-s/
 Control lies on a regular net from edge to edge of the block: perimeter, and chains inside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -5,8 +5,6 @@
 so that heights stay within mean +- relief. Wavelengths run from the shortest one to four times that.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

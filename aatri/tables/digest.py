@@ -5,8 +5,6 @@ text its UTF-8 bytes with their lengths. Provenance columns (`digest=False`) do 
 added to a CSV file changes no content.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 

@@ -7,8 +7,6 @@ Files are read through the guard (`hdf5_guard`): hard links only, nothing in oth
 bounded size; and with exactly the declared names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

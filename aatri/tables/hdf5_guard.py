@@ -14,8 +14,6 @@ Whatever the library itself fails at, on a damaged file, ends as ArtifactError t
 and the report all read artifacts through it.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

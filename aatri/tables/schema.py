@@ -13,8 +13,6 @@ Dtypes are `f8 i4 i8 i1 bool str`. In `f8` NaN means *not given* and is allowed 
 number -1 does. Infinities are never allowed.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self

@@ -1,7 +1,5 @@
 """Columns of text as UTF-8 bytes and back: ASCII, which nearly all ids are, as arrays of numbers, else text by text."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the author of a stage checks it with: `check_stage("ROLE/NAME")`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

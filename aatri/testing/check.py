@@ -9,8 +9,6 @@ The stage runs on small made-up blocks, one of film and one digital. One of them
 GeometryError, if it cannot take it. What must hold is said in `SENTENCES`; every breach is reported at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

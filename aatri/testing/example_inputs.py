@@ -5,8 +5,6 @@ It has been written as a block folder and read again, so that its rows know thei
 back. `film` is measured on a comparator, with fiducial marks; `digital` in pixels.
 """
 
-from __future__ import annotations
-
 import functools
 import tempfile
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """One call of a stage under observation, and comparison of what came of it. `aatri.testing.check` judges."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import tempfile

@@ -11,8 +11,6 @@ and its pose's covariance; every point for itself, so that points say nothing of
 Source: Baeumker and Heimes 2001 (OEEPE, integrated sensor orientation); docs/formulas.md 5.6.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.ground.direct import direct_solution
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block

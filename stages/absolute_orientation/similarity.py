@@ -17,8 +17,6 @@ in the standard deviations sigma0 is tested (orientation.bodies.deformation).
 Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with independent models.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame

@@ -6,8 +6,6 @@ the bias is the mean of d. Every stereo pair is restituted by itself too, with t
 Definitions: docs/methods/accuracy.md.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation

@@ -7,8 +7,6 @@ draws them. The recipe docs/recipes/error_propagation.yaml shows both.
 Source: lecture notes A601, A602; see aatri/evaluation/free_strips.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, poses_into

@@ -6,8 +6,6 @@ without folder, extension, or case, if that leaves no choice. What matches nothi
 are brought into one frame. A measured value comes before a start value; two that contradict each other are an error.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

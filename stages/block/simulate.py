@@ -13,8 +13,6 @@ standard deviations stay in the block when the noise is switched off. A tangent 
 Sources: docs/formulas.md 2.3 (refraction), 2.5 (lens), 2.2 (film), 4.6 (the RC-30 block).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Literal
 

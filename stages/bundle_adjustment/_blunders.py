@@ -1,7 +1,5 @@
 """Options of the search for gross errors."""
 
-from __future__ import annotations
-
 from typing import Self
 
 from pydantic import model_validator

@@ -5,8 +5,6 @@
 An adjustment takes K as constant; with that of its own result it is made again, until the corrections stay the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What resection, intersection and alternation share: input, settings, the Solution and what is told."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a bundle adjustment uses of a Block, by the names of `aatri.artifacts.offers`."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from aatri.adapters.cameras.unknowns import MODELS

@@ -1,7 +1,5 @@
 """Options of variance components, and what a bundle adjustment does with them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

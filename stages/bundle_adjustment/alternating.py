@@ -8,8 +8,6 @@ values, slowly: hundreds of rounds are usual. Converged is what the whole block 
 Source: lecture notes A908; aatri/orientation/bundle/alternating.py.
 """
 
-from __future__ import annotations
-
 from aatri.adapters import solution as assemble
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -24,8 +24,6 @@ resection and intersection. What an earlier stage rejected stays out unless it f
 Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with their errors put right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -10,8 +10,6 @@ attitudes say nothing of a known orientation, and take none.
 Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, geometry/intersection.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.adapters import solution as assemble

@@ -11,8 +11,6 @@ of the images take part as in the bundle.
 Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py, linear.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.adapters import solution as assemble

@@ -9,8 +9,6 @@ pipeline file, its variants, side by side; state `sigma_m` and `distance_m` ther
 Source: Baarda 1973; Grafarend 1974. See aatri/evaluation/design.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

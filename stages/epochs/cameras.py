@@ -10,8 +10,6 @@ both and the test is on the safe side.
 Source: congruence tests as of epochs/congruence; lecture notes A1508 on test fields.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.calibrations import compared_calibrations

@@ -13,8 +13,6 @@ Without `earlier`, points of one adjustment are compared whose ids differ by a m
 Source: Pelzer 1971; Niemeier 1981; Caspary 1987. See aatri/evaluation/congruence.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

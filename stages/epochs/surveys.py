@@ -10,8 +10,6 @@ it bends the block. Covariances between points (`ground_point_covariances`) are 
 Source: Pelzer 1971; Niemeier 1981; Caspary 1987. See aatri/evaluation/congruence.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.artifacts.block import Block

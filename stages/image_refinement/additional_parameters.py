@@ -10,8 +10,6 @@ adjustment, give the finished bundle to `bundle_adjustment/bundle` as `calibrati
 Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aatri.camera.parameters.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.cameras.calibration import calibrated_correction, calibration_of
 from aatri.adapters.refinement.corrections import largest_length, with_corrections
 from aatri.artifacts.block import Block

@@ -10,8 +10,6 @@ may be repeated. Residuals without correlated part correct nothing. Method and s
 aatri.orientation.refinement.collocation.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

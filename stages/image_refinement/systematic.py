@@ -22,8 +22,6 @@ terrain is the block's `terrain_height`, or the mean of the control, or what c t
 images with positions leaves. Where none of this is known the correction is left out, and told with its size.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.adapters.refinement.corrections import IN_ORDER, systematically_corrected

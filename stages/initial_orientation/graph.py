@@ -16,8 +16,6 @@ Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et
 Photogrammetry (absolute orientation).
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the variants by fiducial marks share: options and the way from marks to photo coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

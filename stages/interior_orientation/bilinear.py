@@ -18,8 +18,6 @@ interior_orientation/calibrated, so that a block may hold both.
 Source: Kraus, Photogrammetry 1, sec. 3.2; photogrammetric practice for the limits.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.plugin import SILENT, Context, stage

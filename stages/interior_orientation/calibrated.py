@@ -9,8 +9,6 @@ point. The transformation is exactly known: its covariance is zero.
 Comparator coordinates and scanned film need fiducial marks: interior_orientation/affine.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of

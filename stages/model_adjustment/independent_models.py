@@ -18,8 +18,6 @@ Source: Ackermann, Ebner & Klein 1970; lecture notes A801-A806 (erratum E15: exa
 see aatri/orientation/bodies/model_ties.py and independent_models.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import PositiveFloat, field_validator

@@ -1,7 +1,5 @@
 """What the variants share: options, the pairs of the strips, and what becomes of their orientations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Literal

@@ -15,8 +15,6 @@ from there. A model without three good connection points keeps its dependent ori
 Source: docs/formulas.md 3.5, errata E08; see aatri/orientation/relative/connected.py.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

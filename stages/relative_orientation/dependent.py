@@ -19,8 +19,6 @@ the right image's measurement.
 Source: docs/formulas.md 3.2; see aatri/orientation/relative/pairs.py.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models

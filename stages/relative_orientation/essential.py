@@ -15,8 +15,6 @@ their rotation is kept.
 Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Chum, Matas & Kittler 2003; docs/formulas.md 3.2.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

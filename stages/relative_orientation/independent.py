@@ -16,8 +16,6 @@ Pairs, start values, gross errors and what makes no model: as in relative_orient
 Source: docs/formulas.md 3.3; see aatri/orientation/relative/elements.py, equal_weights.py and pairs.py.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models

@@ -1,7 +1,5 @@
 """What the strip block adjustments have in common: their options, and how artifacts become a Solution."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame

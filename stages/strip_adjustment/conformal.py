@@ -10,8 +10,6 @@ notes do for narrow strips. All else (ties, control, the fall of the degree, sig
 Source: lecture notes A604 with errata E05 and E06; Schut 1967; aatri/geometry/strip_bases.py.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution

@@ -17,8 +17,6 @@ Source: strip block adjustment of the Chinese lecture notes (A603, A701-A703), w
 Photogrammetry.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.artifacts.block import Block

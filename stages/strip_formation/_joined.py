@@ -1,7 +1,5 @@
 """What the variants share: options, joining the models of every strip, and what is to be said of joints and gaps."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable

@@ -8,8 +8,6 @@ both models. A model that carries no scale splits the strip.
 Source: docs/formulas.md 3.5, 3.6; the lecture notes' relative orientation with model connection, errata E08.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.strips.model_chains import carried_scales
 from aatri.adjustment.statistics.limits import LEAST_LIMIT
 from aatri.artifacts.block import Block

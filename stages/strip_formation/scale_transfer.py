@@ -14,8 +14,6 @@ one free strip and the first of the next.
 Source: docs/formulas.md 3.5, 3.6; see aatri/orientation/strips: joints.py and chain.py.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.artifacts.block import Block

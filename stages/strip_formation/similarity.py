@@ -11,8 +11,6 @@ Source: docs/formulas.md 3.6 (the lecture notes' connection of independent model
 aatri/orientation/strips/similarity_joints.py.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Strips

@@ -5,8 +5,6 @@ Test: none; told are those of 0.90 and more, with the reason from 0.95 on (`came
 one camera among themselves and with the orientation are told by `parameters`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 

@@ -5,8 +5,6 @@ is deformed by more than film is, scans that are turned against the others.
 Test: sigma0 of all images pooled, by chi-square, and of single images at the level 0.05 / count; the rest by limits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

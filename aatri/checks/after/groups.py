@@ -7,8 +7,6 @@ contradicts its own tests where a group that is kept moves a coordinate by more 
 the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

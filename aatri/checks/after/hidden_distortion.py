@@ -11,8 +11,6 @@ and bends heights by more than their standard deviation; where nothing is found,
 Source: James and Robson 2014 (doming of vertical blocks); docs/methods/self_calibration.md.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.cameras.unknowns import additional_parameters

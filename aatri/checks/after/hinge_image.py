@@ -7,8 +7,6 @@ apart, and one of the parts, of two images at least, has fewer than `OWN_DATUM` 
 of its own (articulation points; Hopcroft & Tarjan 1973, Algorithm 447).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ places where a strip is split.
 Test: the limits of the options; of single connection points that of the number of tests made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Seen: images, points and observations that are in the block and not in the resul
 Test: none; they are named. Image points go with their image or point.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations

@@ -4,8 +4,6 @@ Seen: strips whose images are out of sequence, pairs without model, models that 
 Test: what the method has found of a pair; sigma0 of all models pooled, and of single ones at the level 0.05 / count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

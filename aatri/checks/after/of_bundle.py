@@ -4,8 +4,6 @@ Seen: what the other files of this room look for.
 Test: sigma0 of kinds only where the search has not estimated standard deviations, and no group explains them.
 """
 
-from __future__ import annotations
-
 from aatri.checks.after.correlations import high_correlations
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion

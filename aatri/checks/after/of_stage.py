@@ -4,8 +4,6 @@ Seen: what the files it calls look for.
 Test: theirs.
 """
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution

@@ -4,8 +4,6 @@ Seen: points outside the format, which were set aside; a principal point that co
 Test: a share of the points and of the format; more points outside than that is a wrong unit or origin, an error.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.imported import read_at

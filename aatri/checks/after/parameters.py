@@ -7,8 +7,6 @@ that moves by more than ten of them; correlations of 0.95 and more. Correlations
 a session, an image), and with the orientation of the image that has the most points of the unit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.covariance.cross import covariances_of_pairs

@@ -4,8 +4,6 @@ Seen: an adjustment that names what is open: a datum, a part, a set of direction
 Test: that of `adjustment.openness`: none is made here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations, pairwise
 

@@ -5,8 +5,6 @@ Test: that of the stage; numbers are exchanged where each of two rejected observ
 a twentieth of their distance (`adjustment.statistics.exchanged`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.statistics.exchanged import exchanged_pairs

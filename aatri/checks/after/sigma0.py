@@ -5,8 +5,6 @@ wrong standard deviations.
 Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aatri.adjustment.statistics.global_test import global_test, sigma0_note

@@ -13,8 +13,6 @@ ones are left to variance components.
 Source: Foerstner 1979 (redundancy numbers of groups); Kraus, Photogrammetry, weights of groups of observations.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import chdtr, chdtrc
 

@@ -5,8 +5,6 @@ and collocation, which sees residuals alone, mends a part of it.
 Test: length and size of the signal's covariance function against the plate and the noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from aatri.arrays import Float, Text

@@ -4,8 +4,6 @@ Seen: a gross error along the base of two rays, which only moves their point, mo
 Test: `orientation.bundle.terrain_test`, at 0.1 % for all points together.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.checks.finding import Finding

@@ -6,8 +6,6 @@ where one of 41 standard deviations is found in 80 %. What is known beforehand o
 known by that alone, in image after image: such are counted. Image points in no model take part only in the bundle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.statistics.uncontrolled import BELOW

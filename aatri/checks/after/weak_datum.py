@@ -6,8 +6,6 @@ Test: a twentieth of the points has a standard deviation beyond `WEAK_DATUM` tim
 ground, sigma / c times the distance. The least certain direction is named, mostly a motion of the whole block.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained

@@ -12,8 +12,6 @@ or single points if these are fewer.
 Source: Church, Revised geometry of the aerial photograph (1945); Manual of Photogrammetry, space resection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 

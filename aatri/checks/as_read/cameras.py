@@ -9,8 +9,6 @@ Test: a field of view below 1 or above 170 degrees, a ground sampling distance b
 below 1 : 2,000,000.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The usual errors of the coordinates of control: what they would be without each of them, and what to do about it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

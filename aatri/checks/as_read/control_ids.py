@@ -5,8 +5,6 @@ Test: an id that nothing measures is, without case, form and zeros, that of a me
 all control is lost so, the block would hang on nothing, or on positions alone: an error. One point is a warning.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

@@ -13,8 +13,6 @@ if it exceeds 100 km, which no image sees.
 Cf. EPSG guidance note 7-1 on axis order; the rows 70 to 78 of common input errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -12,8 +12,6 @@ Test:
 Two measurements of two things never agree in every digit; where they are rounded to whole pixels, not in two images.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ Test: a share below a twentieth, or a reach beyond twice the half diagonal. Wher
 the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

@@ -5,8 +5,6 @@ Test: coordinates lie outside of where their CRS is used; a block with `earth_cu
 more than 10 km across, over which the earth bends by d^2 / 8R, 2 m.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import Block

@@ -4,8 +4,6 @@ Seen: two objects under one number, or a pointing that slipped; a mean of the tw
 Test: the two differ by more than `SAME_POINT_SIGMAS` standard deviations of their difference in a coordinate.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.imported import read_at

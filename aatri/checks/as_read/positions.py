@@ -10,8 +10,6 @@ Test: with m the median of the positions, s 1.4826 times the median distance fro
 One may always go, however few there are, and all where all are the same.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Seen: rows that cannot be used, each with its reason, from the other checks of t
 Test: none; many of one kind for one reason are told in one line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -13,8 +13,6 @@ and images with few points (3) are no reason to refuse the others, however many,
 The outcome depends on the content alone, so that a block written out and read again is screened to the same.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Seen: a blank line of a form, a station that was not changed; an adjustment woul
 Test: none; they are set aside by name.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

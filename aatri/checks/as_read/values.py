@@ -13,8 +13,6 @@ Test:
 Readers keep the faults that only they can place better, such as the cell of a CSV file.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any

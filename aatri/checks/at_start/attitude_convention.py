@@ -9,8 +9,6 @@ is proposed. What all b of a camera have in common, its boresight, is tested aft
 of the orientations.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

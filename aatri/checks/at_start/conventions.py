@@ -7,8 +7,6 @@ Test: each kind is held against the start with its values as they are and as the
 another one fits five times better, and the values as declared are 20 sigma off, the kind is named. Nothing is changed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

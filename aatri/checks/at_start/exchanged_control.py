@@ -6,8 +6,6 @@ distance, and a quarter of the control where it is given. An error where one of 
 other points would remain; else the search for gross errors leaves them out and names them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.imported import read_at

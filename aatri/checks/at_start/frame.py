@@ -4,8 +4,6 @@ Seen: heights that bend, positions that do not fit control by the scale of a map
 Test: none: the effect is computed; above 0.1 mm it is told, above 1 mm it is a warning.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import declared_frame

@@ -7,8 +7,6 @@ Seen: marks whose numbers are exchanged, that are mirrored, or measured in anoth
 Test: marks that fit no similarity are tried mirrored, and with their numbers exchanged; what fits is proposed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.imported import read_at

@@ -5,8 +5,6 @@ Test: those of orientations and exchanged control only where the start comes fro
 been checked by the stage that made it, and starts of a geocentric frame have no heights.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.frame.adjustment_frame import poses_out_of
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions

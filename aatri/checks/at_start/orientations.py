@@ -5,8 +5,6 @@ Test: more than 5 % of the points of a camera lie behind it; all its images look
 point projects beyond the format, by more than a tenth of it, of an image that shows it (orientations are approximate).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

@@ -1,7 +1,5 @@
 """Arguments that are one of a few names: of a name that is none the nearest is told; the shell completes them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from enum import StrEnum
 from typing import TypeVar

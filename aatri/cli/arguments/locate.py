@@ -1,7 +1,5 @@
 """Which run a verb means: a run folder, a pipeline file, or the `run:` of ./pipeline.yaml."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

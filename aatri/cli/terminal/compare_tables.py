@@ -1,7 +1,5 @@
 """Many runs side by side: accuracies, theory and seconds of each; then what each group of runs changes, most first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Nothing heavy is imported at the top of any file of this folder, so that `aatri --help` answers at once.
 """
 
-from __future__ import annotations
-
 import errno
 import functools
 import json

@@ -1,7 +1,5 @@
 """How figures of stages are shown: one line while running, a table and the accuracy at the end."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Values of a table, as `aatri show RUN:STAGE TABLE` prints them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -15,8 +15,6 @@ the problem defines its cost: half the sum of all squares. So do features that t
 Source: Agarwal, Snavely, Seitz & Szeliski 2010, Bundle adjustment in the large; grail.cs.washington.edu/projects/bal.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

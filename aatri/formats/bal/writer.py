@@ -5,8 +5,6 @@ where all are numbers), counted from 0. Each image gets the f, k1 and k2 of its 
 principal point, in pixels as wide as high.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -8,8 +8,6 @@
 Source: colmap.github.io, Output format.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

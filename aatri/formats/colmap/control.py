@@ -1,7 +1,5 @@
 """Control points beside a COLMAP model: a ground_points.csv of the block folder, with the ids of the model's points."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

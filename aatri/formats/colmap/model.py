@@ -6,8 +6,6 @@ centre of the first pixel is (0.5, 0.5). Files: `colmap_text`, `colmap_binary`.
 Source: colmap.github.io, Output format; src/colmap/sensor/models.h.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

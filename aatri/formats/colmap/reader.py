@@ -9,8 +9,6 @@ model knows no millimetres: a pixel is 0.001 mm wide, so c = fx um; its height i
 two focal lengths exactly. Features without a point are no observations of a block; their number is logged.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

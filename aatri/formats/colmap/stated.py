@@ -4,8 +4,6 @@ Tracks repeat the features of the images. An image that a track names and that i
 file is cut: a warning. A track that contradicts a feature is an error: one of the two files was changed.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

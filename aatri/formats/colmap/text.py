@@ -8,8 +8,6 @@
 3.12) repeat the poses of the images and are not needed. Numbers are written so that they read back to the same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

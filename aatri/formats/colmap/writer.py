@@ -7,8 +7,6 @@ names. COLMAP has one image for each pose: images without an orientation and poi
 counted. The mean reprojection error of each point is that of the block.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ speaks against it: a blank after other commas between numbers of the line, more 
 number of the file has a decimal point or an exponent.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

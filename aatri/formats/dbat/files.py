@@ -19,8 +19,6 @@ px, py are counted from the upper left corner of the format, y down. Angles are 
 Source: the files of the DBAT data folder; Börlin & Grussenmeyer, Bundle adjustment with and without damping, 2013.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 

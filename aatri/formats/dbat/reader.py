@@ -28,8 +28,6 @@ the Damped Bundle Adjustment Toolbox; checked against the reports of DBAT 0.9.2,
 prob2dbatstruct.m ("use y as the pixel size, store diff as aspect").
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any, Literal

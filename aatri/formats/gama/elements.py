@@ -4,8 +4,6 @@ Lengths are in m, angles in gon, or degrees where they are written d-m-s; standa
 or seconds of arc for angles in degrees. Source: GNU Gama manual, chapter Input data format for gama-local.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A network of gama-local as it is read: points, scalar observations, covariances."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

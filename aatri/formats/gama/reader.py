@@ -6,8 +6,6 @@ the datum of a free network: `datum: free, datum_over: marked` of the bundle. ga
 times the sigma0 of a bundle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -14,8 +14,6 @@ Ground points: `point X Y Z` (east, north, up, m), one file of control and one o
 Source: lecture notes A113, A309.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cameras of block.yaml as tables."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ The one declaration from which tables are read and written, and which docs/forma
 a `field` is more than a cell for a value: coordinates in any frame, roles, angles; readers and the writer make it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple

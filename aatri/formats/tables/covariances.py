@@ -6,8 +6,6 @@ square of units.sigma_ground. One point's own variances and covariances may stan
 ground_points.csv are empty.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -3,8 +3,6 @@
 Angles always refer to the right-handed axes of the first frame, whatever the order of the axes in the tables.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

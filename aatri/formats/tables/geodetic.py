@@ -4,8 +4,6 @@
 from a station to itself, or a distance that is not positive, is set aside with its reason.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ The block is then in the UTM zone of its middle, on the same datum and with the 
 in the declared one. What is counted in the axes of the first frame has none in degrees, and is refused by name.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

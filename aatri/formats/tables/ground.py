@@ -1,7 +1,5 @@
 """ground_points.csv as a table: metres, right-handed axes of the first frame, a role per coordinate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

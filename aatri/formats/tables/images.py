@@ -1,7 +1,5 @@
 """images.csv, image_points.csv and fiducials.csv as tables, in canonical order."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ say is the shape and size of a body: distances between its marks with their cova
 they lie in it (`orientation.network.portable_frame`). Each frame is a body of its own.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

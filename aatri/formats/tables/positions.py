@@ -7,8 +7,6 @@ A covariance from another frame is rounded so that its variances are squares of 
 out and read again is then the same to the bit. The change is one unit in the last place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ come at once, each with file, line and character. What is read is turned into me
 right-handed axes, and sorted into canonical order. What of it cannot be used is set aside later (`checks.as_read`).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

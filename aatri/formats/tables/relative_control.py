@@ -6,8 +6,6 @@ unit, or plain numbers, as the type has it. Conditions come out sorted by type, 
 the members is kept.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Mapping

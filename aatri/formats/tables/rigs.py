@@ -3,8 +3,6 @@
 Images of one rig with the same time, or else the same strip and sequence, are one exposure: it has each member once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import RigMembers

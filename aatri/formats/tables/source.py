@@ -1,7 +1,5 @@
 """What the readers of the tables of one block folder share: settings, files, ids and the list of faults."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -8,8 +8,6 @@ A variance that is the square of no float has no exact form in the contract; the
 makes such values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ archive, and members that grow beyond what data do: deflate makes zeros a thousa
 hundredth of their size.
 """
 
-from __future__ import annotations
-
 import re
 import stat
 import zipfile

@@ -1,7 +1,5 @@
 """Lines of CSV to cells: comma, quotes as in RFC 4180 but within one line, blanks around a cell do not count."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Sequence

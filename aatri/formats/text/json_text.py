@@ -4,8 +4,6 @@ Strict: UTF-8, no key twice in an object, no NaN or Infinity, numbers within wha
 at once; the places of its parts are looked up only when they are asked for, by skipping over what lies before them.
 """
 
-from __future__ import annotations
-
 import json
 from bisect import bisect_right
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ No decimal comma, thousands separator, nan, inf, underscore or full-width digit:
 it alone does not decide. A column is checked whole; only when that fails cell by cell.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

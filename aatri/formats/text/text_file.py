@@ -4,8 +4,6 @@ UTF-8 with or without byte order mark; UTF-16 with its mark; else GB18030, if al
 an 8-bit encoding that accepts any byte: it would turn ids into something else without a word. Line ends LF, CRLF, CR.
 """
 
-from __future__ import annotations
-
 import codecs
 import os
 import re

@@ -3,8 +3,6 @@
 Entities that a file defines, or leaves to a DTD, are refused: where the DTD is not read, expat drops them in silence.
 """
 
-from __future__ import annotations
-
 import codecs
 import re
 from pathlib import Path

@@ -10,8 +10,6 @@ Whitespace-separated text, GBK or ASCII, `-99` ends a list. Names of the files i
   follow are check points
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ without a role keep their coordinates. Two strips of the same number are two str
 order. The files hold no standard deviations: image points get the one given, control is exact unless one is given.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

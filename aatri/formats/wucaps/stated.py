@@ -1,7 +1,5 @@
 """What PREPHI says of its strips, number of photos and photo scale, held against what was read."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

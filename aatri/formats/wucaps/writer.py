@@ -7,8 +7,6 @@ no place in these files and is told: standard deviations, positions, attitudes, 
 written with the fewest digits that give them back.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -5,8 +5,6 @@ compiled twice; the longest come first. Whatever goes wrong is left to the proce
 its error is the one to tell.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

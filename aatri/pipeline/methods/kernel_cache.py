@@ -9,8 +9,6 @@ here (docs/speed.md). So a wheel can carry the folders of such a processor (`hat
 into the cache, as if they had been compiled there.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import hashlib

@@ -6,8 +6,6 @@ the one to look at. Where the keys are equal too, the versions of packages and t
 tell whether only the last bits differ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

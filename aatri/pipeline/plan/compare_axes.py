@@ -1,7 +1,5 @@
 """Many runs in groups: those that change the same stages stand together, and what changes most comes first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ before, nothing below it runs. While a run goes on the same function decides eac
 `run`, `status`, `dag` and `--dry-run` all carry out or show this one plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum

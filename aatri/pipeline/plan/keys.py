@@ -5,8 +5,6 @@ the files that options name; the code it reaches; the schema versions of its art
 numbers. It does not hold where things lie, the time, the machine, or versions of packages: these are in the record.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Why a stage has to run: typed reasons, each with what was and what is."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass

@@ -7,8 +7,6 @@ names under `ignore`, are warnings; so is everything where a stage does not stat
 need the first is told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 The SHA-256 of an artifact is remembered with its size, times and inode; with `verify` every file is read again.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command that makes a run again, from what was asked for when it was made."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from typing import Any

@@ -7,8 +7,6 @@ written atomically, trusted only if whole, and removed once the result is there.
 of and left out: the stage itself may still come to its end.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

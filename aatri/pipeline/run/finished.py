@@ -1,7 +1,5 @@
 """A run in which there is nothing to do: it needs no writing, so it may lie on a disk that nobody may write."""
 
-from __future__ import annotations
-
 import errno
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@ status   running, done, gate_failed (all is made, and a quality gate failed), fa
 gates    every gate that was judged, with the value it met
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -6,8 +6,6 @@ Whatever ends a run - an error, a signal, a full disk, a loss of power - the res
 command goes on from there.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait

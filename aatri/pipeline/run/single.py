@@ -3,8 +3,6 @@
 The stages above must be up to date; the run is shared with other jobs, the stage is not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ is seeded by the run's seed and the stage's name, so that adding a stage changes
 current one is not decided here: a worker only adds to the store, so that any scheduler may call it.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import json

@@ -10,8 +10,6 @@ A result that its own tests contradict has the figure `contradictions`, and need
 `contradictions: off` of the stage, lets it pass.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass

@@ -3,8 +3,6 @@
 Validation is strict, so that a text is never taken for a number; lists serve as tuples and texts as paths.
 """
 
-from __future__ import annotations
-
 import json
 import typing
 from collections.abc import Iterable

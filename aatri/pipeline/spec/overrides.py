@@ -1,7 +1,5 @@
 """Overrides of the command line: `--variant NAME`, `--use STAGE=ROLE/VARIANT` and `--set STAGE.OPTION=VALUE`."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from collections.abc import Collection, Sequence

@@ -14,8 +14,6 @@
 Whether stages, ports and options exist is checked by `graph`; here only the shape.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ It leads from the key that the stage has now to the result that was made with ot
 without that file the stage is stale again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import getpass
 from collections.abc import Mapping

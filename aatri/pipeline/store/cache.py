@@ -7,8 +7,6 @@ A file's digest is trusted as long as its size, times and inode are those seen w
 changed so shortly before that a second change within the clock's grain could have gone unseen.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -5,8 +5,6 @@ brought to the disk. Temporary names carry the process that writes, so that thos
 (`inside`).
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ A line goes out in one write; a crash can leave the last one unfinished, which r
 ends with a new line.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

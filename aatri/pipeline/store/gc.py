@@ -4,8 +4,6 @@ What is current, or was last, in the run or any of its variants stays; of the ot
 those not old enough. A result's record goes first, so that a crash leaves no record without its artifact.
 """
 
-from __future__ import annotations
-
 import contextlib
 import datetime
 import re

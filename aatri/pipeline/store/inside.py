@@ -15,8 +15,6 @@ The folder of the run itself may be a link: it is the user who names it. The run
 belongs to, and so is reached from there. Links put there while aatri runs are not guarded against.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -4,8 +4,6 @@ The pipeline lies in a folder above the run, which is one project; or the user h
 which a note is kept in the user's cache.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

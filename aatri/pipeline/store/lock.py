@@ -6,8 +6,6 @@ with others and locks its stage. Readers take no lock. The package filelock woul
 asks for the lock, and so the name of who holds it, and it has no lock that can be shared.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """When and with what a stage ran: kept in records beside the artifacts, never in their content."""
 
-from __future__ import annotations
-
 import datetime
 import platform
 

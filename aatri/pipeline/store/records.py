@@ -5,8 +5,6 @@ halves of characters, nested without end, or with names that lead elsewhere. All
 ArtifactError, so that readers of records need not ask again.
 """
 
-from __future__ import annotations
-
 import datetime
 import hashlib
 import json

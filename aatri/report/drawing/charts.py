@@ -1,7 +1,5 @@
 """Charts: sigma0 of the stages, convergence, residuals against the normal distribution, errors along strips."""
 
-from __future__ import annotations
-
 import numpy as np
 from markupsafe import Markup
 

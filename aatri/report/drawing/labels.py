@@ -1,7 +1,5 @@
 """Labels that do not cover each other: each takes the first free spot around its point, or is left out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from markupsafe import Markup

@@ -4,8 +4,6 @@ Lines are geodetic observations and relative control; those with an observation 
 ellipses are standard ones of the plan, C = s^2 U U', all enlarged by the same round number.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

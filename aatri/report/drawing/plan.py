@@ -4,8 +4,6 @@ A footprint is the image format seen from the projection centre, cut with the pl
 Positions are those of the best solution there is, else those given with the block.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from markupsafe import Markup
 

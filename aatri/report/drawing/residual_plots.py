@@ -4,8 +4,6 @@ A vector starts at its dot and points in the direction of the difference (soluti
 round number and is printed, with a vector of round length beside it.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scales of pictures: round numbers, thinning, plans with equal scales, linear and logarithmic axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

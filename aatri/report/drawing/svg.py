@@ -4,8 +4,6 @@ Pixels, origin top left, y down. Many marks of one kind are one path, so that a 
 small. Colours come from the page's style by class name.
 """
 
-from __future__ import annotations
-
 from markupsafe import Markup, escape
 
 from aatri.arrays import Float

@@ -1,7 +1,5 @@
 """The block as given: cameras with what of them is unknown, and what was set aside."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import Block

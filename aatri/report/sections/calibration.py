@@ -1,7 +1,5 @@
 """What was estimated of the cameras: values, standard deviations, whether they are significant, correlations."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.solution import Solution

@@ -1,7 +1,5 @@
 """Accuracy: the verdict, every control and check point, single models, free strips, and pictures of the differences."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.evaluation import (

@@ -3,8 +3,6 @@
 scale = sqrt(|det D_plan|),    convergence = from true north to grid north, clockwise        (`aatri.frames.tangent`)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of

@@ -1,7 +1,5 @@
 """Photo coordinates: corrections made, residuals of fiducial marks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.image_points import ImagePoints

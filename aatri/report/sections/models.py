@@ -1,7 +1,5 @@
 """Models of relative orientation: pairs without one, and why; what nothing controls."""
 
-from __future__ import annotations
-
 from aatri.artifacts.models import Models
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows

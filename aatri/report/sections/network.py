@@ -1,7 +1,5 @@
 """Geodetic observations and relative control of a Solution: the network drawn, its points, residuals, tests, shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import Block

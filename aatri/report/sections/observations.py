@@ -1,7 +1,5 @@
 """Tables of observations one by one: residual, standard deviation, redundancy number and test, the largest first."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

@@ -1,7 +1,5 @@
 """What a section of the page is made of."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """Reliability: redundancy, detectable gross errors, their effect, the largest tests, what nothing controls."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

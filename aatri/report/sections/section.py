@@ -1,7 +1,5 @@
 """One section of the page per stage: what it made, in tables and pictures. Each kind of artifact has a file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

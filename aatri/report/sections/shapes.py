@@ -6,8 +6,6 @@ lie: with equal standard deviations the plane of the adjustment is the one that 
     (X - mean) = U S V',     normal = the last row of V',     direction of a line = the first
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

@@ -1,7 +1,5 @@
 """Orientations, points, residuals, calibration and reliability of a Solution."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

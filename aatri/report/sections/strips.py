@@ -1,7 +1,5 @@
 """Strips: gaps, and why; what nothing controls."""
 
-from __future__ import annotations
-
 from aatri.artifacts.strips import Strips
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, all_rows

@@ -1,7 +1,5 @@
 """Suspects by the stage that tested them and by kind, and each of them by id."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

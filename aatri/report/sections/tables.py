@@ -1,7 +1,5 @@
 """Tables of the page: heads and rows of text; what is long is cut, and the caption says so."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

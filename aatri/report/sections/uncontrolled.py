@@ -1,7 +1,5 @@
 """What nothing controls: how many of each kind, and every one with its direction."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.uncontrolled import Uncontrolled

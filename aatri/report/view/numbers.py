@@ -1,7 +1,5 @@
 """Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A run as the report sees it: stages in order, each done, failed or not run, whatever the state of the folder."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

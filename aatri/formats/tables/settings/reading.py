@@ -1,7 +1,5 @@
 """Reading of block.yaml: all faults together, each with its place in the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 Unknown keys are errors, keys that start with `x_` are ignored.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator

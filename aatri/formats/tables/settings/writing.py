@@ -4,8 +4,6 @@ Texts and keys are in JSON form, which is YAML too; numbers have the fewest digi
 correction that is 0.001 times no float has no exact form, as the file has it in um; the nearest is written.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any
