@@ -27,6 +27,7 @@ from aatri.artifacts.solution import (
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Given
 from aatri.observations.poses import ADDITIONAL, CAMERA
 from aatri.orientation.bundle.block import BundleInput
@@ -125,7 +126,7 @@ def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, f
     return (
         np.bincount(given.rays.image[used], minlength=n_images),
         np.bincount(given.rays.point[used], minlength=n_points),
-        1e3 * float(np.sqrt((given.rays.sigma_mm[used] ** 2).mean())),
+        1e3 * float(np.sqrt((next(o for o in given.observed if o.kind == IMAGE_POINT).sigmas()[used] ** 2).mean())),
     )
 
 

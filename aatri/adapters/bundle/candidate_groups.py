@@ -66,9 +66,11 @@ def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candi
         elif o.kind == IMAGE_POINT and given.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
             carried = any(p.group != FILM and p.free.any() for p in given.parameters)
-            residuals_mm = v / o.records.whitener[rows]
-            yield from _of_image_points(given.images, given.rays, place, rows, residuals_mm, cameras=not carried)
-            yield from _of_images(given, given.images, given.rays, place, rows, residuals_mm)
+            image, residuals_mm = given.rays.image[rows], v / o.records.whitener[rows]
+            corner_mm = _corner_mm(given.images, given.rays)[given.images.camera[image]]
+            H = _by_camera(given.rays.xy_mm[rows] + residuals_mm, given.rays.c_mm[rows], corner_mm)
+            yield from _of_image_points(given.images, place, rows, image, H, cameras=not carried)
+            yield from _of_images(given.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
             yield from moved_together(given, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
@@ -147,12 +149,9 @@ def _units(
 
 
 def _of_image_points(
-    images: ImageGroups, rays: ImagePointRows, place: int, rows: Int, residuals_mm: Float, *, cameras: bool
+    images: ImageGroups, place: int, rows: Int, image: Int, H: Float, *, cameras: bool
 ) -> Iterator[Candidates]:
     """Interior orientation of cameras, where the block carries none of its own, and of what strips have of them."""
-    image = rays.image[rows]
-    corner_mm = _corner_mm(images, rays)[images.camera[image]]
-    H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], corner_mm)
     causes = (
         Cause("principal distance", (0,)),
         Cause("principal point", (1, 2)),
@@ -165,22 +164,20 @@ def _of_image_points(
 
 
 def _of_images(
-    given: BundleInput, images: ImageGroups, rays: ImagePointRows, place: int, rows: Int, residuals_mm: Float
+    image_ids: Ids, place: int, rows: Int, image: Int, H: Float, v: Float, whitener: Float
 ) -> Iterator[Candidates]:
     """Affinity of single images, as film shrinks; c and principal point of one are those of its orientation.
 
     Tested are those with the largest gain were all unknowns held, g'(H'H)^-1 g, which the true one is not below.
     """
-    image, count = rays.image[rows], len(given.image_ids)
-    H = _by_camera(rays.xy_mm[rows] + residuals_mm, rays.c_mm[rows], _corner_mm(images, rays)[images.camera[image]])
-    by_sigma = H[:, :, 4:] / rays.sigma_mm[rows][:, :, None]
+    count, whitened = len(image_ids), H * whitener[:, :, None]
     N, g = np.zeros((count, 2, 2)), np.zeros((count, 2))
-    np.add.at(N, image, np.einsum("nmi,nmj->nij", by_sigma, by_sigma))
-    np.add.at(g, image, np.einsum("nmi,nm->ni", by_sigma, residuals_mm / rays.sigma_mm[rows]))
+    np.add.at(N, image, np.einsum("nmi,nmj->nij", whitened, whitened))
+    np.add.at(g, image, np.einsum("nmi,nm->ni", whitened, v))
     bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
     largest = np.isin(image, np.argsort(-bound, kind="stable")[:MOST_IMAGES])
-    causes, names = (Cause("affinity", (0, 1)),), np.asarray(given.image_ids)
-    for units in _units(place, IMAGE, names, image[largest], rows[largest], H[largest][:, :, 4:], causes):
+    causes, names = (Cause("affinity", (0, 1)),), np.asarray(image_ids)
+    for units in _units(place, IMAGE, names, image[largest], rows[largest], H[largest], causes):
         yield replace(units, tests=int((bound > 0).sum()))
 
 

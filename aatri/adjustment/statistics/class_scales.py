@@ -42,9 +42,6 @@ TIGHT, SEEN = 0.25, 3.0
 MATTERS = 1.25
 """Tests with standard deviations wrong by less than this are as good as right; also the bound of a warned sigma0."""
 
-MOST_LOST = 0.05
-"""Share of their precision that coordinates may lose by wrong weights."""
-
 _INSIDE = 2.0 * float(ndtr(K)) - 1.0
 _CONSISTENT = 1.0 - 2.0 * K * float(np.exp(-0.5 * K**2) / np.sqrt(2.0 * np.pi)) / _INSIDE
 _ITERATIONS = 20
@@ -74,39 +71,14 @@ class ClassScales:
         return np.where(self.estimable & off, self.scale, 1.0)
 
     @property
-    def weights_are_wrong(self) -> bool:
-        """Whether the ratio of two classes is clearly wrong."""
-        if not self.estimable.any():
-            return False
-        used, main, r = self.differing, self.main, np.maximum(self.redundancy, 1.0)
-        off = np.abs(np.log(used / used[main])) > np.log(ratio_that_costs(MOST_LOST))
-        low, high = self._by_chance(EFFICIENCY / (1.0 / r + 1.0 / r[main]))
-        ratio = self.scale / self.scale[main]
-        return bool((off & ((ratio < low) | (ratio > high) | ~self.estimable)).any())
-
-    @property
     def main(self) -> int:
-        """The class with the most redundancy: its standard deviations are the measure of sigma0."""
+        """The class with the most redundancy."""
         return int(np.argmax(self.redundancy))
 
     def _by_chance(self, freedom: Float) -> tuple[Float, Float]:
         """Between what a scale of 1 lies with so many degrees of freedom."""
         f, level = np.maximum(freedom, 1.0), 0.5 * FALSE_ALARM / max(len(self.scale), 1)
         return np.sqrt(chdtri(f, 1.0 - level) / f), np.sqrt(chdtri(f, level) / f)
-
-
-def ratio_that_costs(loss: float) -> float:
-    """Ratio of standard deviations by which two equal sources, weighted with it, lose this share of their precision.
-
-    Weighted a : 1 in place of 1 : 1 their mean has sqrt(2 (1 + a^2)) / (1 + a) times the least standard deviation.
-
-    Examples
-    --------
-    >>> round(ratio_that_costs(0.05), 2)
-    1.39
-    """
-    k = (1.0 + loss) ** 2
-    return float(np.sqrt((k + 2.0 * np.sqrt(k - 1.0)) / (2.0 - k)))
 
 
 def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> ClassScales:

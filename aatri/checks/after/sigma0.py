@@ -5,8 +5,6 @@ wrong standard deviations.
 Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused.
 """
 
-from dataclasses import replace
-
 from aatri.adjustment.statistics.global_test import global_test, sigma0_note
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
@@ -25,26 +23,24 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[
     Parameters
     ----------
     scale : float
-        sigma0 that is explained already, by standard deviations that are told to be wrong: no second warning.
+        Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
     """
     if result.adjusted.down_weighted:
         return []
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
-    if test.verdict != "untested" and test.sigma0 > max_sigma0:
-        text = f"sigma0 is {test.sigma0:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
+    if test.verdict != "untested" and test.sigma0 * scale > max_sigma0:
+        text = f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
         return [
             Finding(
                 "sigma0",
                 "error",
                 f"{text}observations do not fit it",
                 REFUSED,
-                statistic=test.sigma0,
+                statistic=test.sigma0 * scale,
                 error=ConvergenceError,
             )
         ]
     note = sigma0_note(test)
-    if scale != 1.0 and global_test(test.sigma0 / scale, counted).verdict in ("fits", "outside"):
-        note = replace(note, level="note")
     remedy = REMEDY if note.level == "warning" else ""
     return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]

@@ -66,8 +66,7 @@ class Round:
     renumbered : tuple of OtherNumber
         Image points that fit another ground point.
     scale : float
-        Where the weights are not those of the standard deviations given, and that is told: sigma0 as the search found
-        it; else 1.
+        Of the standard deviations of the class with the most redundancy, over those given, where they do not fit.
     """
 
     given: BundleInput

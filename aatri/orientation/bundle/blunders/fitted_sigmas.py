@@ -48,11 +48,6 @@ class FittedSigmas(Rejections):
         self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(given)
         self.tails: tuple[Tail, ...] = ()
 
-    @property
-    def _final(self) -> Float:
-        """Factors on the standard deviations of the result."""
-        return self.scaling.final if self.options.sigmas == "estimated" else np.ones_like(self.scaling.factor)
-
     def _with_fitting_sigmas(self, tried: TestedBlock) -> TestedBlock:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
@@ -74,14 +69,12 @@ class FittedSigmas(Rejections):
             self.given = replace(start, observed=scaling.classes.with_factors(start.observed, by))
             self.all = replace(self.all, observed=tuple(o.again() for o in self.given.observed))
 
-    def _with_final_sigmas(self, tried: TestedBlock) -> tuple[BundleInput, BundleResult]:
-        """The block with the standard deviations of the result, and adjusted with them."""
-        final = self._final
-        if (final == self.scaling.factor).all():
+    def _with_sigmas_of_the_result(self, tried: TestedBlock) -> tuple[BundleInput, BundleResult]:
+        """The block adjusted with those of the search, or as given where these were for the tests alone."""
+        if self.options.sigmas == "estimated" or not self.scaling.changed.any():
             return tried.given, tried.result
         start = from_result(tried.given, tried.result)
-        scaled = self.scaling.of_result(self.as_given, final)
-        observed = tuple(replace(o, start=now.start) for o, now in zip(scaled, start.observed))
+        observed = tuple(replace(o, start=now.start) for o, now in zip(self.as_given, start.observed))
         given = replace(start, observed=self.all.without(observed, tried.active))
         return given, self.adjust(given, AdjustOptions())
 

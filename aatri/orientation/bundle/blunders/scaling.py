@@ -1,10 +1,9 @@
 """Standard deviations that fit the residuals, class by class, before anything is rejected.
 
 A class is a kind of observation, its plan and height where they are measured apart, the image points of each camera,
-and the groups that the tables name. Its scale is estimated robustly (`adjustment.statistics.class_scales`). The search
-is made with standard deviations times these scales. Those of the result are the given ones, as long as their ratios are
-right; where these are clearly wrong the weights follow, over the scale of the class with the most redundancy, so that
-sigma0 remains the ratio to standard deviations as given.
+and the groups that the tables name. Its scale is estimated robustly (`adjustment.statistics.class_scales`). Where it
+contradicts the standard deviations given, these times the scale are those of the search and of the result: its weights,
+covariances, tests and sigma0. All others stay as given.
 """
 
 from __future__ import annotations
@@ -137,21 +136,12 @@ class Classes:
             scale[small], redundancy[small], estimable[small] = whole.scale, whole.redundancy, whole.estimable
         return ClassScales(scale, redundancy, estimable)
 
-    def with_factors(self, observed: tuple[Observed, ...], factor: Float, priors: float = 1.0) -> tuple[Observed, ...]:
-        """Observations with standard deviations times the factor of their class.
+    def with_factors(self, observed: tuple[Observed, ...], factor: Float) -> tuple[Observed, ...]:
+        """Observations with standard deviations times the factor of their class, (g,).
 
-        Parameters
-        ----------
-        observed : tuple of Observed
-        factor : (g,) float64
-        priors : float
-            Factor of what is known of film, cameras and mounts beforehand; weights of additional parameters are none.
+        What is known of film, cameras and mounts beforehand keeps its own; weights of additional parameters are none.
         """
-        known = np.append(factor, priors)
-        return tuple(
-            with_factor(o, np.full_like(number, len(factor)) if _is_prior(o) else number, known)
-            for o, number in zip(observed, self.number)
-        )
+        return tuple(o if _is_prior(o) else with_factor(o, number, factor) for o, number in zip(observed, self.number))
 
 
 def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[float, float]:
@@ -236,36 +226,22 @@ class Scaling:
         return np.asarray(self.factor != 1.0)
 
     @property
-    def final(self) -> Float:
-        """Factors for the result: 1 where the ratios are right, else over that of the class with most redundancy."""
-        if self.last is None or not self.changed.any() or not self._total().weights_are_wrong:
-            return np.ones_like(self.factor)
-        return np.asarray(self.factor / self.factor[self.last.main])
+    def main_factor(self) -> float:
+        """Factor of the class with the most redundancy: times sigma0 it is the ratio to standard deviations as given."""
+        return 1.0 if self.last is None else float(self.factor[self.last.main])
 
-    def of_result(self, observed: tuple[Observed, ...], final: Float) -> tuple[Observed, ...]:
-        """Observations as given with the standard deviations of the result: those of priors keep their ratio, too."""
-        return self.classes.with_factors(observed, final, 1.0 / self.main_factor(final))
-
-    def main_factor(self, final: Float) -> float:
-        """Factor of the class that sigma0 is measured by, where the weights are not those given; else 1."""
-        return 1.0 if self.last is None or (final == 1.0).all() else float(self.factor[self.last.main])
-
-    def _total(self) -> ClassScales:
-        assert self.last is not None
-        return replace(self.last, scale=self.last.scale * self.factor)
-
-    def notes(self, final: Float) -> list[Note]:
-        """What was found of standard deviations that do not fit; `final` are the factors of the result."""
+    def notes(self, *, of_result: bool) -> list[Note]:
+        """Standard deviations that do not fit; `of_result`: those of the result follow, not those of the tests alone."""
         if not self.changed.any():
             return []
-        of = dict(zip(self.classes.names, self.factor))
-        told = tuple(f"{name} {f:.3g}" for name, f in of.items() if f != 1.0)
-        if (final == 1.0).all():
+        told = tuple(f"{name} {f:.3g}" for name, f in zip(self.classes.names, self.factor) if f != 1.0)
+        if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
             return [Note("note", text, told)]
-        kept = [name for name, f in of.items() if f == 1.0]
+        kept = [name for name, f in zip(self.classes.names, self.factor) if f == 1.0]
         text = (
-            "standard deviations do not fit the residuals; the weights follow what fits, times those given "
-            f"({', '.join(kept) + ' as given' if kept else 'all'}; `blunders: {{sigmas: given}}` keeps the weights)"
+            "standard deviations do not fit the residuals; weights and all standard deviations of the result follow what "
+            f"fits, times those given ({', '.join(kept) + ' as given' if kept else 'all'}; "
+            "`blunders: {sigmas: given}` keeps them)"
         )
         return [Note("warning", text, told)]

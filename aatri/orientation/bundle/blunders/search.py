@@ -124,20 +124,20 @@ class _Search(FittedSigmas):
         above &= ~turn.kept & ~doubtful
         told = SearchOutcome(use, undecided, above, doubted, swapped, renumbered, tried.small, tried.plain, self.whole)
         notes = (
-            *self.scaling.notes(self._final),
+            *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
             *self._tail_notes(),
             *findings(tried.given, self.all, told, self.options),
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return Round(
-            *self._with_final_sigmas(tried),
+            *self._with_sigmas_of_the_result(tried),
             notes,
             self.all.keys(undecided),
             self.all.keys(above | doubtful | doubted | turn.kept),
             tuple((a, b) for a, b in pairs),
             renumbered,
-            self.scaling.main_factor(self._final),
+            self.scaling.main_factor if self.options.sigmas == "estimated" else 1.0,
         )
 
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
