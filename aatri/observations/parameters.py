@@ -6,6 +6,7 @@ points touch. A weighted parameter is an observation of its own, v = p - p_prior
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +53,12 @@ class ParameterRows:
         The blocks are those of the images, one by one.
     calibrated : bool
         What weights them is the result of another block.
+    terms : callable, optional
+        The basis at any coordinates, (n_rays, 2) mm; None where it is what it is.
+    ideal : bool
+        Its coordinates are those that the parameters have corrected.
+    formed_by : (n, s) float64, optional
+        Values of the adjustment at whose coordinates the basis is; None: at the measured ones.
     """
 
     group: str
@@ -67,10 +74,14 @@ class ParameterRows:
     model: tuple[str, ...] = ()
     per_image: bool = False
     calibrated: bool = False
+    terms: Callable[[Float], Float] | None = None
+    ideal: bool = False
+    formed_by: Float | None = None
 
     def take(self, rays: Int | Bool) -> ParameterRows:
         """With the chosen rays only."""
-        return replace(self, block=self.block[rays], basis=None if self.basis is None else self.basis[rays])
+        basis = None if self.basis is None else self.basis[rays]
+        return replace(self, block=self.block[rays], basis=basis, terms=None)
 
 
 def parameter_unknowns(rows: ParameterRows) -> Unknowns:

@@ -14,6 +14,7 @@ from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.blunders.search import search
@@ -64,8 +65,16 @@ def adjusted(
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
     adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
+    settings = _settings(options, how)
+
+    def once(block: BundleInput) -> BundleResult:
+        return with_observed_sigma0(adjust(block, settings, reporter=context))
+
+    def roughly(block: BundleInput) -> BundleResult:
+        return adjust(block, replace(settings, covariances=False), reporter=context)
+
     try:
-        return with_observed_sigma0(adjust(given, _settings(options, how), reporter=context))
+        return adjusted_with_terms(given, once, roughly)
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
         advice = rank_advice(error.what, names, column_kinds(given))

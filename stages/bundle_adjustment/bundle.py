@@ -56,6 +56,7 @@ from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
+from aatri.orientation.bundle.adjusted_terms import with_settled_terms
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.rounds import with_considered
 from aatri.orientation.bundle.settings import Datum, DatumOver
@@ -63,7 +64,6 @@ from aatri.plugin import SILENT, Context, Field, Need, stage
 
 from ._adjusting import adjusted, adjusted_in_rounds
 from ._blunders import GONE, Blunders
-from ._ideal_coordinates import at_ideal_coordinates
 from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
 from ._variance_components import VarianceComponentOptions, with_variance_components
@@ -201,7 +201,7 @@ def bundle(
     report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
     adjust = partial(adjusted, options=options, context=context)
     done, groups = adjusted_in_rounds(source, given, options, context)
-    done = at_ideal_coordinates(source, chosen, done, adjust)
+    done = with_settled_terms(done, adjust)
     done, components = with_variance_components(block, done, adjust, options.variance_components)
     done = with_considered(done, adjust, partial(with_parameters, source))
     given, suspects = done.given, after(suspects, done)

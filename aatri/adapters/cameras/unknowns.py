@@ -49,12 +49,15 @@ def additional_parameters(
     """
     units, m = units_of(block, per), image_points.measurements
     n, s = len(units.id), len(chosen)
-    basis = np.zeros((len(m), 2, s))
-    xy = np.where(np.isfinite(m.xy_mm), m.xy_mm, 0.0)
     of_ray = block.images.camera[m.image]
-    for camera in np.unique(of_ray):
-        of_camera = of_ray == camera
-        basis[of_camera] = chosen.basis(xy[of_camera], camera_scale(block, int(camera)))
+
+    def terms(xy_mm: Float) -> Float:
+        basis = np.zeros((len(m), 2, s))
+        for camera in np.unique(of_ray):
+            of_camera = of_ray == camera
+            basis[of_camera] = chosen.basis(xy_mm[of_camera], camera_scale(block, int(camera)))
+        return basis
+
     weighted = np.full((n, s), sigma_mm is not None)
     covariance = np.tile(np.eye(s) * (sigma_mm or 1.0) ** 2, (n, 1, 1))
     zero = np.zeros((n, s))
@@ -68,8 +71,10 @@ def additional_parameters(
         covariance,
         weighted,
         units.of_image[m.image],
-        basis,
+        terms(np.where(np.isfinite(m.xy_mm), m.xy_mm, 0.0)),
         per_image=per == "image",
+        terms=terms,
+        ideal=chosen.ideal,
     )
 
 

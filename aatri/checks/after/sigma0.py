@@ -30,7 +30,9 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
     if test.verdict != "untested" and test.sigma0 * scale > max_sigma0:
-        text = f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
+        text = (
+            f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
+        )
         return [
             Finding(
                 "sigma0",

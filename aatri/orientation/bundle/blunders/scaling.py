@@ -227,11 +227,11 @@ class Scaling:
 
     @property
     def main_factor(self) -> float:
-        """Factor of the class with the most redundancy: times sigma0 it is the ratio to standard deviations as given."""
+        """Factor of the class with the most redundancy; times sigma0 it is the ratio to those given."""
         return 1.0 if self.last is None else float(self.factor[self.last.main])
 
     def notes(self, *, of_result: bool) -> list[Note]:
-        """Standard deviations that do not fit; `of_result`: those of the result follow, not those of the tests alone."""
+        """Standard deviations that do not fit; `of_result`: the result follows, not the tests alone."""
         if not self.changed.any():
             return []
         told = tuple(f"{name} {f:.3g}" for name, f in zip(self.classes.names, self.factor) if f != 1.0)
@@ -240,7 +240,7 @@ class Scaling:
             return [Note("note", text, told)]
         kept = [name for name, f in zip(self.classes.names, self.factor) if f == 1.0]
         text = (
-            "standard deviations do not fit the residuals; weights and all standard deviations of the result follow what "
+            "standard deviations do not fit the residuals; weights and standard deviations of the result follow what "
             f"fits, times those given ({', '.join(kept) + ' as given' if kept else 'all'}; "
             "`blunders: {sigmas: given}` keeps them)"
         )
