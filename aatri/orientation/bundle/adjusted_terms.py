@@ -12,8 +12,6 @@ adjustment is repeated until the parameters are those by which its terms were fo
 Source: Fuller 1987, Measurement Error Models, 1.1 and 3.1 (errors in the coefficients attenuate what is estimated).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
