@@ -11,7 +11,9 @@ import numpy.typing as npt
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import ImageOrientations, Residuals, SolvedCameras, SolvedPoints
+from aatri.artifacts.models import Models
+from aatri.artifacts.solution import ImageOrientations, Residuals, Solution, SolvedCameras, SolvedPoints
+from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError
 from aatri.geometry.vectors import finite_rows
@@ -20,18 +22,19 @@ from aatri.tables.schema import Table, columns_of
 T = TypeVar("T", bound=Table)
 
 
-def check_same_block(block: Block, image_ids: Sequence[str] | Text, what: str) -> None:
+def check_same_block(block: Block, **ports: ImagePoints | Models | Strips | Solution | None) -> None:
     """Refuse an artifact that was made from another block: its images are others.
 
     Raises
     ------
     ArtifactError
     """
-    if not np.array_equal(np.asarray(image_ids, dtype=np.str_), block.images.id):
-        raise ArtifactError(
-            f"{what} belongs to another block than {block.name}: its images differ",
-            remedy="check `from` in pipeline.yaml",
-        )
+    for port, artifact in ports.items():
+        if artifact is not None and not np.array_equal(artifact.images.id, block.images.id):
+            raise ArtifactError(
+                f"{port} belongs to another block than {block.name}: its images differ",
+                remedy="check `from` in pipeline.yaml",
+            )
 
 
 def oriented_images(

@@ -18,6 +18,7 @@ from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, Text
+from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.notes import Note
 from aatri.observations.observed import Observed
@@ -29,17 +30,8 @@ from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
 STAGE = "bundle_adjustment"
 
 
-def with_gross_errors(result: BundleResult, suspects: Suspects, options: SearchOptions) -> Suspects:
-    """The suspects and the observations of all kinds whose residual is beyond the limit.
-
-    Parameters
-    ----------
-    result : BundleResult
-        Of a robust adjustment.
-    suspects : Suspects
-        Of earlier stages.
-    options : SearchOptions
-    """
+def _beyond_the_limit(result: BundleResult, options: SearchOptions) -> list[Suspects]:
+    """Observations of all kinds whose residual in a robust adjustment is beyond the limit."""
     some = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
     tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in some)
     limit, parts = options.for_tests(tests).limit, []
@@ -51,14 +43,15 @@ def with_gross_errors(result: BundleResult, suspects: Suspects, options: SearchO
         error = -found.observed.records.evaluate(result.adjusted.state, far)[0]
         verdict = np.full(len(far), "rejected")
         parts.append(suspect_table(STAGE, found.observed, far, error, test[test > limit], verdict))
-    return stacked([suspects, *parts])
+    return parts
 
 
-def after(suspects: Suspects, done: Round) -> Suspects:
+def after(suspects: Suspects, done: Round, options: SearchOptions | None = None) -> Suspects:
     """The suspects after an adjustment: those of earlier stages as it sees them, and what it rejected itself.
 
     What is out, whoever found it, gets the gross error that the adjusted block predicts, component by component, with
-    its test; of a kind that the block does not adjust (ties of models) it keeps what the earlier stage said.
+    its test; of a kind that the block does not adjust (ties of models) it keeps what the earlier stage said. A robust
+    adjustment, by the options of the search, names what is beyond the limit.
     """
     given = done.given
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
@@ -84,6 +77,8 @@ def after(suspects: Suspects, done: Round) -> Suspects:
         made = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
         told = _restated(_rejected_now(told, earlier[known[earlier]], made), earlier, made)
         parts.append(made.take([key not in before for key in keys_of(o, rows)]))
+    if options is not None and options.method == "robust":
+        parts += _beyond_the_limit(done.result, options)
     return stacked([told, *parts])
 
 
@@ -125,21 +120,25 @@ def _restated(suspects: Suspects, earlier: Int, made: Suspects) -> Suspects:
     return replace(suspects, unit=unit, **values)
 
 
-def inherited(suspects: Suspects, *, taken_back: bool = False) -> list[Note]:
-    """What earlier stages have left out, and what becomes of it."""
-    out = suspects.take(staying_out(suspects))
-    if not len(out):
-        return []
-    counts = Counter(zip(out.kind.tolist(), out.stage.tolist()))
-    told = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
+def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Suspects, list[Note]]:
+    """Suspects of earlier stages, and a note of what they have left out.
+
+    Parameters
+    ----------
+    initial : Solution or None
+    taken_back : bool
+        What was left out is used again; ties of models stay as they were made.
+    """
+    suspects = Suspects.empty() if initial is None else initial.suspects
+    staying = staying_out(suspects)
+    if not staying.any():
+        return suspects, []
+    counts = Counter(zip(suspects.kind[staying].tolist(), suspects.stage[staying].tolist()))
+    texts = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
     what = "taken back, for nothing is to be rejected" if taken_back else "stays out unless it fits the adjusted block"
-    return [Note("note", f"left out by earlier stages, {what}", told)]
-
-
-def taken_back(suspects: Suspects) -> Suspects:
-    """The suspects with the observations that were left out in use again; ties of models stay as they were made."""
-    back = staying_out(suspects) & (suspects.row >= 0)
-    return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict))
+    back = staying & (suspects.row >= 0) & np.bool_(taken_back)
+    suspects = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict))
+    return suspects, [Note("note", f"left out by earlier stages, {what}", texts)]
 
 
 def _verdicts(done: Round, o: Observed, rows: Int) -> Text:

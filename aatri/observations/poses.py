@@ -19,6 +19,7 @@ from aatri.geometry.rotations import exp_rotation, skew
 POSE = "image"
 POINT = "point"
 FILM = "film"
+FILM_PRIOR = f"{FILM}_prior"
 ADDITIONAL = "additional"
 CAMERA = "camera"
 """Names of the groups of unknowns."""

@@ -35,8 +35,8 @@ from aatri.plugin import SILENT, Context, stage
 )
 def direct(block: Block, image_points: ImagePoints | None = None, *, context: Context = SILENT) -> Solution:
     """Orient images by their observed positions and angles."""
+    check_same_block(block, image_points=image_points)
     if image_points is not None:
-        check_same_block(block, image_points.images.id, "image_points")
         image_points, of_lens = without_distortion(block, image_points)
         tell(of_lens, context)
     solution, notes = direct_solution(block, image_points)

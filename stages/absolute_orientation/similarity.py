@@ -76,8 +76,7 @@ def similarity(
     context: Context = SILENT,
 ) -> Solution:
     """Orient free strips to the ground."""
-    check_same_block(block, strips.images.id, "strips")
-    check_same_block(block, image_points.images.id, "image_points")
+    check_same_block(block, strips=strips, image_points=image_points)
     inside = in_tangent_frame(block)
     ground = ground_observed(block, inside.block, use_positions=options.use_positions)
     oriented = orient_strips(

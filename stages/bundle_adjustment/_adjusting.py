@@ -10,11 +10,12 @@ from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.bundle.exchanged_images import without_exchanged_images
 from aatri.adjustment.settings import SolverSettings
+from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.blunders.search import search
@@ -23,9 +24,11 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_gr
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round, with_readmission, without_idle_parameters
+from aatri.orientation.bundle.rounds import Round, with_considered, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.plugin import Context
+
+from ._variance_components import with_variance_components
 
 if TYPE_CHECKING:
     from .bundle import BundleOptions
@@ -34,7 +37,18 @@ COARSE = 5.0
 """Bound of the Newton decrement of the adjustments on the way to gross errors."""
 
 
-def adjusted_in_rounds(
+def adjusted_block(
+    source: Given, given: BundleInput, options: BundleOptions, context: Context
+) -> tuple[Round, tuple[AcceptedGroup, ...], VarianceComponents | None]:
+    """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
+    done, groups = _searched(source, given, options, context)
+    adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
+    done = with_settled_terms(done, adjust)
+    done, components = with_variance_components(source.block, done, adjust, options.variance_components)
+    return with_considered(done, adjust, rebuilt), groups, components
+
+
+def _searched(
     source: Given, given: BundleInput, options: BundleOptions, context: Context
 ) -> tuple[Round, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""

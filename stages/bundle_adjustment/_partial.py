@@ -7,6 +7,7 @@ import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings
@@ -15,9 +16,9 @@ from aatri.arrays import Bool, Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.left_out import left_out
 from aatri.checks.after.sigma0 import sigma0
+from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
@@ -136,12 +137,13 @@ def _made(
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],
 ) -> Solution:
     tell([*options_without_data(source.block, options), *(note for o in given.observed for note in o.notes)], context)
-    tell(inherited(initial.suspects) if initial is not None else [], context)
+    suspects, notes = inherited(initial)
+    tell(notes, context)
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)
     )
-    result = adjust(given, settings)
+    done = Round(given, adjust(given, settings))
+    result, uncontrolled = done.result, uncontrolled_of(done.result)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
-    suspects = after(initial.suspects if initial is not None else Suspects.empty(), Round(given, result))
-    made = bundle_solution(source, given, result, suspects)
-    return replace(made, method=f"bundle_adjustment/{variant}")
+    report(uncontrolled_observations(uncontrolled), context)
+    return bundle_solution(source, done, after(suspects, done), uncontrolled, variant=variant)

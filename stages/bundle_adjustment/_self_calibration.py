@@ -171,9 +171,15 @@ def _wanted_set(wanted: SelfCalibration) -> ParameterSet:
 
 
 def parameters_of(
-    block: Block, image_points: ImagePoints, film: bool, chosen: ChosenSet | None, solution: Solution | None = None
+    block: Block,
+    image_points: ImagePoints | None,
+    film: bool,
+    chosen: ChosenSet | None,
+    solution: Solution | None = None,
 ) -> tuple[ParameterRows, ...]:
     """Unknowns beside poses and points: film corrections, additional parameters, parameters of camera models."""
+    if image_points is None:
+        return ()
     groups = []
     if film and (corrections := film_parameters(block, image_points)) is not None:
         groups.append(corrections)

@@ -8,7 +8,7 @@ values, slowly: hundreds of rounds are usual. Converged is what the whole block 
 Source: lecture notes A908; aatri/orientation/bundle/alternating.py.
 """
 
-from aatri.adapters import solution as assemble
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
@@ -35,7 +35,5 @@ def alternating(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block by resection and intersection in turn."""
-    assemble.check_same_block(block, image_points.images.id, "image_points")
-    if initial is not None:
-        assemble.check_same_block(block, initial.images.id, "initial")
+    check_same_block(block, image_points=image_points, initial=initial)
     return alternated(block, image_points, initial, options, options.max_rounds, context)

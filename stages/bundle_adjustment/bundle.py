@@ -26,20 +26,19 @@ Source: Kraus, Photogrammetry; Chinese lecture notes on the bundle method, with 
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Literal, Self
 
 from pydantic import field_validator, model_validator
 
-from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_parameters
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.point_covariances import point_covariances
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
-from aatri.adapters.suspects import after, inherited, taken_back, with_gross_errors
+from aatri.adapters.solution import check_same_block
+from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
@@ -47,26 +46,23 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.groups import contradicts
 from aatri.checks.after.of_bundle import findings_after
-from aatri.checks.after.uncontrolled import of_film_alone, uncontrolled_observations
+from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import KindOptions, options_without_data
 from aatri.observations.positions import uses_positions
-from aatri.orientation.bundle.adjusted_terms import with_settled_terms
 from aatri.orientation.bundle.result import without_covariances
-from aatri.orientation.bundle.rounds import with_considered
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
 
-from ._adjusting import adjusted, adjusted_in_rounds
+from ._adjusting import adjusted_block
 from ._blunders import GONE, Blunders
 from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
-from ._variance_components import VarianceComponentOptions, with_variance_components
+from ._variance_components import VarianceComponentOptions
 
 
 class BundleOptions(KindOptions):
@@ -186,42 +182,30 @@ def bundle(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block."""
-    for port, made in (("image_points", image_points), ("initial", initial)):
-        if made is not None:
-            assemble.check_same_block(block, made.images.id, port)
-    suspects = initial.suspects if initial is not None else Suspects.empty()
-    tell(inherited(suspects, taken_back=options.blunders.method == "none"), context)
-    if options.blunders.method == "none":
-        suspects = taken_back(suspects)
+    check_same_block(block, image_points=image_points, initial=initial)
+    searched = options.blunders.method != "none"
+    suspects, notes = inherited(initial, taken_back=not searched)
+    tell(notes, context)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
-    rows = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration) if image_points else ()
-    source = observation_source(block, image_points, initial, rows)
+    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration)
+    source = observation_source(block, image_points, initial, parameters)
     given = bundle_input(source, options, suspects)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
     report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
-    adjust = partial(adjusted, options=options, context=context)
-    done, groups = adjusted_in_rounds(source, given, options, context)
-    done = with_settled_terms(done, adjust)
-    done, components = with_variance_components(block, done, adjust, options.variance_components)
-    done = with_considered(done, adjust, partial(with_parameters, source))
-    given, suspects = done.given, after(suspects, done)
+    done, groups, components = adjusted_block(source, given, options, context)
     wanted = options.standard_deviations is not False or options.reliability
-    result = done.result if wanted else without_covariances(done.result)
-    report(findings_after(source, done, result, groups, options.max_sigma0, tests=options.reliability), context)
-    of_cameras, camera_notes = camera_tables(block, result, chosen)
-    tell(camera_notes, context)
-    orderings = report_orderings(result, given.numbering, options.ordering, context) if given.numbering else None
-    if options.blunders.method == "robust":
-        suspects = with_gross_errors(result, suspects, options.blunders.search_options())
-    made = bundle_solution(source, given, result, suspects, of_cameras, orderings, tests=options.reliability)
-    uncontrolled, of_film = uncontrolled_of(done.result)
-    report([*uncontrolled_observations(uncontrolled), *of_film_alone(of_film)], context)
-    made = replace(
-        made,
+    shown = done if wanted else replace(done, result=without_covariances(done.result))
+    findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability)
+    of_cameras, camera_notes = camera_tables(block, shown.result, chosen)
+    uncontrolled = uncontrolled_of(done.result)
+    report([*findings, *camera_notes, *uncontrolled_observations(uncontrolled)], context)
+    suspects = after(suspects, done, options.blunders.search_options())
+    solution = replace(
+        bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),
+        orderings=report_orderings(done, options.ordering, context),
         variance_components=components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
-        uncontrolled=uncontrolled,
         contradictions=sum(map(contradicts, groups)),
-        proposed_numbers=proposed_numbers(done) if options.blunders.method != "none" else None,
+        proposed_numbers=proposed_numbers(done) if searched else None,
     )
-    return with_datum(block, made, options.datum, options.datum_over)
+    return with_datum(block, solution, options.datum, options.datum_over)

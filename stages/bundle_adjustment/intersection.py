@@ -12,7 +12,7 @@ Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, geometry/i
 
 from typing import Literal
 
-from aatri.adapters import solution as assemble
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -40,6 +40,5 @@ def intersection(
     context: Context = SILENT,
 ) -> Solution:
     """Determine the points from known orientations."""
-    assemble.check_same_block(block, image_points.images.id, "image_points")
-    assemble.check_same_block(block, initial.images.id, "initial")
+    check_same_block(block, image_points=image_points, initial=initial)
     return intersected(block, image_points, initial, options, options.orientations == "weighted", context)

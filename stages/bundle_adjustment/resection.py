@@ -13,7 +13,7 @@ Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientatio
 
 from typing import Literal
 
-from aatri.adapters import solution as assemble
+from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -46,8 +46,7 @@ def resection(
     context: Context = SILENT,
 ) -> Solution:
     """Orient the images on known points."""
-    assemble.check_same_block(block, image_points.images.id, "image_points")
-    assemble.check_same_block(block, initial.images.id, "initial")
+    check_same_block(block, image_points=image_points, initial=initial)
     return resected(
         block, image_points, initial, options, options.points == "weighted", options.start == "linear", context
     )

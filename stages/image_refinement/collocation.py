@@ -46,7 +46,7 @@ def collocation(
     context: Context = SILENT,
 ) -> ImagePoints:
     """Image points less the common part of their residuals in a solution."""
-    check_same_block(block, solution.images.id, "solution")
+    check_same_block(block, solution=solution)
     m = image_points.measurements
     residual_mm, used = _image_residuals(solution, len(m))
     rows = np.flatnonzero(np.isfinite(m.xy_mm).all(axis=1))

@@ -61,8 +61,7 @@ def systematic(
     context: Context = SILENT,
 ) -> ImagePoints:
     """Photo coordinates freed from the systematic errors that are known beforehand."""
-    if solution is not None:
-        check_same_block(block, solution.images.id, "solution")
+    check_same_block(block, solution=solution)
     wanted = [name for name in IN_ORDER if getattr(options, name)]
     made, notes = systematically_corrected(block, image_points, wanted, solution, options.atmosphere)
     tell(notes, context)

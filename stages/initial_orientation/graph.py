@@ -78,12 +78,10 @@ def graph(
     rng: np.random.Generator,
 ) -> Solution:
     """Orient all images."""
-    check_same_block(block, image_points.images.id, "image_points")
+    check_same_block(block, image_points=image_points, models=models)
     image_points, of_lens = without_distortion(block, image_points)
     if models is None:
         models = _models(block, image_points, options, context)
-    else:
-        check_same_block(block, models.images.id, "models")
     pairs, _ = graph_of(models, options.min_points)
     if not len(pairs.left):
         most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))

@@ -79,9 +79,7 @@ def independent_models(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the models of a block together."""
-    check_same_block(block, image_points.images.id, "image_points")
-    check_same_block(block, models.images.id, "models")
-    check_same_block(block, initial.images.id, "initial")
+    check_same_block(block, image_points=image_points, models=models, initial=initial)
     sigma = options.centres.sigma
     sigma_m = None if sigma == "from_orientation" else float(sigma)
     rules = ModelRules(

@@ -58,7 +58,7 @@ class ClassicalOptions(PairOptions):
 
 def checked_image_points(block: Block, image_points: ImagePoints, context: Context) -> ImagePoints:
     """The image points of the block, without distortion."""
-    check_same_block(block, image_points.images.id, "image_points")
+    check_same_block(block, image_points=image_points)
     image_points, notes = without_distortion(block, image_points)
     tell(notes, context)
     return image_points

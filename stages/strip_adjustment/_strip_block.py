@@ -50,9 +50,7 @@ def strip_block(
     narrow: bool = False,
 ) -> Solution:
     """Adjust the strips of a block together, with deformations of a form."""
-    check_same_block(block, image_points.images.id, "image_points")
-    check_same_block(block, strips.images.id, "strips")
-    check_same_block(block, initial.images.id, "initial")
+    check_same_block(block, image_points=image_points, strips=strips, initial=initial)
     inside = in_tangent_frame(block, initial)
     block, start = inside.block, inside.initial or initial
     basis = strip_basis(form, highest_degree(options.degree, options.degrees), full=full, narrow=narrow)

@@ -74,7 +74,7 @@ def joined(
     GeometryError
         If there are no models.
     """
-    check_same_block(block, models.images.id, "models")
+    check_same_block(block, models=models)
     runs, gaps = unbroken_runs(block, models)
     if not runs:
         raise GeometryError(

@@ -16,7 +16,6 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
-    Orderings,
     Parameters,
     Residuals,
     Solution,
@@ -25,36 +24,53 @@ from aatri.artifacts.solution import (
     Tests,
 )
 from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Given
-from aatri.observations.poses import ADDITIONAL, CAMERA
+from aatri.observations.poses import ADDITIONAL, CAMERA, FILM_PRIOR
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult, without_absent
+from aatri.orientation.bundle.rounds import Round
 
 NOTHING_OF_CAMERAS = ParameterTables()
 
 
 def bundle_solution(
     source: Given,
-    given: BundleInput,
-    result: BundleResult,
+    done: Round,
     suspects: Suspects,
+    uncontrolled: Uncontrolled | None,
     of_cameras: ParameterTables = NOTHING_OF_CAMERAS,
-    orderings: Orderings | None = None,
     *,
+    variant: str = "bundle",
     tests: bool = False,
 ) -> Solution:
-    """Orientations, points, cameras, parameters, residuals and history of an adjusted block; `tests` if wanted."""
+    """Orientations, points, cameras, parameters, residuals and history of an adjusted block.
+
+    Parameters
+    ----------
+    source : Given
+    done : Round
+    suspects : Suspects
+    uncontrolled : Uncontrolled or None
+        Corrections of the film among them are not listed.
+    of_cameras : ParameterTables
+    variant : str
+        Of the role.
+    tests : bool
+        Redundancy numbers, tests and detectable errors of all observations.
+    """
+    given, result = done.given, done.result
     adjusted, block = result.adjusted, source.block
     independent = independent_errors_table(block, result, tests=tests)
     result = without_absent(result_out_of(source.frame, result))
     per_image, per_point, rms_sigma_um = _image_points(given, result)
     state = adjusted.state
     return Solution(
-        method="bundle_adjustment/bundle",
+        method=f"bundle_adjustment/{variant}",
         observations=adjusted.observations,
         unknowns=adjusted.n_unknowns,
         redundancy=adjusted.redundancy,
@@ -80,7 +96,7 @@ def bundle_solution(
         parameter_covariances=of_cameras.covariances,
         error_fields=of_cameras.fields,
         independent_errors=independent,
-        orderings=orderings,
+        uncontrolled=None if uncontrolled is None else uncontrolled.take(uncontrolled.kind != FILM_PRIOR),
         sigma0_redundancy=float("nan") if result.counted is None else result.counted,
     )
 

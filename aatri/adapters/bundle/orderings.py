@@ -8,25 +8,24 @@ from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figur
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.solution import Orderings
 from aatri.observations.poses import POSE
-from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.strip_numbering import StripNumbering
+from aatri.orientation.bundle.rounds import Round
 from aatri.progress import Reporter
 
 CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
 
 
-def report_orderings(result: BundleResult, numbering: StripNumbering, used: Ordering, reporter: Reporter) -> Orderings:
-    """Compare the order in use with those of the textbook, in the log and as a table.
+def report_orderings(done: Round, used: Ordering, reporter: Reporter) -> Orderings | None:
+    """Compare the order in use with those of the textbook, in the log and as a table; None without images.
 
     Parameters
     ----------
-    result : BundleResult
-    numbering : StripNumbering
-        Of all images of the block.
+    done : Round
     used : str
     reporter : Reporter
     """
-    problem = result.adjusted.problem
+    problem, numbering = done.result.adjusted.problem, done.given.numbering
+    if numbering is None:
+        return None
     position = problem.layout.position.copy()
     vertex = problem.layout.vertex[POSE]
     position[vertex[vertex >= 0]] = numbering.place[vertex >= 0]

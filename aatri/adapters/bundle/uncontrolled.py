@@ -10,14 +10,11 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.arrays import Float, Int
 from aatri.artifacts.uncontrolled import Uncontrolled
-from aatri.observations.poses import FILM
 from aatri.orientation.bundle.result import BundleResult
 
-FILM_PRIOR = f"{FILM}_prior"
 
-
-def uncontrolled_of(result: BundleResult) -> tuple[Uncontrolled | None, Uncontrolled]:
-    """Observations in use with a direction whose redundancy number is below 0.01, and such corrections of the film.
+def uncontrolled_of(result: BundleResult) -> Uncontrolled | None:
+    """Observations in use with a direction whose redundancy number is below 0.01.
 
     Parameters
     ----------
@@ -26,9 +23,8 @@ def uncontrolled_of(result: BundleResult) -> tuple[Uncontrolled | None, Uncontro
     """
     known = [o for o in result.observations if not o.observed.exact and np.isfinite(o.covariance[o.used]).any()]
     if result.adjusted.down_weighted or not known:
-        return None, Uncontrolled.empty()
-    table = stacked([Uncontrolled.empty(), *map(_of_kind, known)])
-    return table.take(table.kind != FILM_PRIOR), table.take(table.kind == FILM_PRIOR)
+        return None
+    return stacked([Uncontrolled.empty(), *map(_of_kind, known)])
 
 
 def _of_kind(found: AdjustedObservations) -> Uncontrolled:

@@ -20,14 +20,12 @@ from aatri.notes import Note
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.parameter_estimates import column_kinds
-from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 
 
 def findings_after(
     source: Given,
     done: Round,
-    result: BundleResult,
     groups: tuple[AcceptedGroup, ...],
     max_sigma0: float,
     *,
@@ -39,12 +37,12 @@ def findings_after(
     ----------
     source : Given
         What the observations of the block were taken from.
-    result : BundleResult
-        Of `done`, without covariances where none are wanted.
+    done : Round
+        Without covariances where none are wanted.
     tests : bool
         Observations are tested too.
     """
-    given = done.given
+    given, result = done.given, done.result
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     return [
         *wrong_groups(groups),

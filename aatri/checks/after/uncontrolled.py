@@ -11,16 +11,18 @@ import numpy as np
 from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.checks.finding import Finding
+from aatri.observations.poses import FILM_PRIOR
 
 IMAGE_POINT = "image_point"
 WHERE = f"(redundancy number below {BELOW:g}): a gross error along it shows nowhere (table `uncontrolled`)"
 
 
 def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
-    """How many of each kind, and which; of image points the points."""
+    """How many of each kind, and which; of image points the points, of corrections of the film a count."""
     findings = list[Finding]()
     if table is None:
         return findings
+    film, table = table.take(table.kind == FILM_PRIOR), table.take(table.kind != FILM_PRIOR)
     apart = np.asarray((table.kind == IMAGE_POINT) & np.isnan(table.direction).all(axis=1))
     alone, table = table.take(apart), table.take(~apart)
     if len(alone):
@@ -36,15 +38,9 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
             ids = tuple(np.unique(of_kind.point).tolist())
             text = f"{len(of_kind)} at {len(ids)} points {have}"
         findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: of_kind.row}))
+    if len(film):
+        what = f"{len(film)} corrections of the film of {len(np.unique(film.image))} images"
+        labels = ", ".join(np.unique(film.point).tolist())
+        text = f"{what} ({labels}) are known from the interior orientation alone; not listed"
+        findings.append(Finding("uncontrolled", "note", text, where=FILM_PRIOR))
     return findings
-
-
-def of_film_alone(table: Uncontrolled) -> list[Finding]:
-    """Corrections of the film that are known from the interior orientation alone: a count."""
-    if not len(table):
-        return []
-    labels = ", ".join(np.unique(table.point).tolist())
-    text = (
-        f"{len(table)} corrections of the film of {len(np.unique(table.image))} images ({labels}) are known from the "
-    )
-    return [Finding("uncontrolled", "note", f"{text}interior orientation alone; not listed", where=str(table.kind[0]))]
