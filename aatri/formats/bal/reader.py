@@ -25,7 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.conventions.lens import PIXEL_MM
+from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.geometry.collinearity import in_image_axes
@@ -161,7 +161,11 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
     wanted = 3 + 4 * observations + 9 * cameras + 3 * points
     if len(values) != wanted:
         what = f"{len(values)} numbers where {cameras} cameras, {points} points and {observations} observations need"
-        raise InputError(f"{what} {wanted}", where=str(path), remedy="the file is incomplete: get it again")
+        raise InputError(
+            f"{what} {wanted}",
+            where=f"{path}:{line[-1] if len(line) else 1}",
+            remedy="the file is incomplete: get it again",
+        )
     starts = np.cumsum([3, 4 * observations, 9 * cameras])
     measured, camera_rows, point_rows = np.split(values, starts)[1:]
     measured = measured.reshape(-1, 4)

@@ -59,7 +59,7 @@ def read_blocksexchange(path: Path, reporter: Reporter = SILENT, *, allowed_px: 
         [path],
         name=path.stem,
         frame=_frame(root, block),
-        **camera_parts(lenses, reporter, allowed_px=allowed_px, where=str(path)),
+        **camera_parts(lenses, reporter, allowed_px=allowed_px),
     )
     parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}
     photos = [(photo, lens.id, group) for lens, group in zip(lenses, groups) for photo in group.all("Photo")]
@@ -132,7 +132,9 @@ def _lens(group: XmlElement, number: int) -> Lens:
     parameters = {k: distortion.number(k, default=0.0) for k in DISTORTION} if distortion is not None else {}
     pixel_mm = sensor / max(width, height) if sensor > 0 else PIXEL_MM
     id_ = name.text if name is not None and name.text else f"photogroup {number}"
-    return Lens(id_, "blocksexchange", (width, height), (f, f), offset, parameters, pixel_mm=pixel_mm)
+    return Lens(
+        id_, "blocksexchange", (width, height), (f, f), offset, parameters, pixel_mm=pixel_mm, where=group.where
+    )
 
 
 def _names(photos: list[XmlElement]) -> list[str]:

@@ -34,6 +34,7 @@ from aatri.progress import SILENT, Reporter
 from aatri.units import LARGEST
 
 CAMERAS, IMAGES, POINTS = 0, 1, 2
+EXPORT = "export the model again"
 """Rows of the files of a model."""
 
 
@@ -70,7 +71,8 @@ def read_colmap(
     _check(model)
     raise_all(compare_tracks(model, reporter))
     images = model.images
-    columns, parameters = camera_columns([_lens(camera) for camera in model.cameras], calibrate=calibrate)
+    lenses = [_lens(camera, _place(model, CAMERAS, camera.line)) for camera in model.cameras]
+    columns, parameters = camera_columns(lenses, calibrate=calibrate)
     pixel_mm = {camera.id: size for camera, size in zip(model.cameras, columns["pixel_size_mm"])}
     names = [image.name for image in images]
     lines = [image.line for image in images]
@@ -118,25 +120,27 @@ def _check(model: ColmapModel) -> None:
         if camera.model not in COLMAP:
             what = f"camera {camera.id} has the model {camera.model}, which has no like here"
             problems.append(InputError(what, where=where, remedy=f"convert it to one of {', '.join(COLMAP)}"))
-        elif min(_lens(camera).focal_px) <= 0 or min(camera.width, camera.height) <= 0:
-            problems.append(InputError(f"camera {camera.id} has no positive focal length and size", where=where))
+        elif min(_lens(camera, where).focal_px) <= 0 or min(camera.width, camera.height) <= 0:
+            what = f"camera {camera.id} has no positive focal length and size"
+            problems.append(InputError(what, where=where, remedy=EXPORT))
     if not model.images:
         problems.append(InputError("no image", where=str(model.paths[IMAGES]), remedy="export a reconstruction"))
     seen: dict[str, int] = {}
     for image in model.images:
         where = _place(model, IMAGES, image.line)
         if image.camera not in known:
-            problems.append(
-                InputError(f"image {image.id} names camera {image.camera}, which is not there", where=where)
-            )
+            what = f"image {image.id} names camera {image.camera}, which is not there"
+            problems.append(InputError(what, where=where, remedy=EXPORT))
         if math.hypot(*image.quaternion) < 1.0 / LARGEST:
-            problems.append(InputError(f"image {image.name} has no rotation: its quaternion is 0", where=where))
+            what = f"image {image.name} has no rotation: its quaternion is 0"
+            problems.append(InputError(what, where=where, remedy=EXPORT))
         if seen.setdefault(image.name, image.id) != image.id:
-            problems.append(InputError(f"images {seen[image.name]} and {image.id} have one name", where=where))
+            what = f"images {seen[image.name]} and {image.id} have one name"
+            problems.append(InputError(what, where=where, remedy="remove one, or give it another name"))
         unknown = np.setdiff1d(image.point[image.point != NO_POINT], model.points)
         if len(unknown):
             what = f"image {image.name} shows point {unknown[0]}, which is not in points3D"
-            problems.append(InputError(what, where=where, remedy="export the model again"))
+            problems.append(InputError(what, where=where, remedy=EXPORT))
     if len(np.unique(model.points)) < len(model.points):
         problems.append(InputError("a point stands twice", where=str(model.paths[POINTS]), remedy="remove one"))
     raise_all(problems)
@@ -154,7 +158,7 @@ def _numbers_of_model(model: ColmapModel) -> list[AatriError]:
         InputError(
             f"{what} has a number that is not finite or too large",
             where=_place(model, file, line),
-            remedy="export the model again",
+            remedy=EXPORT,
         )
         for file, what, line, values in parts
         if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all()
@@ -171,7 +175,7 @@ def _poses(images: list[ColmapImage]) -> tuple[Float, Float]:
     return rotation, position_of(rotation, np.array([image.translation for image in images]), "colmap")
 
 
-def _lens(camera: ColmapCamera) -> Lens:
+def _lens(camera: ColmapCamera, where: str) -> Lens:
     """A camera of a model that is known."""
     form = COLMAP[camera.model]
     size, of_centre = np.array([camera.width, camera.height], dtype=np.float64), form.focal_lengths
@@ -183,6 +187,7 @@ def _lens(camera: ColmapCamera) -> Lens:
         (f[0], f[-1]),
         tuple(centre - size / 2),
         dict(zip(form.terms, camera.parameters[of_centre + 2 :])),
+        where=where,
     )
 
 

@@ -27,9 +27,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.camera.models import forward_models
 from aatri.camera.models.inversion import invert
-
-PIXEL_MM = 0.001
-"""Width given to a pixel where nobody states one: c in mm is then the focal length in thousands of px."""
+from aatri.formats.conventions.pixel_origins import PIXEL_MM
 
 RADIAL = ("k1", "k2", "k3", "k_r8", "k_r10", "k_r12", "k_r14")
 POWER = {"k1": 2, "k2": 4, "k3": 6, "k4": 2, "k5": 4, "k6": 6, "k_r8": 8, "k_r10": 10, "k_r12": 12, "k_r14": 14,
@@ -128,6 +126,8 @@ FORMS: dict[str, DistortionForm] = {
     ),
     "nvm": DistortionForm("correction", _named("r", "k1"), focal_lengths=1, principal_point=False),
     "opensfm-brown": DistortionForm("polynomial", _same("k1 k2 p1 p2 k3")),
+    "opensfm-simple_radial": DistortionForm("polynomial", _same("k1")),
+    "opensfm-radial": DistortionForm("polynomial", _same("k1 k2")),
     "opensfm-perspective": DistortionForm("polynomial", _same("k1 k2"), focal_lengths=1, principal_point=False),
     "opensfm-fisheye": DistortionForm("fisheye", _same("k1 k2"), focal_lengths=1, principal_point=False),
     "opensfm-fisheye_opencv": DistortionForm("fisheye", _same("k1 k2 k3 k4")),
@@ -156,6 +156,8 @@ class Lens:
         Centre of the distortion, from the principal point.
     pixel_mm : float, mm
         Width of a pixel.
+    where : str
+        Its place in a file.
     """
 
     id: str
@@ -166,6 +168,7 @@ class Lens:
     parameters: Mapping[str, float] = field(default_factory=dict)
     centre_px: tuple[float, float] = (0.0, 0.0)
     pixel_mm: float = PIXEL_MM
+    where: str = ""
 
     def unit_per_focal(self) -> float:
         """The focal length in the unit in which the program counts lengths."""

@@ -26,6 +26,9 @@ MISFIT_PX = 0.05
 GRID = 25
 """Points along each side of the format: more than the highest power of any radial term in use, on both sides."""
 
+OPENINGS = (0.1, 100.0)
+"""Focal length by the longer side of the image, 157 degrees across to half a degree: beyond, one has another unit."""
+
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 OURS = ("none", "bal", "opencv", "fisheye", "brown")
@@ -57,7 +60,7 @@ def converted(lens: Lens, form: str) -> ConvertedLens:
     return _fitted(lens, form)
 
 
-def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX, where: str = "") -> Lens:
+def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> Lens:
     """A camera in one of aatri's models: the simplest that has all terms of its form, else what represents it best.
 
     Raises
@@ -70,7 +73,7 @@ def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float 
         return exact
     fits = [_fitted(lens, name) for name in GENERAL if (name == "fisheye") == (FORMS[lens.form].family == "fisheye")]
     best = min(fits, key=lambda fit: fit.misfit_px)
-    tell_misfit(lens, best, reporter, allowed_px, where)
+    tell_misfit(lens, best, reporter, allowed_px)
     return best.lens
 
 
@@ -98,7 +101,7 @@ def _first_exact(lens: Lens, forms: Sequence[str]) -> Lens | None:
     return next((exact for form in forms if (exact := _exactly(lens, form)) is not None), None)
 
 
-def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: float, where: str = "") -> None:
+def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: float) -> None:
     """Say how well a distortion was fitted.
 
     Raises
@@ -112,7 +115,7 @@ def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: 
     text = f"{what} {fit.misfit_px:.2g} px"
     if not fit.misfit_px <= allowed_px:
         remedy = f"allow it with a misfit of {fit.misfit_px:.2g} px, or take image points freed from distortion"
-        raise InputError(f"{text}, more than {allowed_px:g} px", where=where, remedy=remedy)
+        raise InputError(f"{text}, more than {allowed_px:g} px", where=lens.where, remedy=remedy)
     reporter.log(text)
 
 
@@ -122,7 +125,6 @@ def camera_columns(
     calibrate: bool = False,
     allowed_px: float = MISFIT_PX,
     reporter: Reporter = SILENT,
-    where: str = "",
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Columns of cameras and camera_parameters of a Block, of cameras as programs state them.
 
@@ -133,9 +135,11 @@ def camera_columns(
     Raises
     ------
     InputError
-        If a distortion is none of aatri's within `allowed_px`.
+        If a distortion is none of aatri's within `allowed_px`, or a focal length none of an image of that size.
     """
-    ours = [as_our_camera(lens, reporter, allowed_px=allowed_px, where=where) for lens in lenses]
+    for lens in lenses:
+        _check_opening(lens)
+    ours = [as_our_camera(lens, reporter, allowed_px=allowed_px) for lens in lenses]
     focal = np.array([lens.focal_px for lens in ours])
     width_mm = np.array([lens.pixel_mm for lens in ours])
     pixel_mm = width_mm[:, None] * np.stack([np.ones(len(ours)), focal[:, 0] / focal[:, 1]], axis=1)
@@ -157,7 +161,7 @@ def camera_columns(
 
 
 def camera_parts(
-    lenses: Sequence[Lens], reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX, where: str = ""
+    lenses: Sequence[Lens], reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX
 ) -> dict[str, Any]:
     """The same for the parts of a Block: distortion parameters that each program knows, neither held nor free.
 
@@ -168,11 +172,18 @@ def camera_parts(
     """
     if not lenses:
         return {}
-    cameras, every = camera_columns(lenses, calibrate=True, allowed_px=allowed_px, reporter=reporter, where=where)
+    cameras, every = camera_columns(lenses, calibrate=True, allowed_px=allowed_px, reporter=reporter)
     rows = zip(every["camera"], every["name"], every["value"], every["free"])
     kept = [row[:3] for row in rows if row[3] and row[1] not in INTERIOR]
     parameters = dict(zip(("camera", "name", "value"), zip(*kept))) if kept else {}
     return {"cameras": cameras, "camera_parameters": parameters}
+
+
+def _check_opening(lens: Lens) -> None:
+    least, most = (share * max(lens.size_px) for share in OPENINGS)
+    if not least <= lens.focal_px[0] <= most:
+        what = f"camera {lens.id}: a focal length of {lens.focal_px[0]:g} px for an image {max(lens.size_px):g} px long"
+        raise InputError(what, where=lens.where, remedy="give both in px: is it in mm, or divided by the image's size?")
 
 
 def _parameter_rows(stated: Lens, ours: Lens) -> list[tuple[str, str, float, bool]]:

@@ -105,7 +105,7 @@ def read_camera(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     x, y, f, width, height = (values[key].of_width(2, f"{key} = value").number(1) for key in OF_CAMERAS)
     if min(f, width, height) <= 0:
         raise values["focal"].error(f"focal length {f:g}, image of {width:g} x {height:g}", "they are px and positive")
-    lens = Lens(name, "none", (width, height), (f, f), (x - width / 2, y - height / 2))
+    lens = Lens(name, "none", (width, height), (f, f), (x - width / 2, y - height / 2), where=values["focal"].where)
     return BlockParts("ign_camera", [path], name=name, **camera_parts([lens], reporter))
 
 

@@ -84,4 +84,5 @@ def _camera(element: XmlElement) -> Lens:
             parameters[value.tag] = value.number()
     width, height = size.tolist()
     centre = (float(point[0] - width / 2), float(point[1] - height / 2))
-    return Lens(_quoted(element.one("Name")), "mmvii", (width, height), (f, f), centre, parameters)
+    name = _quoted(element.one("Name"))
+    return Lens(name, "mmvii", (width, height), (f, f), centre, parameters, where=element.where)

@@ -52,7 +52,7 @@ def read_micmac(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = 
         "micmac",
         files,
         name=path.resolve().stem,
-        **camera_parts(list(project.cameras.values()), reporter, allowed_px=allowed_px, where=str(path)),
+        **camera_parts(list(project.cameras.values()), reporter, allowed_px=allowed_px),
     )
     if names:
         parts.images = {"id": names, "camera": [camera.get(name, "") for name in names]}
@@ -134,7 +134,9 @@ def _none(path: Path) -> list[Path]:
 
 
 def _xml_of(folder: Path) -> list[Path]:
-    return [file for file in sorted(folder.glob("*.xml")) if _contains(file, ROOTS)]
+    """Files of MicMac in a folder, with those whose names say that they are and whose content does not."""
+    files = sorted(folder.glob("*.xml"))
+    return [file for file in files if _contains(file, ROOTS) or file.name.startswith(("Orientation-", "AutoCal"))]
 
 
 def _has_orientations(file: Path) -> bool:

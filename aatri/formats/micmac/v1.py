@@ -70,6 +70,7 @@ def _camera(element: XmlElement) -> Lens:
         (float(point[0] - size[0] / 2), float(point[1] - size[1] / 2)),
         parameters,
         (float(centre[0] - point[0]), float(centre[1] - point[1])),
+        where=element.where,
     )
 
 

@@ -58,7 +58,9 @@ def read_bundler(path: Path, reporter: Reporter = SILENT) -> BlockParts:
         if f < 0 or not is_rotation(R):
             raise head.error(f"image {names[k]}: focal length {f:g}, or R is no rotation", EXPORT)
         row_of[k] = len(lenses)
-        lenses.append(Lens(names[k], "bundler", (2 * f, 2 * f), (f, f), parameters={"k1": k1, "k2": k2}))
+        lenses.append(
+            Lens(names[k], "bundler", (2 * f, 2 * f), (f, f), parameters={"k1": k1, "k2": k2}, where=head.where)
+        )
         stated.append(R)
         translations.append(t)
         at.append(head.line)

@@ -52,7 +52,7 @@ def read_nvm(path: Path, reporter: Reporter = SILENT) -> BlockParts:
         f, *pose, r, _ = line.numbers(1)
         if f <= 0 or not any(pose[:4]):
             raise line.error(f"image {line.words[0]} has the focal length {f:g}, quaternion {pose[:4]}", EXPORT)
-        lenses.append(Lens(line.words[0], "nvm", (2 * f, 2 * f), (f, f), parameters={"r": r}))
+        lenses.append(Lens(line.words[0], "nvm", (2 * f, 2 * f), (f, f), parameters={"r": r}, where=line.where))
         poses.append(pose)
     rows = np.array(poses).reshape(-1, 7)
     xyz, marks, of_marks = [], [], []

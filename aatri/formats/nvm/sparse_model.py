@@ -47,7 +47,7 @@ def parts_of_model(program: str, path: Path, model: SparseModel, y: str, reporte
     """The parts of a block that a sparse model gives; `y` is up or down."""
     names = [lens.id for lens in model.lenses]
     points = np.array([str(k) for k in range(len(model.xyz))], dtype=np.str_)
-    cameras = camera_parts(model.lenses, reporter, where=str(path))
+    cameras = camera_parts(model.lenses, reporter)
     notes, centre_px = _centre_px(model) if y == "down" else ([], None)
     cameras["cameras"] |= {"pixel_y": y} | (
         {"pixel_origin": "image-centre", "format": np.nan} if centre_px is None else {"format": 2 * centre_px}

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from aatri.codes import APPROXIMATE
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
-from aatri.formats.opensfm.cameras import camera_columns
+from aatri.formats.opensfm.cameras import read_cameras
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.one_frame import topocentric
 from aatri.formats.text.json_text import JsonText
@@ -42,11 +43,17 @@ def read_reconstruction(path: Path) -> BlockParts:
     number = range(len(document.get(list)))
     if not number:
         raise document.fault((), "no reconstruction in it", "run OpenSfM to its end")
-    cameras, parameters = camera_columns(document, [(k, "cameras") for k in number])
+    lenses = read_cameras(document, [(k, "cameras") for k in number])
     frame = _frame(document)
-    parts = BlockParts("opensfm", [path], name=path.resolve().parent.name, frame=frame)
-    parts.cameras, parts.camera_parameters, parts.pixel_axes = cameras, parameters, PIXEL_AXES["opensfm"]
-    shots = _shots(document, number, cameras["id"])
+    parts = BlockParts(
+        "opensfm",
+        [path],
+        name=path.resolve().parent.name,
+        frame=frame,
+        pixel_axes=PIXEL_AXES["opensfm"],
+        **camera_parts(lenses),
+    )
+    shots = _shots(document, number, [lens.id for lens in lenses])
     used = [True] * len(shots["id"])
     if frame == LOCAL and len(number) > 1:
         largest = max(number, key=lambda k: len(document.get(dict, k, "shots")))

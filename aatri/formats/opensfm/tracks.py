@@ -47,6 +47,12 @@ def read_tracks(path: Path, reporter: Reporter) -> BlockParts:
         if len(words) != WORDS[version]:
             what = f"{len(words)} columns separated by tabs, version {version} has {WORDS[version]}"
             raise InputError(what, where=f"{path}:{k}", remedy="the line is cut, or of another version")
+    first: dict[tuple[str, ...], int] = {}
+    for k, words in rows:
+        if first.setdefault((words[0], words[1], words[2]), k) != k:
+            what = f"feature {clipped(words[2])} of image {clipped(words[0])} twice in track {clipped(words[1])}"
+            before = f"first in line {first[words[0], words[1], words[2]]}"
+            raise InputError(f"{what}, {before}", where=f"{path}:{k}", remedy="remove one")
     if not rows:
         raise InputError("no image points in it", where=str(path), remedy="run OpenSfM's create_tracks")
     xy = np.empty((len(rows), 2))

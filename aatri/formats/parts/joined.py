@@ -51,11 +51,6 @@ def joined(sources: Sequence[BlockParts], reporter: Reporter) -> JoinedParts:
     files = [path for parts in sources for path in parts.files]
     first = np.cumsum([0, *(len(parts.files) for parts in sources)]).tolist()
     tables = [{kind: rows_of(p, kind, f) for kind in KINDS} for p, f in zip(sources, first)]
-    for of_source in tables:
-        twice(of_source["cameras"], "id", "camera", files)
-        twice(of_source["images"], "id", "image", files)
-        twice(of_source["exterior"], "image", "orientation of image", files)
-        twice(of_source["ground_points"], "point", "ground point", files)
     base = next((k for k, t in enumerate(tables) if t["images"] or t["image_points"]), None)
     if base is None:
         base = next((k for k, t in enumerate(tables) if t["exterior"]), None)

@@ -61,16 +61,16 @@ def read_pix4d(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     files, notes = [file], list[str]()
     _compare_matrices(file.with_name(f"{beside}pmatrix.txt"), heads, values, files, reporter)
     offset = _offset_m(file.with_name(f"{beside}offset.xyz"), files, notes, reporter)
-    interior, camera = np.unique(values[:, :16], axis=0, return_inverse=True)
+    interior, first_of, camera = np.unique(values[:, :16], axis=0, return_index=True, return_inverse=True)
     names = [f"camera {k + 1}" for k in range(len(interior))] if len(interior) > 1 else ["camera"]
-    lenses = [_lens(name, row) for name, row in zip(names, interior)]
+    lenses = [_lens(name, row, heads[k].where) for name, row, k in zip(names, interior, first_of.tolist())]
     of_images = [line.words[0] for line in heads]
     return BlockParts(
         "pix4d",
         files,
         name=beside.rstrip("_") or file.parent.name,
         notes=notes,
-        **camera_parts(lenses, reporter, where=str(file)),
+        **camera_parts(lenses, reporter),
         images={"id": of_images, "camera": [names[k] for k in camera.ravel()], **places(heads, files)},
         exterior={
             "image": of_images,
@@ -105,10 +105,11 @@ def _image(lines: list[TextLine], first: dict[str, TextLine]) -> list[float]:
     return values
 
 
-def _lens(name: str, row: Float) -> Lens:
+def _lens(name: str, row: Float, where: str) -> Lens:
     width, height, fx, _, cx, _, fy, cy, _, _, _, *distortion = row.tolist()
     parameters = dict(zip(("R1", "R2", "R3", "T1", "T2"), distortion))
-    return Lens(name, "pix4d", (width, height), (fx, fy), (cx - width / 2, cy - height / 2), parameters)
+    centre = (cx - width / 2, cy - height / 2)
+    return Lens(name, "pix4d", (width, height), (fx, fy), centre, parameters, where=where)
 
 
 def _offset_m(path: Path, files: list[Path], notes: list[str], reporter: Reporter) -> Float:

@@ -63,6 +63,10 @@ def _block(name: str, path: Path, reporter: Reporter) -> Block:
         from aatri.formats.colmap.reader import read_colmap
 
         return read_colmap(path, reporter=reporter)
+    if name == "pairs":
+        from aatri.formats.pairs.reader import read_pairs
+
+        return read_pairs(path, unit_um=1000.0, image_sigma_um=10.0, reporter=reporter)
     from aatri.formats.gama.reader import read_gama
 
     return read_gama(path, reporter)

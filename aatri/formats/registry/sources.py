@@ -11,6 +11,7 @@ import numpy as np
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.checked import check_parts
 from aatri.formats.parts.format import Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
 from aatri.formats.registry.recognised import format_named, recognised_file
@@ -65,6 +66,7 @@ def read_source(
         raise InputError(what, where=str(path), remedy=f"see {declared.page}")
     parts = declared.read(path, reading, reporter)
     parts = _as_said(parts, reading)
+    check_parts(parts)
     return parts if geoid is None else with_ellipsoidal_heights(parts, geoid)
 
 

@@ -22,9 +22,14 @@ class TextLine:
     path: Path
     line: int
 
+    @property
+    def where(self) -> str:
+        """`file:line`."""
+        return f"{self.path}:{self.line}"
+
     def error(self, what: str, remedy: str = "") -> InputError:
         """An error at this line."""
-        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
+        return InputError(what, where=self.where, remedy=remedy)
 
     def number(self, k: int) -> float:
         """The word as a number."""

@@ -40,9 +40,14 @@ class XmlElement:
         """The text in it, blanks at its ends left out."""
         return "".join(self.pieces).strip(" \t\r\n")
 
+    @property
+    def where(self) -> str:
+        """`file:line`."""
+        return f"{self.path}:{self.line}"
+
     def error(self, what: str, remedy: str = "") -> InputError:
         """An error at this element."""
-        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
+        return InputError(what, where=self.where, remedy=remedy)
 
     def get(self, name: str, default: str = "") -> str:
         """An attribute."""

@@ -1,0 +1,40 @@
+"""What a source may not say, whatever its format: an id twice in a list, a latitude beyond the pole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from aatri.errors import InputError
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.rows import place, rows_of, twice
+from aatri.frames.checks import out_of_range
+
+IDS = (("cameras", "id", "camera"), ("images", "id", "image"), ("exterior", "image", "orientation of image"),
+       ("ground_points", "point", "ground point"))  # fmt: skip
+PLACES = (("exterior", "image", "position_m"), ("ground_points", "point", "xyz_m"))
+
+
+def check_parts(parts: BlockParts) -> None:
+    """Check what one source gives.
+
+    Raises
+    ------
+    InputError
+        With the place of the first row that cannot be.
+    """
+    tables: dict[str, Any] = {table: rows_of(parts, table) for table, _, _ in IDS}
+    for table, key, what in IDS:
+        twice(tables[table], key, what, parts.files)
+    if parts.frame is None:
+        return
+    for table, key, column in PLACES:
+        if not (rows := tables[table]):
+            continue
+        wrong = np.flatnonzero(out_of_range(rows[column], parts.frame.axes))
+        if len(wrong):
+            k = int(wrong[0])
+            x, y = (f"{name} {rows[column][k, parts.frame.axes.index(name)]:g}" for name in ("latitude", "longitude"))
+            what = f"{rows[key][k]} lies at {x}, {y}: {parts.frame.crs} counts degrees, up to 90 and 360"
+            raise InputError(what, where=place(rows, k, parts.files), remedy="say the `crs` of the coordinates")
