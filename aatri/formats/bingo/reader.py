@@ -126,7 +126,7 @@ def read_geoin(path: Path, reporter: Reporter = SILENT) -> BlockParts:
                        "CONT": (control, "control point")}[keyword]  # fmt: skip
         line.once(line.words[0], table, what)
     if not (cameras or control):
-        raise InputError("no CAPA and no CONT", where=str(path), remedy="give geoin.dat, or the file with control")
+        raise InputError("no CAPA and no CONT", where=f"{path}:1", remedy="give geoin.dat, or the file with control")
     notes = [f"keywords not read: {shown(sorted(others))}"] if others else []
     parts = BlockParts("bingo_geoin", [path], name=path.stem, notes=notes)
     if cameras:

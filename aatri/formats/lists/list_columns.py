@@ -193,6 +193,8 @@ def _fault(columns: ListColumns) -> str:
         return "image coordinates need `image point x y`"
     if {"image", "point"} <= names and "x" not in names:
         return "`image` and `point` without `x y`"
+    if cut := next((system for system in ANGLES.values() if len({*system} & names) == 2), None):
+        return f"of the angles {', '.join(cut)} two"
     if not ({"x", "y"} <= names or place or columns.system):
         return "neither `X Y Z` nor three angles nor `x y`"
     return ""

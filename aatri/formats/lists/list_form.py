@@ -61,7 +61,11 @@ def form_of_columns(lines: list[str], columns: ListColumns, path: Path) -> ListF
     for k, text in enumerate(lines[:MOST_BEFORE]):
         separator = separator_of(text, columns.fewest)
         row = TextLine(cells(text, separator), path, k + 1)
-        if text.lstrip().startswith("#") or len(row.words) < columns.fewest:
+        if text.lstrip().startswith("#"):
+            continue
+        if len(row.words) < columns.fewest:
+            if all(at < len(row.words) and _is_number(row, at) for at in numbers[:2]):
+                raise row.error(f"{len(row.words)} words, for the columns {' '.join(columns.words)}", "mend the row")
             continue
         if any(_is_number(row, at) for at in numbers if at < len(row.words)):
             return ListForm(columns, separator, k)

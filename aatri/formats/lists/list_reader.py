@@ -36,6 +36,7 @@ RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
 ROLES = {**dict.fromkeys(("control", "gcp", "full"), CONTROL), **dict.fromkeys(("check", "checkpoint"), CHECK),
          **dict.fromkeys(("", "none", "tie"), NO_ROLE)}  # fmt: skip
 GEOGRAPHIC = Frame("list", ("longitude", "latitude", "height"), "EPSG:4979")
+PLACE = ("X", "Y", "Z", "longitude", "latitude", "x", "y")
 SHOWN = 3
 """So many rows are shown as they were read."""
 
@@ -100,11 +101,14 @@ class _Rows:
         return [row.words[k] if k is not None and k < len(row.words) else "" for row in self.rows]
 
     def numbers(self, *names: str) -> Float:
-        """Columns of numbers (n, k); NaN where a cell is empty or the list has no such column."""
+        """Columns of numbers (n, k); NaN where a cell is empty or the list has no such column.
+
+        Angles and standard deviations that are not known may be NaN; a coordinate is left empty.
+        """
         values = np.full((len(self.rows), len(names)), np.nan)
         for j, name in enumerate(names):
             for i, text in enumerate(self.texts(name)):
-                if text and text.lower() != "nan":
+                if text and (text.lower() != "nan" or name in PLACE):
                     values[i, j] = self.sign[name] * self.rows[i].number(self.at[name])
         return values
 
@@ -213,6 +217,9 @@ class _Rows:
             np.stack([self.numbers(f"{before}{name}")[:, 0] for name in ANGLES[system]], axis=1) * RAD[self.unit]
             for before in ("", "s")
         )
+        if (bad := np.flatnonzero((np.abs(angles) > 2 * math.pi).any(axis=1))).size:
+            stated = (angles[bad[0]] / RAD[self.unit]).tolist()
+            raise self.rows[int(bad[0])].error(f"angles {stated} go beyond a circle of {self.unit}", "say `angle`")
         if system == "yaw-pitch-roll":
             R, axes = rotation_of_carrier(angles[:, ::-1])
             axes = axes[:, :, ::-1]

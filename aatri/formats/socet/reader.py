@@ -123,7 +123,12 @@ def read_gpf(path: Path, crs: str | None = None, reporter: Reporter = SILENT) ->
             raise point.at.error(f"point {point.id} is of kind {point.flags[1]}", "known are 0 to 6")
     yxz = np.array([point.rows[0] for point in points]).reshape(-1, 3)
     degrees = header.get("GXP_XY_UNITS") == DEGREES
-    radians = not header and len(yxz) > 0 and bool((np.abs(yxz[:, :2]) <= [math.pi / 2, 2 * math.pi]).all())
+    inside = (np.abs(yxz[:, :2]) <= [math.pi / 2, 2 * math.pi]).all(axis=1)
+    radians = not header and bool(inside.any())
+    if radians and not inside.all():
+        odd = points[int(np.flatnonzero(~inside)[0])]
+        what = f"point {odd.id} is at {odd.rows[0][0]:g}, {odd.rows[0][1]:g}, others at radians"
+        raise odd.at.error(what, "latitude and longitude of all points are radians, or all are of a grid")
     scale = math.degrees(1) if radians else 1.0
     sigma = np.array([point.rows[1] for point in used]).reshape(-1, 3)[:, [1, 0, 2]]
     role = np.array([KINDS[point.flags[1]] for point in used]).reshape(-1, 3)

@@ -46,7 +46,7 @@ OF_OWN_STAGES = {
         ("0.0005 20 2272 1704", "0.0005 20 2272"),
         (" 1 0 0 0 0 0 0\n", ""),
         ("images\\P1.JPG", "images\\P0.JPG"),
-        (" 1 0.1 1.794 1.468 -179.8 -1.18 -39.4", " 1 0.1 1.794 1.468 -17980 -118 -3940"),
+        "millimetres and degrees by definition: nothing else is there to compare with",
     ),
     "wucaps": GoodSample(
         WUCAPS,

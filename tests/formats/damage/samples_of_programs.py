@@ -8,7 +8,7 @@ from aatri.formats.parts.format import Reading
 from tests.formats.bingo.test_bingo import GEOIN, IMAGES
 from tests.formats.blocksexchange.test_blocksexchange import TEXT as BLOCKSEXCHANGE
 from tests.formats.damage.good_sample import GoodSample
-from tests.formats.navigation.test_navigation import APPLANIX, MRK
+from tests.formats.navigation.test_navigation import MRK
 from tests.formats.nvm.test_sparse_models import BUNDLER, NVM
 from tests.formats.pix4d.test_pix4d import HEAD, IMAGE
 from tests.formats.socet.test_socet import GPF, IPF
@@ -56,6 +56,13 @@ TRACKS = "OPENSFM_TRACKS_VERSION_v2\n" + "".join(
 )
 GCP_LIST = "EPSG:4326\n8.5 47.25 400.5 100.5 200 a.jpg P1\n8.6 47.25 401 300 200 a.jpg P2\n"
 GEO = "EPSG:4326\na.jpg 8.5 47.25 490.5 10 0 0 0.02 0.03\nb.jpg 8.6 47.25 491 10 0 0 0.02 0.03\n"
+APPLANIX = """POSPac exterior orientation
+(position in Meters, orientation in Degrees, lat, long in Deg)
+ID, EVENT, TIME(s), EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, LAT, LONG
+a1 1 200.5 500000.5 4000000.25 1200.0 0.5 -0.25 90.0 36.0 117.0
+a2 2 201.5 500100.5 4000000.25 1201.0 0.5 -0.25 91.0 36.0 117.0
+"""
+TABLE = "image,X,Y,Z,omega,phi,kappa\na.jpg,100.5,200.25,300.5,0.5,1.5,2.5\nb.jpg,110.5,200.25,300.5,0.5,1.5,2.5\n"
 OPK = (
     "NOM\tX\tY\tZ\tO\tP\tK\tCAMERA\na.tif\t800000.5\t6200000.25\t2800.5\t0.5\t-0.25\t90.5\tcam\n"
     "b.tif\t800500.5\t6200000.25\t2801\t0.5\t-0.25\t90.5\tcam\n"
@@ -110,10 +117,10 @@ OF_PROGRAMS = {
         "eo.txt",
         "[1201.0]",
         "a1",
-        ("OMEGA, PHI", "PHI, OMEGA"),
-        ("(position in Meters, orientation in Degrees, lat, long in Deg)\n", ""),
+        ("OMEGA, PHI", "OMEGA, ROLL"),
+        ("ID, EVENT, TIME(s), EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, LAT, LONG\n", ""),
         ("a2", "a1"),
-        ("Degrees", "Radians"),
+        ("Meters", "Feet"),
     ),
     "nvm": GoodSample(
         {"m.nvm": NVM},
@@ -154,8 +161,8 @@ OF_PROGRAMS = {
         "l.OPK",
         "\t[6200000.25]\t2801",
         "b.tif",
-        ("NOM\tX", "NOM\tTEMPS\tX"),
-        (OPK.partition("\n")[0] + "\n", ""),
+        ("b.tif\t800500.5", "b.tif\t12:00:01\t7\t800500.5"),
+        ("\t0.5\t-0.25\t90.5\tcam\nb", "\nb"),
         ("b.tif", "a.tif"),
         ("\t90.5\tcam\nb", "\t9050.5\tcam\nb"),
     ),
@@ -199,6 +206,16 @@ OF_PROGRAMS = {
         ("<NamePt>P2", "<NamePt>P1"),
         ("10.0 20.0 100.5", "10000.0 20000.0 100500"),
         path="",
+    ),
+    "table": GoodSample(
+        {"list.csv": TABLE},
+        "list.csv",
+        "b.jpg,[110.5]",
+        "b.jpg",
+        ("omega,phi", "omega,psi"),
+        (",2.5\n", "\n"),
+        ("b.jpg", "a.jpg"),
+        ("1.5,2.5\nb", "1.5,6000.5\nb"),
     ),
     "opensfm": GoodSample(
         {"reconstruction.json": RECONSTRUCTION},
