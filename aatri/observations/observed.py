@@ -275,6 +275,11 @@ def full_whitener(whitener: Float) -> Float:
     return whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
 
 
+def inverse_sigmas(sigma: Float, rows: int = 1) -> Float:
+    """Whitener of records whose components have one standard deviation, (n, rows); exact ones are nearly exact."""
+    return np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], rows, axis=1)
+
+
 def _nearly_exact(whitener: Float, exact: Bool) -> Float:
     row, component = np.nonzero(exact)
     found = full_whitener(whitener).copy()

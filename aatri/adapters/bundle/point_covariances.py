@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from aatri.adjustment.covariance.joint import joint_covariance
+from aatri.adjustment.covariance.cross import joint_covariance
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import PointCovariances

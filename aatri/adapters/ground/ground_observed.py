@@ -27,7 +27,7 @@ from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
-from aatri.observations.relative.distances import KIND as RELATIVE
+from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.free_body import FreeBody, concerning

@@ -14,7 +14,7 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.camera.corrections.atmospheres import Atmosphere
+from aatri.camera.corrections.atmosphere import Atmosphere
 from aatri.errors import SpecError
 from aatri.notes import Note
 

@@ -10,11 +10,8 @@ import numpy as np
 from aatri.adapters.refinement.heights import Stations
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
-from aatri.camera.corrections.atmospheres import Atmosphere, constant_of
-from aatri.camera.corrections.earth_curvature import earth_curvature_correction, earth_curvature_of_rays
-from aatri.camera.corrections.ray_refraction import refraction_of_rays
-from aatri.camera.corrections.refraction import refraction_correction
-from aatri.camera.corrections.vertical_planes import FLATTEST_RAD
+from aatri.camera.corrections.atmosphere import Atmosphere, constant_of
+from aatri.camera.corrections.vertical_planes import FLATTEST_RAD, earth_curvature_correction, refraction_correction
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Level, Note
 
@@ -41,29 +38,21 @@ def earth_correction(
     c = block.cameras.principal_distance_mm[block.images.camera[image]]
     what, notes = name.replace("_", " "), list[Note]()
 
-    def closed(rows: Int | Bool | slice, station_m: Float, terrain_m: float) -> Float:
+    def corrected(rows: Int | Bool | slice, station_m: Float, terrain_m: float, level: Float | None = None) -> Float:
         if name == "refraction":
-            return refraction_correction(xy_mm[rows], constant_of(atmosphere, station_m, terrain_m), c[rows])
-        return earth_curvature_correction(xy_mm[rows], station_m - terrain_m, c[rows])
+            return refraction_correction(xy_mm[rows], constant_of(atmosphere, station_m, terrain_m), c[rows], level)
+        return earth_curvature_correction(xy_mm[rows], station_m - terrain_m, c[rows], level)
 
-    def by_rays(rows: Int) -> Float:
-        level, station = stations.level_from_image[image[rows]], stations.height_m[image[rows]]
-        if name == "refraction":
-            constant = constant_of(atmosphere, station, stations.terrain_m)
-            return np.asarray(refraction_of_rays(xy_mm[rows], c[rows], level, constant), dtype=np.float64)
-        return earth_curvature_of_rays(xy_mm[rows], station - stations.terrain_m, c[rows], level)
-
-    if (above[image] > 0).all() and not stations.by_rays.any():  # the usual case
-        every = closed(slice(None), stations.height_m[image], stations.terrain_m)
+    above_terrain, rays = above[image] > 0, stations.by_rays[image]
+    if above_terrain.all() and not rays.any():  # the usual case
+        every = corrected(slice(None), stations.height_m[image], stations.terrain_m)
         if np.isfinite(every).all():
             return every, ()
-    above_terrain, rays = above[image] > 0, stations.by_rays[image]
-    correction = np.zeros_like(xy_mm)
-    correction[above_terrain & ~rays] = closed(
-        above_terrain & ~rays, stations.height_m[image[above_terrain & ~rays]], stations.terrain_m
-    )
-    turned = np.isfinite(stations.level_from_image[image, 2, 2])
-    correction[above_terrain & rays & turned] = by_rays(np.flatnonzero(above_terrain & rays & turned))
+    correction, turned = np.zeros_like(xy_mm), np.isfinite(stations.level_from_image[image, 2, 2])
+    for rows, level in ((above_terrain & ~rays, None), (above_terrain & rays & turned, stations.level_from_image)):
+        of = image[rows]
+        own = None if level is None else level[of]
+        correction[rows] = corrected(rows, stations.height_m[of], stations.terrain_m, own)
     without = above_terrain & rays & ~turned
     if without.any():
         text = f"{what} is not corrected in images without orientation"
@@ -79,7 +68,7 @@ def earth_correction(
         correction[flat] = 0.0
     if unknown.any():
         terrain = float(np.nan_to_num(stations.terrain_m))
-        there = closed(unknown, np.full(int(unknown.sum()), terrain + FOR_EXAMPLE_M), terrain)
+        there = corrected(unknown, np.full(int(unknown.sum()), terrain + FOR_EXAMPLE_M), terrain)
         size = float(np.hypot(*there.T).max())
         text = (
             f"{what} is not corrected in images whose height above the terrain is not known: at most "

@@ -31,7 +31,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.elimination.factor import Factored, forward_substituted
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import Sides, forward
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
@@ -113,9 +113,7 @@ def factorise_constrained(problem: IndexedProblem, state: State, damping: float 
     if not (np.isfinite(c).all() and np.isfinite(right.kept).all() and np.isfinite(right.of_block).all()):
         return replace(factored, cost=np.inf)
     u = forward(problem, factored, state, right)
-    y = np.zeros(problem.layout.n_kept)
-    for node, part in zip(problem.tree.nodes, factored.y):
-        y[node.columns[: node.panel]] = part
+    y = forward_substituted(problem.tree, factored.y, problem.layout.n_kept)
     projected = u.kept.T @ y + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
     k = np.linalg.solve(gram(problem, u), c - projected)
     y += u.kept @ k

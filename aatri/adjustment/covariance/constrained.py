@@ -7,7 +7,7 @@ A record with Jacobian J loses J W (J W)'.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -35,13 +35,18 @@ def covariance_reduction(problem: IndexedProblem, factored: Factored, state: Sta
 
 
 def covariance_times(
-    problem: IndexedProblem, factored: Factored, state: State, W: Mapping[str, Float], right: Mapping[str, Float]
+    problem: IndexedProblem,
+    factored: Factored,
+    state: State,
+    W: Mapping[str, Float],
+    right: Mapping[str, Float],
+    wanted: Collection[str] | None = None,
 ) -> dict[str, Float]:
     """The covariance of all unknowns times right-hand sides, (n, k, m) by group; groups that are missing are zero.
 
-    W is that of `covariance_reduction`, made once for several products.
+    W is that of `covariance_reduction`, made once for several products; `wanted` are the groups asked for, or all.
     """
-    product = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)))
+    product = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)), wanted)
     if not W:
         return product
     common = sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items())

@@ -1,9 +1,11 @@
-"""Covariance of any two blocks of unknowns, or of a few with themselves, by solves.
+"""Covariances between blocks of unknowns that share no front, by solves.
 
-Marginal covariances come from one way down the tree; the covariance of two blocks that share no front needs the columns
-of one of them: N Q_.b = E_b for a kept block b. An eliminated block p, with D and C = E'A of its own observations, has
+Marginal covariances come from one way down the tree. The covariance of a block b with any other is part of N^-1 E_b,
+E_b the unit vectors of its scalars; that of many blocks with each other needs the first half of the solve only,
 
-    Q_p. = -D^-1 C Q_x.,      Q_pq = -D^-1 C Q_xq    (p and q different)
+    Q = E'N^-1 E = U'U,    U = L^-1 E
+
+Constraints and the inner constraints of a free datum take their share off, see `constrained` and `s_transformation`.
 """
 
 from __future__ import annotations
@@ -12,14 +14,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adjustment.covariance.constrained import covariance_reduction
-from aatri.adjustment.elimination.backsolve import solve_columns
-from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
+from aatri.adjustment.covariance.s_transformation import STransformation
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.records import whitened
+from aatri.adjustment.elimination.right_hand_sides import forward, sides_of
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.stepping.robust import refuse_covariances
-from aatri.adjustment.structure.index import part_columns
 from aatri.arrays import Float, Int
 
 Block = tuple[str, int]
@@ -33,76 +33,63 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     ----------
     adjusted : Adjusted
     pairs : sequence of ((group, block), (group, block))
-        One solve each, and one for all that follow each other with the same second block.
+        A solve for each block that is second in one of them.
 
     Returns
     -------
     list of (k, l) float64
         Zero for held scalars.
-
-    Raises
-    ------
-    ValueError
-        If a pair is a block with itself that is eliminated: that has a term of its own, see `marginal`.
     """
     refuse_covariances(adjusted.down_weighted)
-    problem = adjusted.problem
-    factored = adjusted.factored or factorise(problem, adjusted.state)
-    W = covariance_reduction(problem, factored, adjusted.state)
-    found: list[Float] = []
-    last: tuple[Block, Float] | None = None
-    for first, second in pairs:
-        if first == second and first[0] == problem.layout.eliminated:
-            raise ValueError(f"{first} with itself: use marginal_covariances")
-        columns = last[1] if last and last[0] == second else _columns_of(adjusted, factored, second)
-        last = (second, columns)
-        found.append(_rows_of(adjusted, factored, first, columns))
-        if W:
-            found[-1] -= W[first[0]][first[1]] @ W[second[0]][second[1]].T
-    return found
+    problem, state = adjusted.problem, adjusted.state
+    factored = adjusted.factored or factorise(problem, state)
+    W = covariance_reduction(problem, factored, state)
+    found: dict[int, Float] = {}
+    for second in dict.fromkeys(second for _, second in pairs):
+        firsts = {k: first for k, (first, other) in enumerate(pairs) if other == second}
+        wanted = {group for group, _ in firsts.values()}
+        unit = _unit_vectors(adjusted, second[0], np.array([second[1]]))
+        columns = covariance_times(problem, factored, state, W, {second[0]: unit}, wanted)
+        found |= {k: columns[group][block] for k, (group, block) in firsts.items()}
+    return [found[k] for k in range(len(pairs))]
 
 
-def _columns_of(adjusted: Adjusted, factored: Factored, block: Block) -> Float:
-    """Covariance of all kept unknowns with a block, (n_kept, k)."""
-    problem = adjusted.problem
-    kept, weights, _ = rows_in_kept(adjusted, factored, block)
-    right = np.zeros((problem.layout.n_kept, weights.shape[0]))
-    np.add.at(right, kept[kept >= 0], weights.T[kept >= 0])
-    return solve_columns(problem, factored, right)
+def joint_covariance(adjusted: Adjusted, group: str, blocks: Int, free_datum: STransformation | None = None) -> Float:
+    """Covariance matrix of some blocks of a group of unknowns, a priori (sigma0 = 1).
 
-
-def _rows_of(adjusted: Adjusted, factored: Factored, block: Block, columns: Float) -> Float:
-    kept, weights, _ = rows_in_kept(adjusted, factored, block)
-    return np.asarray(weights[:, kept >= 0] @ columns[kept[kept >= 0]])
-
-
-def rows_in_kept(adjusted: Adjusted, factored: Factored, block: Block) -> tuple[Int, Float, Float]:
-    """A block of k unknowns as a linear function of the kept ones.
+    Parameters
+    ----------
+    adjusted : Adjusted
+    group : str
+    blocks : (m,) int
+        Numbers of blocks, each once.
+    free_datum : STransformation, optional
+        To the inner constraints of a free datum.
 
     Returns
     -------
-    columns : (n,) int
-        Of the kept unknowns; -1 where held.
-    weights : (k, n) float64
-    own : (k, k) float64
-        Covariance that an eliminated block has beside: the inverse normal matrix of its own observations.
+    (m k, m k) float64
+        Zero for held scalars; its diagonal blocks are the marginal covariances.
     """
-    problem, (group, number) = adjusted.problem, block
-    size = next(u.size for u in problem.unknowns if u.name == group)
-    if group != problem.layout.eliminated or problem.layout.block[number] < 0:
-        return problem.layout.columns(group, size)[number], np.eye(size), np.zeros((size, size))
-    rays = problem.rays
-    assert rays is not None
-    p = int(np.flatnonzero(rays.block == number)[0])
-    some = slice(int(rays.ray_start[p]), int(rays.ray_start[p + 1]))
-    _, jacobians = whitened(rays.records, adjusted.state, rays.rows[some])
-    touches = [g for g, _ in rays.records.touches]
-    A = np.concatenate([J for g, J in zip(touches, jacobians) if g != group], axis=2)
-    B = jacobians[touches.index(group)] * problem.block_free[p]
-    columns = part_columns(rays.parts, problem.layout, some)
-    C = np.einsum("nia,nib->bna", A, B).reshape(size, -1)
-    L = np.zeros((3, 3))
-    L[[0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2]] = factored.block_factor[p]
-    free = problem.block_free[p]
-    inverse = np.linalg.solve(L.T, np.linalg.solve(L, np.eye(size))) * np.outer(free, free)
-    return columns.ravel(), -inverse @ C, inverse
+    refuse_covariances(adjusted.down_weighted)
+    problem, state = adjusted.problem, adjusted.state
+    factored = adjusted.factored or factorise(problem, state)
+    unit = _unit_vectors(adjusted, group, blocks)
+    Q = forward(problem, factored, state, sides_of(problem, {group: unit})).gram()
+    constrained = covariance_reduction(problem, factored, state)
+    if constrained:
+        w = constrained[group][blocks].reshape(len(Q), -1)
+        Q -= w @ w.T
+    if free_datum is not None and group in free_datum.H:
+        H, Z = (part[group][blocks].reshape(len(Q), -1) for part in (free_datum.H, free_datum.Z))
+        mixed = H @ free_datum.M @ Z.T
+        Q += H @ free_datum.inner @ H.T - mixed - mixed.T
+    return np.asarray((Q + Q.T) / 2)
+
+
+def _unit_vectors(adjusted: Adjusted, group: str, blocks: Int) -> Float:
+    """Right-hand sides that ask for the columns of some blocks, (n, k, number of columns)."""
+    n, size = next(u for u in adjusted.problem.unknowns if u.name == group).free.shape
+    unit = np.zeros((n, size, len(blocks), size))
+    unit[blocks, :, np.arange(len(blocks))] = np.eye(size)
+    return unit.reshape(n, size, -1)

@@ -26,6 +26,7 @@ import numpy as np
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.elimination.effects import reduced_effects
+from aatri.adjustment.elimination.factor import forward_substituted
 from aatri.adjustment.elimination.right_hand_sides import forward, forward_kept, sides_of
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjusted import Adjusted
@@ -251,8 +252,5 @@ def _taken_up(adjusted: Adjusted, right: dict[str, Float]) -> tuple[Float, Float
 
 def _forward_gradient(adjusted: Adjusted) -> Float:
     """y of the kept unknowns, (n_kept,)."""
-    y = np.zeros(adjusted.problem.layout.n_kept)
     assert adjusted.factored is not None
-    for node, part in zip(adjusted.problem.tree.nodes, adjusted.factored.y):
-        y[node.columns[: node.panel]] = part
-    return y
+    return forward_substituted(adjusted.problem.tree, adjusted.factored.y, adjusted.problem.layout.n_kept)

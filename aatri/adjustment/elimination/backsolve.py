@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import excess, whitened
@@ -20,33 +20,18 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 
 
-def kept_step(problem: IndexedProblem, factored: Factored) -> Float:
-    """Step of the kept unknowns, (n_kept,)."""
-    x = factored.factor.solution(problem.tree, factored.y, problem.layout.n_kept)
-    return np.where(problem.layout.held, 0.0, -x)
-
-
 def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> Float:
     """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
     x = np.where(problem.layout.held[:, None], 0.0, right)
-    nodes = problem.tree.nodes
-    for k, node in enumerate(nodes):
-        if node.panel:
-            front = np.asfortranarray(x[node.columns])
-            lapack.forward_columns(factored.factor.panel(k), front)
-            x[node.columns] = front
-    for k in range(len(nodes) - 1, -1, -1):
-        node = nodes[k]
-        if node.panel:
-            front = np.asfortranarray(x[node.columns])
-            lapack.backward_columns(factored.factor.panel(k), front)
-            x[node.columns[: node.panel]] = front[: node.panel]
+    up_the_tree(problem.tree, factored.factor.panel, x)
+    down_the_tree(problem.tree, factored.factor.panel, x)
     return np.where(problem.layout.held[:, None], 0.0, x)
 
 
 def steps(problem: IndexedProblem, factored: Factored, state: State) -> dict[str, Float]:
     """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
-    dx = kept_step(problem, factored)
+    x = factored.factor.solution(problem.tree, factored.y, problem.layout.n_kept)
+    dx = np.where(problem.layout.held, 0.0, -x)
     step: dict[str, Float] = {}
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)

@@ -13,8 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.panels import Panels
+from aatri.adjustment.elimination.panels import Panels, down_the_tree
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
@@ -66,14 +65,8 @@ class DirectFactor:
 
     def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
         """Back substitution, down the tree."""
-        x = np.zeros(n_kept)
-        for k in range(len(tree.nodes) - 1, -1, -1):
-            node = tree.nodes[k]
-            if not node.panel:
-                continue
-            front = np.concatenate([y[k], x[node.columns[node.panel :]]])
-            lapack.backward(self.panels[k], front)
-            x[node.columns[: node.panel]] = front[: node.panel]
+        x = forward_substituted(tree, y, n_kept)
+        down_the_tree(tree, self.panel, x[:, None])
         return x
 
     def clear(self) -> None:
@@ -149,6 +142,14 @@ class Factored:
     def decrease(self) -> float:
         """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
         return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
+
+
+def forward_substituted(tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
+    """The parts of the nodes in one vector, (n_kept,)."""
+    x = np.zeros(n_kept)
+    for node, part in zip(tree.nodes, y):
+        x[node.columns[: node.panel]] = part
+    return x
 
 
 def without_factor(size: str = "") -> ResourceError:

@@ -1,7 +1,8 @@
 """Panels of the factor, in memory or in a file.
 
 A front leaves the panel L11, L21 of its own unknowns. Nothing needs it again until the way back down the tree, so that
-under a memory limit it may wait in a temporary file, at a place the tree has set. The file has no name where the
+under a memory limit it may wait in a temporary file, at a place the tree has set. Right-hand sides go up and down the
+tree panel by panel. The file has no name where the
 operating system allows that, and is gone with the factor, after an error too. What is read is what was written, bit
 for bit.
 """
@@ -10,12 +11,13 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
 from typing import Protocol
 
 import numpy as np
 
+from aatri.adjustment.elimination import lapack
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
@@ -32,6 +34,35 @@ class Panels(Protocol):
 
     def clear(self) -> None:
         """Give back the room; no panel can be read any more."""
+
+
+def up_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:
+    """Forward substitution of right-hand sides (n_kept, m), in place: x <- L^-1 x, at some nodes or all.
+
+    Parameters
+    ----------
+    panel : callable
+        Panel of a node.
+    nodes : iterable of int, optional
+        Children before their parents.
+    """
+    for k in range(len(tree.nodes)) if nodes is None else nodes:
+        columns = tree.nodes[k].columns
+        some = np.flatnonzero(x[columns[: tree.nodes[k].panel]].any(axis=0))
+        if len(some):
+            front = np.asfortranarray(x[np.ix_(columns, some)])
+            lapack.forward_columns(panel(k), front)
+            x[np.ix_(columns, some)] = front
+
+
+def down_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:
+    """Back substitution, in place: x <- L^-T x, at some nodes, parents before their children, or all."""
+    for k in reversed(range(len(tree.nodes))) if nodes is None else nodes:
+        columns, own = tree.nodes[k].columns, tree.nodes[k].panel
+        if own and x.shape[1]:
+            front = np.asfortranarray(x[columns])
+            lapack.backward_columns(panel(k), front)
+            x[columns[:own]] = front[:own]
 
 
 def panels_of(tree: Tree, spill: bool) -> Panels:

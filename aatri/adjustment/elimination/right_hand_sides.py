@@ -11,15 +11,15 @@ The first step touches only blocks and fronts with a right-hand side below them;
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
@@ -90,32 +90,23 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
 def forward_kept(problem: IndexedProblem, factored: Factored, x: Float) -> None:
     """U_x = L_x^-1 x of right-hand sides of the kept unknowns alone, in place."""
     with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
-        for k, node in enumerate(problem.tree.nodes):
-            some = np.flatnonzero(x[node.columns[: node.panel]].any(axis=0))
-            if not len(some):
-                continue
-            part = np.asfortranarray(x[np.ix_(node.columns, some)])
-            lapack.forward_columns(factored.factor.panel(k), part)
-            x[np.ix_(node.columns, some)] = part
+        up_the_tree(problem.tree, factored.factor.panel, x)
 
 
-def backward(problem: IndexedProblem, factored: Factored, state: State, u: Sides) -> dict[str, Float]:
-    """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars."""
+def backward(
+    problem: IndexedProblem, factored: Factored, state: State, u: Sides, wanted: Collection[str] | None = None
+) -> dict[str, Float]:
+    """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars. `wanted` are the groups, or all."""
     x = u.kept.copy()
     with thread_control().limit(limits=1, user_api="blas"):
-        for k in range(len(problem.tree.nodes) - 1, -1, -1):
-            node = problem.tree.nodes[k]
-            if node.panel and x.shape[1]:
-                front = np.asfortranarray(x[node.columns])
-                lapack.backward_columns(factored.factor.panel(k), front)
-                x[node.columns[: node.panel]] = front[: node.panel]
+        down_the_tree(problem.tree, factored.factor.panel, x)
     x[problem.layout.held] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])
     found: dict[str, Float] = {}
-    for unknowns in problem.unknowns:
+    for unknowns in (one for one in problem.unknowns if wanted is None or one.name in wanted):
         columns = problem.layout.columns(unknowns.name, unknowns.size)
         found[unknowns.name] = np.where(columns[:, :, None] >= 0, padded[columns], 0.0)
-    if problem.rays is not None and len(problem.rays.block):
+    if problem.rays is not None and len(problem.rays.block) and problem.layout.eliminated in found:
         found[problem.layout.eliminated][problem.rays.block] = _blocks_back(problem, factored, state, u, x)
     return found
 
@@ -156,29 +147,14 @@ def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: S
     right[:, u.block] = -np.moveaxis(u.of_block, 2, 0)
     found, columns = np.zeros_like(right), np.ascontiguousarray(x.T)
     fill, parts = problem.ray_lane(state), rays.parts
-    first = np.where(parts.vertex >= 0, problem.layout.start[np.maximum(parts.vertex, 0)] + parts.shift, -1)
 
     def one(some: Sequence[Stretch]) -> None:
         for stretch in some:
-            for p0, p1, _, A, B in linearised(problem, fill, stretch):
+            for p0, p1, _, A, B in linearised(problem, fill, stretch, masked=False):  # x is zero where held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+                rows = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], parts.size, parts.start)
                 for j in range(m):
-                    substitute(
-                        p0,
-                        p1,
-                        base,
-                        rays.ray_start,
-                        A,
-                        B,
-                        first[base:last],
-                        parts.size,
-                        parts.start,
-                        columns[j],
-                        problem.block_free,
-                        factored.block_factor,
-                        right[j],
-                        found[j],
-                    )
+                    substitute(*rows, columns[j], problem.block_free, factored.block_factor, right[j], found[j])
 
     in_parallel(problem, one)
     return np.moveaxis(found, 0, 2)

@@ -25,7 +25,7 @@ from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import Work
-from aatri.adjustment.elimination.panels import Panels
+from aatri.adjustment.elimination.panels import Panels, down_the_tree, up_the_tree
 from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.kernels.assemble import add_records
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
@@ -62,20 +62,14 @@ class Preconditioner:
 
     def solve(self, right: Float) -> Float:
         """M^-1 times a vector, (n_kept,)."""
-        x, nodes = right.copy(), self.problem.tree.nodes
-        for k in self.below:
-            front = x[nodes[k].columns]
-            lapack.forward(self.panels[k], front)
-            x[nodes[k].columns] = front
+        x, tree = right.copy(), self.problem.tree
+        up_the_tree(tree, self.panels.__getitem__, x[:, None], self.below)
         for columns, L in self.pieces:
             part = x[columns]
             lapack.forward(L, part)
             lapack.backward(L, part)
             x[columns] = part
-        for k in reversed(self.below):
-            front, m = x[nodes[k].columns], nodes[k].panel
-            lapack.backward(self.panels[k], front)
-            x[nodes[k].columns[:m]] = front[:m]
+        down_the_tree(tree, self.panels.__getitem__, x[:, None], reversed(self.below))
         return x
 
 

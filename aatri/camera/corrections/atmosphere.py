@@ -1,4 +1,10 @@
-"""Refraction in the layered standard atmosphere, from pressures and densities.
+"""Refraction constant K, the angle by which refraction displaces a ray at 45 degrees, of two atmospheres.
+
+`coefficients`, the ARDC 1959 atmosphere in closed form, H and h in km above sea level:
+
+    K = [2410 H / (H^2 - 6 H + 250) - 2410 h / (h^2 - 6 h + 250) h / H] 1e-6     rad
+
+`standard`, the layered standard atmosphere, from pressures and densities:
 
     K = n_mean - n_H = kappa [(p_h - p_H) / (g (H - h)) - rho_H],    n - 1 = kappa rho
 
@@ -13,19 +19,24 @@ layers. With a temperature of constant lapse L in each layer, T = T_b + L (H' - 
 
     p = p_b (T_b/T)^(g M / (R* L)),  p = p_b exp(-g M (H' - H_b) / (R* T_b)) where L = 0,    rho = p M / (R* T)
 
-Below 1 km the closed form of `refraction` is about 22 % smaller. kappa belongs to the middle of the visible spectrum
+Below 1 km the closed form is about 22 % smaller. kappa belongs to the middle of the visible spectrum
 (550 nm); from 450 to 650 nm it changes by 1 %. Temperature and pressure of the day change K by some 10 %.
 
-Source: U.S. Standard Atmosphere 1976, table 4 and equations 33a, 33b; refractive index of dry air, 1 + 2.778e-4 at
-15 degrees C and 1013.25 hPa (Edlen 1966); Snell's law in plane layers, Kraus, Photogrammetry 1.
+Source: Manual of Photogrammetry (ASPRS), refraction in the ARDC 1959 atmosphere; U.S. Standard Atmosphere 1976, table 4
+and equations 33a, 33b; refractive index of dry air, 1 + 2.778e-4 at 15 degrees C and 1013.25 hPa (Edlen 1966); Snell's
+law in plane layers, Kraus, Photogrammetry 1.
 """
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float
+
+Atmosphere = Literal["coefficients", "standard"]
 
 GRAVITY = 9.80665
 GAS = 8314.32 / 28.9644
@@ -41,6 +52,29 @@ LAPSE = np.array([-0.0065, 0.0, 0.001, 0.0028])
 TEMPERATURE = 288.15 + np.concatenate([[0.0], np.cumsum(LAPSE * np.diff(BASE_M))])
 LOWEST_M, HIGHEST_M = -5_000.0, 46_000.0
 """Geometric heights between which the table holds."""
+
+
+def constant_of(atmosphere: Atmosphere, station_height_m: npt.ArrayLike, terrain_height_m: npt.ArrayLike) -> Float:
+    """Refraction constant K of stations and terrain at heights above sea level.
+
+    Parameters
+    ----------
+    station_height_m, terrain_height_m : (...,) float64, m above sea level
+
+    Returns
+    -------
+    (...,) float64, rad
+    """
+    constant = layered_constant if atmosphere == "standard" else refraction_constant
+    return constant(station_height_m, terrain_height_m)
+
+
+def refraction_constant(station_height_m: npt.ArrayLike, terrain_height_m: npt.ArrayLike) -> Float:
+    """K of the closed form; parameters as of `constant_of`."""
+    H, h = np.asarray(station_height_m) / 1000.0, np.asarray(terrain_height_m) / 1000.0
+    upper = 2410.0 * H / (H**2 - 6.0 * H + 250.0)
+    lower = 2410.0 * h / (h**2 - 6.0 * h + 250.0) * h / H
+    return np.asarray((upper - lower) * 1e-6)
 
 
 def pressure_and_density(height_m: npt.ArrayLike) -> tuple[Float, Float]:
@@ -61,11 +95,7 @@ def pressure_and_density(height_m: npt.ArrayLike) -> tuple[Float, Float]:
 
 
 def layered_constant(station_height_m: npt.ArrayLike, terrain_height_m: npt.ArrayLike) -> Float:
-    """Refraction constant K of the standard atmosphere.
-
-    Parameters
-    ----------
-    station_height_m, terrain_height_m : (...,) float64, m above sea level
+    """K of the layered atmosphere; parameters as of `constant_of`.
 
     Returns
     -------

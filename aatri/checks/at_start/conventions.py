@@ -15,7 +15,7 @@ from aatri.arrays import Float, Text
 from aatri.artifacts.block_control import Geodetic
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BETTER_CONVENTION, FEWEST_OF_CONVENTION, POOR_CONVENTION_SIGMAS
-from aatri.observations.geodetic import directions, distances, height_differences, zenith_angles
+from aatri.observations.geodetic import differences, directions, distances, zenith_angles
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.units import FOOT_M
@@ -32,7 +32,7 @@ OTHERS: dict[str, dict[str, Other]] = {
     },
     directions.ANGLE: {"counted counter-clockwise": lambda v: -v, **GON},
     zenith_angles.KIND: {"elevations": lambda v: np.pi / 2 - v, **GON},
-    height_differences.KIND: {"of opposite sign": lambda v: -v, "in feet": lambda v: FOOT_M * v},
+    differences.HEIGHT_DIFFERENCE: {"of opposite sign": lambda v: -v, "in feet": lambda v: FOOT_M * v},
     distances.KIND: {"in feet": lambda v: FOOT_M * v},
     distances.HORIZONTAL: {"in feet": lambda v: FOOT_M * v},
 }

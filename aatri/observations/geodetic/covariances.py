@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aatri.observations.correlated import joined
-from aatri.observations.geodetic import coordinate_differences, directions, distances, height_differences, zenith_angles
+from aatri.observations.geodetic import differences, directions, distances, zenith_angles
 from aatri.observations.observed import Observed
 
 if TYPE_CHECKING:
@@ -16,14 +16,8 @@ if TYPE_CHECKING:
 
 KINDS = frozenset(
     {
-        distances.KIND,
-        distances.HORIZONTAL,
-        directions.DIRECTION,
-        directions.AZIMUTH,
-        directions.ANGLE,
-        zenith_angles.KIND,
-        height_differences.KIND,
-        coordinate_differences.KIND,
+        *(distances.KIND, distances.HORIZONTAL, directions.DIRECTION, directions.AZIMUTH, directions.ANGLE),
+        *(zenith_angles.KIND, differences.HEIGHT_DIFFERENCE, differences.COORDINATE_DIFFERENCE),
     }
 )
 """Kinds whose rows are those of geodetic.csv."""

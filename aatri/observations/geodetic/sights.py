@@ -18,7 +18,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.ids import rows_of
 from aatri.observations.level import Level, line_between
-from aatri.observations.observed import NEARLY_EXACT, Observed, named
+from aatri.observations.observed import Observed, inverse_sigmas, named
 from aatri.observations.poses import POINT, POSE, by_unknowns, position
 
 if TYPE_CHECKING:
@@ -176,8 +176,7 @@ def sight_records(
         return (around(v) if angular else v)[:, None], (*ends, *by_own)
 
     touches = ((at, sights.station), (to, sights.target), *(((own.group, own.block),) if own is not None else ()))
-    sigma = np.where(sights.sigma > 0, sights.sigma, NEARLY_EXACT)
-    return Records(kind, touches, evaluate, 1.0 / sigma[:, None], np.ones(len(sights), dtype=bool))
+    return Records(kind, touches, evaluate, inverse_sigmas(sights.sigma), np.ones(len(sights), dtype=bool))
 
 
 def around(angle: Float) -> Float:

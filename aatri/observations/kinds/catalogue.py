@@ -11,20 +11,13 @@ from pydantic import Field
 from aatri.notes import Note
 from aatri.observations import attitudes, control, drift, image_points, positions, rigs
 from aatri.observations.attitudes import AttitudeOptions
-from aatri.observations.geodetic import (
-    coordinate_differences,
-    covariances,
-    directions,
-    distances,
-    height_differences,
-    zenith_angles,
-)
+from aatri.observations.geodetic import covariances, directions, distances, zenith_angles
+from aatri.observations.geodetic import differences as geodetic_differences
 from aatri.observations.geodetic.distances import DistanceOptions
 from aatri.observations.geodetic.zenith_angles import ZenithOptions
 from aatri.observations.observed import Given, Observed
 from aatri.observations.positions import PositionOptions
 from aatri.observations.relative import angles, differences, lines, planes, round_shapes
-from aatri.observations.relative import distances as relative_distances
 from aatri.observations.rigs import RigOptions
 from aatri.options import Options
 
@@ -76,14 +69,14 @@ KINDS = (
     Kind(distances.distances, "geodetic", lambda o: o.distances, uses=distances.USES),
     Kind(directions.directions, "geodetic", uses=directions.USES),
     Kind(zenith_angles.zenith_angles, "geodetic", lambda o: o.zenith_angles, uses=zenith_angles.USES),
-    Kind(height_differences.height_differences, "geodetic", uses=height_differences.USES),
-    Kind(coordinate_differences.coordinate_differences, "geodetic", uses=coordinate_differences.USES),
+    Kind(geodetic_differences.height_differences, "geodetic", uses=geodetic_differences.USES),
+    Kind(geodetic_differences.coordinate_differences, "geodetic", uses=geodetic_differences.USES),
     Kind(differences.relative_differences, "relative_control", uses=differences.USES),
     Kind(angles.relative_angles, "relative_control", uses=angles.USES),
     Kind(planes.planes, "relative_control", uses=planes.USES),
     Kind(lines.lines, "relative_control", uses=lines.USES),
     Kind(round_shapes.round_shapes, "relative_control", uses=round_shapes.USES),
-    Kind(relative_distances.relative_distances, "relative_control", uses=relative_distances.USES),
+    Kind(differences.relative_distances, "relative_control", uses=differences.USES),
 )
 
 USES = tuple(sorted({*covariances.USES, *(name for kind in KINDS for name in kind.uses)}))

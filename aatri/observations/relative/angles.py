@@ -19,9 +19,9 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
-from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
+from aatri.observations.observed import Given, Observed, inverse_sigmas, named
 from aatri.observations.poses import POINT
-from aatri.observations.relative.members import conditions, members_of
+from aatri.observations.relative.members import by_exactness, members_of
 from aatri.observations.relative.shapes import NOTHING, seeing
 
 ANGLE, PARALLEL, PERPENDICULAR = "relative_angle", "parallel", "perpendicular"
@@ -37,11 +37,7 @@ def relative_angles(given: Given) -> tuple[Observed, ...]:
     found: list[Observed] = []
     control, xyz = given.block.relative_control, given.start[POINT]
     for type_, kind in (("angle", ANGLE), ("parallel", PARALLEL), ("perpendicular", PERPENDICULAR)):
-        row = conditions(given.block, type_)
-        for exact in (False, True):
-            some = row[(control.sigma[row] == 0) == exact]
-            if not len(some):
-                continue
+        for some, exact in by_exactness(given.block, type_):
             members = [members_of(given.block, int(k)) for k in some]
             point = np.array([m[0] for m in members])
             if type_ == "angle":
@@ -68,8 +64,8 @@ def _records(kind: str, point: Int, value: Float, sigma: Float, pair: Callable[[
 
     places = point[:, [0, 1, 3]] if kind == ANGLE else point
     touches = tuple((POINT, column.astype(np.int32)) for column in places.T)
-    whitener = np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], rows, axis=1)
-    return Records(kind, touches, evaluate, whitener, np.ones(len(point), dtype=bool), similarity=seeing(NOTHING))
+    used = np.ones(len(point), dtype=bool)
+    return Records(kind, touches, evaluate, inverse_sigmas(sigma, rows), used, similarity=seeing(NOTHING))
 
 
 def _unit(line: Float) -> tuple[Float, Float]:

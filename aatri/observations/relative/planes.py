@@ -9,20 +9,16 @@ x are coordinates in the axes of the plane at the start, its normal the last. So
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from aatri.adjustment.records import Records
-from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.notes import Note
-from aatri.observations.geodetic.sights import HEIGHT
-from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
+from aatri.observations.geodetic.sights import ALL, HEIGHT
+from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, point_generator
-from aatri.observations.relative.members import conditions, members_of
-from aatri.observations.relative.shapes import TILT, Shape, along_horizontal, main_axes, means, observed_shapes, seeing
+from aatri.observations.relative.members import Conditions, means, observed_conditions
+from aatri.observations.relative.shapes import TILT, Shape, along_horizontal, main_axes, observed_shapes, seeing
 
 LEVEL_TYPES = ("horizontal_plane", "equal_height")
 
@@ -33,11 +29,7 @@ def planes(given: Given) -> tuple[Observed, ...]:
     """Points of planes, and of equal height."""
     found = [*observed_shapes(given, PLANE_SHAPE), *observed_shapes(given, VERTICAL)]
     for type_ in LEVEL_TYPES:
-        row = conditions(given.block, type_)
-        for exact in (False, True):
-            some = row[(given.block.relative_control.sigma[row] == 0) == exact]
-            if len(some):
-                found.append(_level(given, type_, some, exact))
+        found += observed_conditions(given, type_, _level)
     return tuple(found)
 
 
@@ -68,49 +60,22 @@ PLANE_SHAPE = Shape("plane", ("tilt 1", "tilt 2", "offset"), 1, _plane, _fit_pla
 VERTICAL = Shape("vertical_plane", ("turn", "offset"), 1, _vertical, _fit_vertical, TILT)
 
 
-def _level(given: Given, type_: str, row: Int, exact: bool) -> Observed:
+def _level(given: Given, made: Conditions) -> Observed:
     """Points of one height, which is unknown."""
-    block, level = given.block, given.level
-    members = [members_of(block, int(k)) for k in row]
-    point = np.concatenate([m[0] for m in members]).astype(np.int32)
-    of = np.repeat(np.arange(len(row)), [len(m[0]) for m in members]).astype(np.int32)
-    group = f"exact_{type_}" if exact else type_
+    level, point, of, n = given.level, made.point[:, 0], made.of, len(made.row)
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         h, by_point = level.height(state[POINT][point[some]])
-        v = h - state[group][of[some], 0]
+        v = h - state[made.group][of[some], 0]
         return v[:, None], (by_point[:, None, :], -np.ones((len(some), 1, 1)))
 
     def generator(state: State) -> Float:
         known = np.flatnonzero(finite_rows(state[POINT][point]))
         _, by_point = level.height(state[POINT][point[known]])
-        along = (by_point[:, None, :] @ point_generator(state)[point[known]])[:, 0]
-        return means(along, of[known], len(row))[:, None, :]
+        moves = (by_point[:, None, :] @ point_generator(state)[point[known]])[:, 0]
+        return means(moves, of[known], n)[:, None, :]
 
     known = np.flatnonzero(finite_rows(given.start[POINT][point]))
-    start = means(level.height(given.start[POINT][point[known]])[0][:, None], of[known], len(row))
-    sigma = block.relative_control.sigma[row][of]
-    records = Records(
-        type_,
-        ((POINT, point), (group, of)),
-        evaluate,
-        1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None],
-        np.ones(len(of), dtype=bool),
-        similarity=seeing(TILT),
-    )
-    labels = np.array([" ".join(m[1].tolist()[:4]) for m in members], dtype=np.str_)
-    unknowns = Unknowns(group, np.ones((len(row), 1), dtype=bool), ("height",), labels, add_step, generator=generator)
-    text = f"{type_}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {len(of) - len(row)}"
-    member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
-    return Observed(
-        records,
-        member,
-        named(point=np.concatenate([m[1] for m in members])),
-        "m",
-        unknowns=(unknowns,),
-        refitted=lambda start: _level(replace(given, start=start), type_, row, exact),
-        start={group: start},
-        exact=exact,
-        sees=HEIGHT if not level.curved else (True,) * 3,
-        notes=(Note("note", text, tuple(labels.tolist())),),
-    )
+    start = means(level.height(given.start[POINT][point[known]])[0][:, None], of[known], n)
+    sees = ALL if level.curved else HEIGHT
+    return made.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)

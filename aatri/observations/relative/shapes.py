@@ -11,19 +11,17 @@ docs/formulas.md 5.5.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.records import Evaluated, Records
-from aatri.adjustment.unknowns import State, Unknowns, add_step
+from aatri.adjustment.records import Evaluated
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.ids import shown
-from aatri.notes import Note
-from aatri.observations.observed import NEARLY_EXACT, Given, Observed, named
+from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, point_generator
-from aatri.observations.relative.members import conditions, members_of
+from aatri.observations.relative.members import Conditions, observed_conditions
 
 Equation = Callable[[Float, Float], tuple[Float, Float, Float]]
 """(local coordinates (n, 3), unknowns (n, k)) -> v (n, m), by coordinates (n, m, 3), by unknowns (n, m, k)."""
@@ -31,8 +29,6 @@ Equation = Callable[[Float, Float], tuple[Float, Float, Float]]
 Fit = Callable[..., tuple[Float, Float, Float]]
 """(points (n, 3), axes east, north, up (3, 3), of round shapes the radius or NaN) -> axes F (3, 3), centre c (3,),
 unknowns (k,)."""
-
-MOST_NAMED = 6
 
 TURNS = ("tilt", "turn")
 MOST_TILT = 1.0
@@ -79,29 +75,17 @@ class Shape:
 
 def observed_shapes(given: Given, shape: Shape) -> tuple[Observed, ...]:
     """The conditions of one type, observed and exact ones apart."""
-    found: list[Observed] = []
-    control = given.block.relative_control
-    for exact in (False, True):
-        row = conditions(given.block, shape.type)
-        row = row[(control.sigma[row] == 0) == exact]
-        if len(row):
-            found.append(_observed(given, shape, row, exact))
-    return tuple(found)
+    return tuple(observed_conditions(given, shape.type, lambda start, made: _observed(start, shape, made)))
 
 
-def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
-    block, control = given.block, given.block.relative_control
-    members = [members_of(block, int(k)) for k in row]
-    point = np.concatenate([m[0] for m in members]).astype(np.int32)
-    of = np.repeat(np.arange(len(row)), [len(m[0]) for m in members]).astype(np.int32)
-    ids = np.concatenate([m[1] for m in members])
-    labels = np.array([_label(m[1].tolist()) for m in members], dtype=np.str_)
-    group = f"exact_{shape.type}" if exact else shape.type
-    F, c, t = _started(given, shape, [m[0] for m in members], control.value[row])
+def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
+    point, of, group, n = made.point[:, 0], made.of, made.group, len(made.row)
+    radius = given.block.relative_control.value[made.row]
+    F, c, t = _started(given, shape, [point[of == k] for k in range(n)], radius)
     free = np.ones(t.shape, dtype=bool)
     if shape.radius:
-        fixed = np.isfinite(control.value[row])
-        t[fixed, -1], free[fixed, -1] = control.value[row][fixed], False
+        fixed = np.isfinite(radius)
+        t[fixed, -1], free[fixed, -1] = radius[fixed], False
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         own = of[some]
@@ -114,12 +98,12 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
         known = np.flatnonzero(finite_rows(state[POINT][point]))
         _, (by_point, by_shape) = evaluate(state, known)
         along = by_point @ point_generator(state)[point[known]]
-        found = np.zeros((len(row), t.shape[1], 7))
-        for k in range(len(row)):
-            mine, some = of[known] == k, np.flatnonzero(free[k])
-            A = by_shape[mine].reshape(-1, t.shape[1])[:, some]
-            found[k, some] = -np.linalg.lstsq(A, along[mine].reshape(-1, 7), rcond=None)[0]
-        return found
+        moves = np.zeros((n, t.shape[1], 7))
+        for k in range(n):
+            of_shape, some = of[known] == k, np.flatnonzero(free[k])
+            A = by_shape[of_shape].reshape(-1, t.shape[1])[:, some]
+            moves[k, some] = -np.linalg.lstsq(A, along[of_shape].reshape(-1, 7), rcond=None)[0]
+        return moves
 
     def tilt_across(state: State, some: Int) -> Float:
         """The tilt about the first residual's axis: of a horizontal line that across it."""
@@ -128,36 +112,9 @@ def _observed(given: Given, shape: Shape, row: Int, exact: bool) -> Observed:
         found[:, 3:6, 3:6] = axis[:, :, None] * axis[:, None, :]
         return found
 
-    sigma = control.sigma[row][of]
-    whitener = np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], shape.rows, axis=1)
-    records = Records(
-        shape.type,
-        ((POINT, point), (group, of)),
-        evaluate,
-        whitener,
-        np.ones(len(of), dtype=bool),
-        similarity=tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees),
-    )
+    seen = tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees)
     steep = np.array([MOST_TILT if name.startswith(TURNS) else np.inf for name in shape.labels])
-    unknowns = Unknowns(group, free, shape.labels, labels, add_step, generator=generator, implausible=steep)
-    member = np.flatnonzero(np.isin(block.relative_control_members.condition, row))
-    gained = shape.rows * len(of) - int(free.sum())
-    text = f"{shape.type}: {len(row)} conditions {'exact' if exact else 'observed'}, redundancy gained {gained}"
-    return Observed(
-        records,
-        member,
-        named(point=ids),
-        "m",
-        unknowns=(unknowns,),
-        start={group: t},
-        exact=exact,
-        refitted=lambda start: _observed(replace(given, start=start), shape, row, exact),
-        notes=(Note("note", text, tuple(labels.tolist())),),
-    )
-
-
-def _label(ids: list[str]) -> str:
-    return shown(ids, MOST_NAMED)
+    return made.observed(evaluate, t, shape.labels, generator, seen, rows=shape.rows, free=free, implausible=steep)
 
 
 def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:
@@ -171,12 +128,6 @@ def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> 
         found.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
     F, c, t = (np.array(part) for part in zip(*found))
     return F, c, t
-
-
-def means(values: Float, of: Int, n: int) -> Float:
-    """Means of the rows of `values` (m, k) that belong to each of n, (n, k); zero of none."""
-    count = np.maximum(np.bincount(of, minlength=n), 1)
-    return np.column_stack([np.bincount(of, column, n) / count for column in values.T])
 
 
 def main_axes(points: Float) -> Float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.covariance.joint import joint_covariance
+from aatri.adjustment.covariance.cross import joint_covariance
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem

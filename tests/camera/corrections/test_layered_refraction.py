@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.camera.corrections.atmosphere import layered_constant, pressure_and_density
-from aatri.camera.corrections.ray_refraction import refraction_of_rays
-from aatri.camera.corrections.refraction import refraction_constant, refraction_correction
+from aatri.camera.corrections.atmosphere import layered_constant, pressure_and_density, refraction_constant
+from aatri.camera.corrections.vertical_planes import refraction_correction
 from aatri.geometry.rotations import rotation_from_angles
 
 
@@ -70,7 +69,7 @@ def test_low_flights_are_refracted_by_a_quarter_more_than_the_coefficients_say()
 def test_vertical_images_are_corrected_along_the_radius() -> None:
     xy, c, K = np.array([[60.0, 80.0], [-30.0, 5.0]]), np.array([152.0, 152.0]), np.array([9e-5, 9e-5])
     turned = rotation_from_angles(np.array([[0.0, 0.0, 0.7], [0.0, 0.0, -2.0]]))
-    found = refraction_of_rays(xy, c, turned, K)
+    found = refraction_correction(xy, K, c, turned)
     np.testing.assert_allclose(found, refraction_correction(xy, K, c), atol=1e-12)
 
 
@@ -85,12 +84,12 @@ def test_tilted_images_are_corrected_as_the_vertical_image_of_the_same_ray() -> 
         return -c[:, None] * w[:, :2] / w[:, 2:]
 
     before = vertical(xy)
-    after = vertical(xy + refraction_of_rays(xy, c, R, K))
+    after = vertical(xy + refraction_correction(xy, K, c, R))
     np.testing.assert_allclose(after - before, refraction_correction(before, K, c), atol=1e-11)
 
 
 def test_rays_near_the_horizon_are_not_corrected() -> None:
     xy, c, K = np.array([[0.0, 0.0], [0.0, 99.0]]), np.array([10.0, 10.0]), np.array([5e-5, 5e-5])
-    found = refraction_of_rays(xy, c, np.tile(np.eye(3), (2, 1, 1)), K)
+    found = refraction_correction(xy, K, c, np.tile(np.eye(3), (2, 1, 1)))
     assert np.isfinite(found[0]).all()
     assert np.isnan(found[1]).all()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.camera.corrections.earth_curvature import earth_curvature_correction
-from aatri.camera.corrections.refraction import refraction_constant, refraction_correction
+from aatri.camera.corrections.atmosphere import refraction_constant
+from aatri.camera.corrections.vertical_planes import earth_curvature_correction, refraction_correction
 
 C = np.array([152.0])
 AT_100_MM = np.array([[60.0, 80.0]])

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.observations.geodetic.coordinate_differences import KIND as BASELINE
-from aatri.observations.geodetic.coordinate_differences import coordinate_differences
+from aatri.observations.geodetic.differences import COORDINATE_DIFFERENCE as BASELINE
+from aatri.observations.geodetic.differences import coordinate_differences, height_differences
 from aatri.observations.geodetic.directions import directions
 from aatri.observations.geodetic.distances import DistanceOptions, distances
-from aatri.observations.geodetic.height_differences import height_differences
 from aatri.observations.geodetic.zenith_angles import ZenithOptions, zenith_angles
 from aatri.observations.level import PLANE, Level
 from aatri.observations.observed import Given, Observed

@@ -12,8 +12,7 @@ from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.observations.observed import Given, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.relative.angles import relative_angles
-from aatri.observations.relative.differences import relative_differences
-from aatri.observations.relative.distances import relative_distances
+from aatri.observations.relative.differences import relative_differences, relative_distances
 from aatri.observations.relative.lines import LINE, lines
 from aatri.observations.relative.planes import PLANE_SHAPE, planes
 from aatri.observations.relative.round_shapes import CYLINDER, SPHERE, round_shapes

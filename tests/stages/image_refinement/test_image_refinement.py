@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ImageOrientations
-from aatri.camera.corrections.earth_curvature import earth_curvature_of_rays
-from aatri.camera.corrections.ray_refraction import refraction_of_rays
-from aatri.camera.corrections.refraction import refraction_constant
+from aatri.camera.corrections.atmosphere import refraction_constant
+from aatri.camera.corrections.vertical_planes import earth_curvature_correction, refraction_correction
 from aatri.errors import InputError, SpecError
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
@@ -161,7 +160,7 @@ def test_curvature_of_tilted_images_is_that_of_their_rays() -> None:
         return -c * u[:, :2] / u[:, 2:]
 
     curved, flat = seen(H + (X**2).sum(axis=1) / (2 * R_EARTH)), seen(np.full(3, H))
-    found = earth_curvature_of_rays(curved, np.full(3, H), np.full(3, c), np.tile(turn, (3, 1, 1)))
+    found = earth_curvature_correction(curved, np.full(3, H), np.full(3, c), np.tile(turn, (3, 1, 1)))
     assert np.abs(flat - curved).max() > 0.01
     assert np.abs(curved + found - flat).max() < 1e-3 * np.abs(flat - curved).max()
 
@@ -185,9 +184,9 @@ def test_tilted_images_are_corrected_by_their_attitudes(block: Block, points: Im
     xy, n = points.measurements.xy_mm[tilted], int(tilted.sum())
     K = refraction_constant(block.exterior.position_m[3, 2], block.terrain_height_m)
     turned, c = np.tile(level, (n, 1, 1)), np.full(n, 153.84)
-    xy = xy + refraction_of_rays(xy, c, turned, np.full(n, K))
+    xy = xy + refraction_correction(xy, np.full(n, K), c, turned)
     above = np.full(n, block.exterior.position_m[3, 2] - block.terrain_height_m)
-    xy = xy + earth_curvature_of_rays(xy, above, c, turned)
+    xy = xy + earth_curvature_correction(xy, above, c, turned)
     assert np.abs(found[tilted] - xy).max() < 1e-12
 
 
