@@ -86,19 +86,26 @@ def intersect_uncertain(
     """
     oriented = finite_rows(position_m) & finite_rows(ground_from_image) & np.isfinite(covariance).all(axis=(1, 2))
     use = np.flatnonzero(active & oriented[image] & finite_rows(xy_mm))
-    counts = np.bincount(point[use], minlength=n_points)
-    use = use[counts[point[use]] >= 2]
-    i, p = image[use], point[use]
-    direction = np.einsum("nij,nj->ni", ground_from_image[i], np.column_stack([xy_mm[use], -c_mm[use]]))
-    xyz = intersect_rays(position_m[i], direction, p, n_points)
-    use = use[np.isfinite(xyz[point[use]]).all(axis=1)]
-    i, p = image[use], point[use]
+    use = use[np.bincount(point[use], minlength=n_points)[point[use]] >= 2]
+    direction = np.einsum("nij,nj->ni", ground_from_image[image[use]], np.column_stack([xy_mm[use], -c_mm[use]]))
+    xyz = intersect_rays(position_m[image[use]], direction, point[use], n_points)
+    use = use[finite_rows(xyz[point[use]])]
+
+    def linearised(rows: Int) -> tuple[Float, Float, Float]:
+        """v, J and the weights C_v^-1 of some rays."""
+        i = image[rows]
+        computed, A, J = collinearity(position_m[i], ground_from_image[i], xyz[point[rows]], c_mm[rows])
+        C = A @ covariance[i] @ A.swapaxes(1, 2) + (sigma_mm[rows] ** 2)[:, :, None] * np.eye(2)
+        return computed - xy_mm[rows], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
+
     N = np.zeros((n_points, 3, 3))
     for _ in range(MOST_ITERATIONS):
-        v, J, W = _linearised(xy_mm, sigma_mm, c_mm, use, i, xyz[p], position_m, ground_from_image, covariance)
-        N = _summed(J.swapaxes(1, 2) @ W @ J, p, n_points)
-        right = _summed(np.einsum("nji,njk,nk->ni", J, W, v), p, n_points)
-        solvable = _determined(N)
+        v, J, W = linearised(use)
+        N, right = np.zeros((n_points, 3, 3)), np.zeros((n_points, 3))
+        np.add.at(N, point[use], J.swapaxes(1, 2) @ W @ J)
+        np.add.at(right, point[use], np.einsum("nji,njk,nk->ni", J, W, v))
+        values = np.linalg.eigvalsh(N)
+        solvable = (values[:, 2] > 0) & (values[:, 0] > OPEN * values[:, 2])
         step = np.zeros((n_points, 3))
         step[solvable] = -np.linalg.solve(N[solvable], right[solvable][:, :, None])[:, :, 0]
         xyz = np.where(solvable[:, None], xyz + step, np.nan)
@@ -107,70 +114,11 @@ def intersect_uncertain(
     known = finite_rows(xyz)
     covariance_m2 = np.full((n_points, 3, 3), np.nan)
     covariance_m2[known] = np.linalg.inv(N[known])
-    return _with_residuals(
-        xy_mm,
-        sigma_mm,
-        c_mm,
-        use[known[p]],
-        image,
-        point,
-        xyz,
-        covariance_m2,
-        position_m,
-        ground_from_image,
-        covariance,
-    )
-
-
-def _linearised(
-    xy_mm: Float,
-    sigma_mm: Float,
-    c_mm: Float,
-    use: Int,
-    image: Int,
-    xyz: Float,
-    position_m: Float,
-    ground_from_image: Float,
-    covariance: Float,
-) -> tuple[Float, Float, Float]:
-    found, A, J = collinearity(position_m[image], ground_from_image[image], xyz, c_mm[use])
-    C = A @ covariance[image] @ A.swapaxes(1, 2) + (sigma_mm[use] ** 2)[:, :, None] * np.eye(2)
-    return found - xy_mm[use], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
-
-
-def _determined(N: Float) -> Bool:
-    values = np.linalg.eigvalsh(N)
-    return np.asarray((values[:, 2] > 0) & (values[:, 0] > OPEN * values[:, 2]))
-
-
-def _summed(values: Float, point: Int, n_points: int) -> Float:
-    found = np.zeros((n_points, *values.shape[1:]))
-    np.add.at(found, point, values)
-    return found
-
-
-def _with_residuals(
-    xy_mm: Float,
-    sigma_mm: Float,
-    c_mm: Float,
-    use: Int,
-    image: Int,
-    point: Int,
-    xyz: Float,
-    covariance_m2: Float,
-    position_m: Float,
-    ground_from_image: Float,
-    covariance: Float,
-) -> UncertainIntersection:
-    m = len(xy_mm)
-    whitened, residual, sigma = (np.full((m, 2), np.nan) for _ in range(3))
-    v, _, W = _linearised(
-        xy_mm, sigma_mm, c_mm, use, image[use], xyz[point[use]], position_m, ground_from_image, covariance
-    )
-    residual[use] = v
-    whitened[use] = np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)
+    use = use[known[point[use]]]
+    v, _, W = linearised(use)
+    whitened, residual, sigma = (np.full((len(xy_mm), 2), np.nan) for _ in range(3))
+    residual[use], whitened[use] = v, np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)
     sigma[use] = np.sqrt(np.einsum("nii->ni", np.linalg.inv(W)))
-    used = np.zeros(m, dtype=bool)
-    used[use] = True
-    rays = np.bincount(point[use], minlength=len(xyz))
+    used = np.isin(np.arange(len(xy_mm)), use)
+    rays = np.bincount(point[use], minlength=n_points)
     return UncertainIntersection(xyz, covariance_m2, rays, whitened, residual, sigma, used)

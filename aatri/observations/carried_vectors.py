@@ -18,8 +18,7 @@ import numpy as np
 
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
-from aatri.observations.coordinates import value_records
-from aatri.observations.observed import Observed, named
+from aatri.observations.observed import Observed, observed_priors
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -67,14 +66,9 @@ class CarriedVector:
     def priors(self, block: Block, values: Float, unknowns: Unknowns) -> tuple[Observed, ...]:
         """What is known beforehand of the weighted components among the unknowns; values (n_cameras, 3)."""
         sigma = self.open(block)[1]
-        weighted = unknowns.free & (sigma > 0)
-        rows = np.flatnonzero(weighted.any(axis=1)).astype(np.int32)
-        if not len(rows):
-            return ()
-        covariance = np.where(weighted, sigma, 1.0)[rows][:, :, None] ** 2 * np.eye(3)
-        kind, names = f"{self.name}_prior", named(image=block.cameras.id[rows])
-        records = value_records(kind, self.group, rows, values[rows], covariance, weighted[rows])
-        return (Observed(records, np.full(len(rows), -1), names, self.unit, components=self.labels),)
+        C, weighted = sigma[:, :, None] ** 2 * np.eye(3), unknowns.free & (sigma > 0)
+        ids = block.cameras.id
+        return observed_priors(f"{self.name}_prior", self.group, ids, values, C, weighted, self.labels, self.unit)
 
 
 ARMS = CarriedVector(LEVER_ARM, "lever_arm", ("lever x", "lever y", "lever z"), "m")

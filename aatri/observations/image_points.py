@@ -30,8 +30,8 @@ from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.camera_models import CameraRows, compared, known_beforehand
 from aatri.observations.collinearity_lane import camera_lane, compiled_lane, side_veto
-from aatri.observations.observed import Given, Names, Observed, named
-from aatri.observations.parameters import ParameterRows, parameter_unknowns, prior_records
+from aatri.observations.observed import Given, Names, Observed, observed_priors
+from aatri.observations.parameters import ParameterRows, parameter_unknowns
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 
 if TYPE_CHECKING:
@@ -75,7 +75,11 @@ def observed_image_points(
     corrections = [LinearCorrection(p.group, p.block, p.basis) for p in parameters if p.basis is not None]
     rays, cameras = _through_cameras(rays, parameters)
     rows = np.arange(len(rays.image))
-    found = [
+    priors = [
+        observed_priors(f"{p.group}_prior", p.group, p.ids, p.prior, p.covariance, p.weighted & p.free, p.labels)
+        for p in parameters
+    ]
+    return (
         Observed(
             image_point_records(rays, corrections, cameras),
             rows,
@@ -85,15 +89,9 @@ def observed_image_points(
             start={p.group: p.start for p in parameters},
             veto=lambda some: side_veto(rays if len(some) == len(rays.image) else rays.take(some)),
             group=group,
-        )
-    ]
-    for p in parameters:
-        prior = prior_records(p)
-        if prior is not None:
-            block, records = prior
-            ids = np.asarray(p.ids, dtype=np.str_)[block]
-            found.append(Observed(records, np.full(len(block), -1), named(image=ids), "", components=p.labels))
-    return tuple(found)
+        ),
+        *(prior for of_group in priors for prior in of_group),
+    )
 
 
 def renumbered_records(rays: ImagePointRows, parameters: Sequence[ParameterRows], rows: Int, point: Int) -> Records:

@@ -9,13 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
 from aatri.camera.models.distortion import MODELS
-from aatri.observations.coordinates import value_records
 from aatri.observations.poses import POSE
 
 
@@ -87,13 +83,3 @@ class ParameterRows:
 def parameter_unknowns(rows: ParameterRows) -> Unknowns:
     """The group of unknowns; parameters of single images stand and fall with them."""
     return Unknowns(rows.group, rows.free, rows.labels, rows.ids, add_step, joins=POSE if rows.per_image else "")
-
-
-def prior_records(rows: ParameterRows) -> tuple[Int, Records] | None:
-    """The weighted parameters as observations, and the block of each record; None if there are none."""
-    weighted = rows.weighted & rows.free
-    block = np.flatnonzero(weighted.any(axis=1))
-    if not len(block):
-        return None
-    name = f"{rows.group}_prior"
-    return block, value_records(name, rows.group, block, rows.prior[block], rows.covariance[block], weighted[block])

@@ -31,8 +31,7 @@ from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import angle_axes, exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.coordinates import value_records
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import Given, Observed, named, observed_priors
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.options import Options
 
@@ -107,17 +106,12 @@ def rigs(given: Given, options: RigOptions) -> tuple[Observed, ...]:
     start = np.concatenate([members.position_m, np.zeros((len(members), 3))], axis=1)
     row = np.full(len(pairs.first), -1)
     by_position, by_rotation = rig_records(pairs, *_tight(given, options))
-    found = [
+    C = sigma[:, :, None] ** 2 * np.eye(6)
+    return (
         Observed(by_position, row, names, "m", unknowns=(unknowns,), start={MOUNT: start}),
         Observed(by_rotation, row, names, "rad"),
-    ]
-    weighted = free & (sigma > 0)
-    some = np.flatnonzero(weighted.any(axis=1)).astype(np.int32)
-    if len(some):
-        covariance = np.where(sigma[some] > 0, sigma[some] ** 2, 1.0)[:, :, None] * np.eye(6)
-        prior = value_records(f"{MOUNT}_prior", MOUNT, some, start[some], covariance, weighted[some])
-        found.append(Observed(prior, np.full(len(some), -1), named(image=ids[some]), "", components=LABELS))
-    return tuple(found)
+        *observed_priors(f"{MOUNT}_prior", MOUNT, ids, start, C, free & (sigma > 0), LABELS),
+    )
 
 
 def _tight(given: Given, options: RigOptions) -> tuple[float, float]:

@@ -49,9 +49,9 @@ def earth_correction(
         if np.isfinite(every).all():
             return every, ()
     correction, turned = np.zeros_like(xy_mm), np.isfinite(stations.level_from_image[image, 2, 2])
-    for rows, level in ((above_terrain & ~rays, None), (above_terrain & rays & turned, stations.level_from_image)):
+    for rows, axes in ((above_terrain & ~rays, None), (above_terrain & rays & turned, stations.level_from_image)):
         of = image[rows]
-        own = None if level is None else level[of]
+        own = None if axes is None else axes[of]
         correction[rows] = corrected(rows, stations.height_m[of], stations.terrain_m, own)
     without = above_terrain & rays & ~turned
     if without.any():

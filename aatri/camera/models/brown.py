@@ -64,9 +64,9 @@ def brown_basis(xy_mm: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def brown_derivative(
-    xy_mm: npt.NDArray[Any], parameters: Mapping[str, float], symmetry_point_mm: npt.ArrayLike = (0.0, 0.0)
+    xy_mm: npt.NDArray[Any], parameters: Mapping[str, Any], symmetry_point_mm: npt.ArrayLike = (0.0, 0.0)
 ) -> npt.NDArray[Any]:
-    """Derivative of the correction with respect to the measured coordinates, (n, 2, 2)."""
+    """Derivative of the correction by the measured coordinates, (n, 2, 2); parameters may be given point by point."""
     k1, k2, k3, p1, p2, b1, b2 = (parameters.get(name, 0.0) for name in PARAMETERS)
     x, y = xy_mm.T
     rx, ry = (xy_mm - np.asarray(symmetry_point_mm)).T

@@ -84,21 +84,11 @@ def _brown(u: Array, xy_mm: Array, parameters: Array) -> Residual:
     q = np.stack([(1 + affinity) * (xy_mm[:, 0] - x0), xy_mm[:, 1] - y0], axis=1)
     basis = brown_basis(q)
     corrected = q + np.einsum("nij,nj->ni", basis, parameters[:, 4:])
-    by_q = np.eye(2) + _brown_by_q(q, parameters[:, 4:])
+    by_q = np.eye(2) + brown_derivative(q, dict(zip(BROWN, parameters[:, 4:].T)))
     q_by = np.zeros((len(q), 2, 3), dtype=q.dtype)
     q_by[:, 0, 0], q_by[:, 1, 1], q_by[:, 0, 2] = -(1 + affinity), -1.0, xy_mm[:, 0] - x0
     by_parameters = np.concatenate([p[:, :, None], -by_q @ q_by, -basis], axis=2)
     return c[:, None] * p - corrected, by_u, by_parameters
-
-
-def _brown_by_q(q: Array, values: Array) -> Array:
-    """Derivative of the brown correction to the coordinates, parameters row by row."""
-    found = np.empty((len(q), 2, 2), dtype=np.result_type(q, values))
-    distinct, which = np.unique(values, axis=0, return_inverse=True)
-    for k, row in enumerate(distinct):
-        some = which.ravel() == k
-        found[some] = brown_derivative(q[some], dict(zip(BROWN, row)))
-    return found
 
 
 _MODELS: dict[str, Callable[[Array, Array, Array], Residual]] = {

@@ -16,7 +16,7 @@ Source: OpenCV documentation, calib3d; Kannala & Brandt 2006; Agarwal et al. 201
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,18 +67,48 @@ def opencv_by_parameters(uv: Array, parameters: Parameters) -> Array:
 
 def fisheye(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     """Distort after Kannala and Brandt."""
-    k1, k2, k3, k4 = (parameters.get(name, 0.0) for name in PARAMETERS["fisheye"])
-    q = (uv**2).sum(axis=1)
-    near_axis = np.real(q) < 1e-12
-    r = np.sqrt(np.where(near_axis, 1.0, q))
-    theta = np.arctan(r)
+    ahead = np.concatenate([uv, -np.ones((len(uv), 1))], axis=1)
+    value, by_ray, _ = fisheye_of_rays(ahead, [parameters.get(name, 0.0) for name in PARAMETERS["fisheye"]])
+    return value, by_ray[:, :, :2]
+
+
+def fisheye_of_rays(u: Array, k: Sequence[Any]) -> tuple[Array, Array, Array]:
+    """Distort after Kannala and Brandt, rays of any direction but backwards: u (n, 3), the camera looks along -z.
+
+    Returns
+    -------
+    (n, 2), (n, 2, 3), (n, 2, 4)
+        The distorted place, and its derivatives by the ray and by k1 ... k4.
+    """
+    plane, w = u[:, :2], -u[:, 2]
+    theta, rho = _off_axis_angle(plane, w)
+    on_axis = np.real(rho) < 1e-6 * np.abs(np.real(w))
+    safe = np.where(on_axis, 1.0, rho)
     t = theta**2
-    r_d = theta * (1 + t * (k1 + t * (k2 + t * (k3 + t * k4))))
-    slope = (1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))) / (1 + r**2)
-    # near the axis r_d = r + (k1 - 1/3) r^3: the quotient r_d / r in powers of q
-    L = np.where(near_axis, 1 + (k1 - 1 / 3) * q, r_d / r)
-    dL = np.where(near_axis, k1 - 1 / 3, (slope - r_d / r) / (2 * r**2))
-    return uv * L[:, None], _radial_derivative(uv, L, dL)
+    radial = 1 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3])))
+    slope = 1 + t * (3 * k[0] + t * (5 * k[1] + t * (7 * k[2] + t * 9 * k[3])))
+    # L = r_d / rho; near the axis theta = rho/w - (rho/w)^3/3
+    front = np.where(on_axis, w, 1.0)
+    theta_by_rho = np.where(on_axis, (1 - (rho / front) ** 2 / 3) / front, theta / safe)
+    L = theta_by_rho * radial
+    # dr_d = slope dtheta, dtheta = (w drho - rho dw) / (rho^2 + w^2)
+    by_rho, by_w = slope * w / (safe**2 + w**2), -slope / (rho**2 + w**2)
+    dL_over_rho = np.where(on_axis, 2 * (k[0] - 1 / 3) / front**3, (by_rho - L) / safe**2)
+    by_u = np.zeros((len(u), 2, 3), dtype=np.result_type(u, L))
+    by_u[:, :, :2] = L[:, None, None] * np.eye(2) + dL_over_rho[:, None, None] * plane[:, :, None] * plane[:, None, :]
+    by_u[:, :, 2] = -by_w[:, None] * plane
+    by_k = np.stack([plane * (theta_by_rho * t**i)[:, None] for i in (1, 2, 3, 4)], axis=2)
+    return L[:, None] * plane, by_u, by_k
+
+
+def _off_axis_angle(plane: Array, w: Array) -> tuple[Array, Array]:
+    """Angle from the viewing direction and distance from the axis; analytic, so that a complex step goes through."""
+    rho = np.sqrt((plane**2).sum(axis=1))
+    steep = np.real(rho) < np.real(w)
+    front = np.where(steep, w, 1.0)
+    side = np.where(steep, 1.0, rho)
+    theta = np.where(steep, np.arctan(rho / front), np.pi / 2 - np.arctan(w / side))
+    return theta, rho
 
 
 def bal(uv: Array, parameters: Parameters) -> tuple[Array, Array]:

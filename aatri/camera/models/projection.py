@@ -79,25 +79,7 @@ def opencv(u: Array, parameters: Array) -> Projected:
 def fisheye(u: Array, parameters: Array) -> Projected:
     """Kannala and Brandt's model."""
     c, q, x0, y0, *k = _columns(parameters, "fisheye")
-    plane, w = u[:, :2], -u[:, 2]
-    theta, rho = _off_axis_angle(plane, w)
-    on_axis = np.real(rho) < 1e-6 * np.abs(np.real(w))
-    safe = np.where(on_axis, 1.0, rho)
-    t = theta**2
-    radial = 1 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3])))
-    slope = 1 + t * (3 * k[0] + t * (5 * k[1] + t * (7 * k[2] + t * 9 * k[3])))
-    # L = r_d / rho; near the axis theta = rho/w - (rho/w)^3/3
-    front = np.where(on_axis, w, 1.0)
-    theta_by_rho = np.where(on_axis, (1 - (rho / front) ** 2 / 3) / front, theta / safe)
-    L = theta_by_rho * radial
-    # dr_d = slope dtheta, dtheta = (w drho - rho dw) / (rho^2 + w^2)
-    by_rho, by_w = slope * w / (safe**2 + w**2), -slope / (rho**2 + w**2)
-    dL_over_rho = np.where(on_axis, 2 * (k[0] - 1 / 3) / front**3, (by_rho - L) / safe**2)
-    by_u = np.zeros((len(u), 2, 3), dtype=np.result_type(u, L))
-    by_u[:, :, :2] = L[:, None, None] * np.eye(2) + dL_over_rho[:, None, None] * plane[:, :, None] * plane[:, None, :]
-    by_u[:, :, 2] = -by_w[:, None] * plane
-    by_k = np.stack([plane * (theta_by_rho * t**i)[:, None] for i in (1, 2, 3, 4)], axis=2)
-    return _affine(c, q, x0, y0, L[:, None] * plane, by_u, by_k)
+    return _affine(c, q, x0, y0, *forward_models.fisheye_of_rays(u, k))
 
 
 MODELS: dict[str, Callable[[Array, Array], Projected]] = {
@@ -132,13 +114,3 @@ def _affine(c: Array, q: Array, x0: Array, y0: Array, d: Array, d_by_u: Array, d
     interior[:, 1, 1] = c * d[:, 1]
     interior[:, 0, 2] = interior[:, 1, 3] = 1.0
     return xy, factors[:, :, None] * d_by_u, np.concatenate([interior, factors[:, :, None] * d_by_k], axis=2)
-
-
-def _off_axis_angle(plane: Array, w: Array) -> tuple[Array, Array]:
-    """Angle from the viewing direction and distance from the axis; analytic, so that a complex step goes through."""
-    rho = np.sqrt((plane**2).sum(axis=1))
-    steep = np.real(rho) < np.real(w)
-    front = np.where(steep, w, 1.0)
-    side = np.where(steep, 1.0, rho)
-    theta = np.where(steep, np.arctan(rho / front), np.pi / 2 - np.arctan(w / side))
-    return theta, rho
