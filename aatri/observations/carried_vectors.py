@@ -18,7 +18,8 @@ import numpy as np
 
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Bool, Float, Int
-from aatri.observations.observed import Observed, observed_priors
+from aatri.observations.coordinates import observed_priors
+from aatri.observations.observed import Observed
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block

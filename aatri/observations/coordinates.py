@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.adjustment.records import Records, whitener_of_covariances
-from aatri.adjustment.unknowns import State
+from aatri.adjustment.unknowns import Ids, State
 from aatri.arrays import Bool, Float, Int
+from aatri.observations.observed import Observed, named
 
 
 def value_records(
@@ -40,3 +41,29 @@ def value_records(
     active = np.asarray(used.any(axis=1))
     whitener = whitener_of_covariances(covariance, used)
     return Records(name, ((group, block),), evaluate, whitener, active, linear=True)
+
+
+def observed_priors(
+    kind: str,
+    group: str,
+    ids: Ids,
+    values: Float,
+    covariance: Float,
+    weighted: Bool,
+    labels: tuple[str, ...],
+    unit: str = "",
+) -> tuple[Observed, ...]:
+    """What is known beforehand of the weighted unknowns of a group, v = p - p_prior; nothing where none is weighted.
+
+    Parameters
+    ----------
+    values, weighted : (n, k)
+    covariance : (n, k, k) float64
+        Only that among weighted unknowns is looked at.
+    """
+    rows = np.flatnonzero(weighted.any(axis=1)).astype(np.int32)
+    if not len(rows):
+        return ()
+    records = value_records(kind, group, rows, values[rows], covariance[rows], weighted[rows])
+    names = named(image=np.asarray(ids, dtype=np.str_)[rows])
+    return (Observed(records, np.full(len(rows), -1), names, unit, components=labels),)

@@ -30,7 +30,8 @@ from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.camera_models import CameraRows, compared, known_beforehand
 from aatri.observations.collinearity_lane import camera_lane, compiled_lane, side_veto
-from aatri.observations.observed import Given, Names, Observed, observed_priors
+from aatri.observations.coordinates import observed_priors
+from aatri.observations.observed import Given, Names, Observed
 from aatri.observations.parameters import ParameterRows, parameter_unknowns
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aatri.adjustment.records import Records
-from aatri.adjustment.unknowns import Ids, State, Unknowns
+from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.frames.tangent import TangentFrame
 from aatri.notes import Note
-from aatri.observations.coordinates import value_records
 from aatri.observations.level import PLANE, Level
 from aatri.observations.parameters import ParameterRows
 
@@ -276,42 +275,11 @@ def full_whitener(whitener: Float) -> Float:
     return whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
 
 
-def inverse_sigmas(sigma: Float, rows: int = 1) -> Float:
-    """Whitener of records whose components have one standard deviation, (n, rows); exact ones are nearly exact."""
-    return np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], rows, axis=1)
-
-
 def _nearly_exact(whitener: Float, exact: Bool) -> Float:
     row, component = np.nonzero(exact)
     found = full_whitener(whitener).copy()
     found[row, component, component] = 1.0 / NEARLY_EXACT
     return found
-
-
-def observed_priors(
-    kind: str,
-    group: str,
-    ids: Ids,
-    values: Float,
-    covariance: Float,
-    weighted: Bool,
-    labels: tuple[str, ...],
-    unit: str = "",
-) -> tuple[Observed, ...]:
-    """What is known beforehand of the weighted unknowns of a group, v = p - p_prior; nothing where none is weighted.
-
-    Parameters
-    ----------
-    values, weighted : (n, k)
-    covariance : (n, k, k) float64
-        Only that among weighted unknowns is looked at.
-    """
-    rows = np.flatnonzero(weighted.any(axis=1)).astype(np.int32)
-    if not len(rows):
-        return ()
-    records = value_records(kind, group, rows, values[rows], covariance[rows], weighted[rows])
-    names = named(image=np.asarray(ids, dtype=np.str_)[rows])
-    return (Observed(records, np.full(len(rows), -1), names, unit, components=labels),)
 
 
 def named(image: Text | None = None, point: Text | None = None) -> Names:

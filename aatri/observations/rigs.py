@@ -31,7 +31,8 @@ from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import angle_axes, exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.observed import Given, Observed, named, observed_priors
+from aatri.observations.coordinates import observed_priors
+from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.options import Options
 

@@ -18,7 +18,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.ids import rows_of
 from aatri.observations.level import Level, line_between
-from aatri.observations.observed import Observed, inverse_sigmas, named
+from aatri.observations.observed import NEARLY_EXACT, Observed, named
 from aatri.observations.poses import POINT, POSE, by_unknowns, position
 
 if TYPE_CHECKING:
@@ -177,6 +177,11 @@ def sight_records(
 
     touches = ((at, sights.station), (to, sights.target), *(((own.group, own.block),) if own is not None else ()))
     return Records(kind, touches, evaluate, inverse_sigmas(sights.sigma), np.ones(len(sights), dtype=bool))
+
+
+def inverse_sigmas(sigma: Float, rows: int = 1) -> Float:
+    """Whitener of records whose components have one standard deviation, (n, rows); exact ones are nearly exact."""
+    return np.repeat(1.0 / np.where(sigma > 0, sigma, NEARLY_EXACT)[:, None], rows, axis=1)
 
 
 def around(angle: Float) -> Float:

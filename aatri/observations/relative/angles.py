@@ -19,7 +19,8 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
-from aatri.observations.observed import Given, Observed, inverse_sigmas, named
+from aatri.observations.geodetic.sights import inverse_sigmas
+from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.relative.members import by_exactness, members_of
 from aatri.observations.relative.shapes import NOTHING, seeing

@@ -13,8 +13,8 @@ from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.ids import rows_of, shown
 from aatri.notes import Note
-from aatri.observations.geodetic.sights import ALL, Sights, rows_of_ends
-from aatri.observations.observed import Given, Observed, inverse_sigmas, named
+from aatri.observations.geodetic.sights import ALL, Sights, inverse_sigmas, rows_of_ends
+from aatri.observations.observed import Given, Observed, named
 from aatri.observations.poses import POINT
 
 if TYPE_CHECKING:
