@@ -48,6 +48,7 @@ from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.checks.after.groups import contradicts
 from aatri.checks.after.of_bundle import findings_after
+from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
@@ -198,7 +199,9 @@ def bundle(
     findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability)
     of_cameras, camera_notes = camera_tables(block, shown.result, chosen)
     uncontrolled = uncontrolled_of(done.result)
-    report([*findings, *camera_notes, *uncontrolled_observations(uncontrolled)], context)
+    proposed = proposed_numbers(done) if searched else None
+    exchanged = exchanged_proposals(proposed, suspects) if proposed is not None else []
+    report([*findings, *exchanged, *camera_notes, *uncontrolled_observations(uncontrolled)], context)
     suspects = after(suspects, done, options.blunders.search_options())
     solution = replace(
         bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),
@@ -206,6 +209,6 @@ def bundle(
         variance_components=components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
         contradictions=sum(map(contradicts, groups)),
-        proposed_numbers=proposed_numbers(done) if searched else None,
+        proposed_numbers=proposed,
     )
     return with_datum(block, solution, options.datum, options.datum_over)

@@ -9,10 +9,11 @@ import numpy as np
 
 from aatri.adjustment.statistics.exchanged import exchanged_pairs
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import SMALL_TEST
+from aatri.notes import Note
 from aatri.observations.control import control_of
 
 
@@ -102,6 +103,28 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
                 )
             )
     return findings
+
+
+def exchanged_proposals(proposed: ProposedNumbers, before: Suspects) -> list[Note]:
+    """Pairs that fit with their numbers exchanged; of control and positions those that no earlier stage has told.
+
+    Parameters
+    ----------
+    proposed : ProposedNumbers
+        Exchanged ones in pairs, one after the other.
+    before : Suspects
+        Of the stages before, which tell of what they have rejected both (`exchanged_numbers`).
+    """
+    notes, names = [], np.where(proposed.image == "", proposed.point, proposed.image)
+    of_rays = (proposed.image != "") & (proposed.point != "")
+    names = np.where(of_rays, np.char.add(np.char.add(proposed.image, "/"), proposed.point), names)
+    for pair in np.flatnonzero(proposed.exchanged).reshape(-1, 2):
+        kind = str(proposed.kind[pair[0]])
+        told_before = before.row[(before.kind == kind) & (before.verdict == "rejected")]
+        if of_rays[pair].any() or not np.isin(proposed.row[pair], told_before).all():
+            ids = tuple(sorted(names[pair].tolist()))
+            notes.append(Note("warning", f"{kind}: these two fit if their numbers are exchanged", ids))
+    return notes
 
 
 def control_left_behind(block: Block, solution: Solution, before: Suspects) -> list[Finding]:

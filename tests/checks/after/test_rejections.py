@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.solution import suspect_rows
-from aatri.artifacts.solution import Residuals
+from aatri.artifacts.solution import ProposedNumbers, Residuals
 from aatri.artifacts.suspects import Suspects
-from aatri.checks.after.rejections import control_left_behind, exchanged_numbers, rejections
+from aatri.checks.after.rejections import control_left_behind, exchanged_numbers, exchanged_proposals, rejections
 from aatri.observations.control import control_of
 from tests.made_solutions import made_block, made_solution
 
@@ -83,3 +83,22 @@ def test_control_that_is_measured_and_takes_no_part_is_named() -> None:
     (finding,) = control_left_behind(block, made_solution(block, residuals=Residuals.empty()), Suspects.empty())
     assert len(finding.ids) == len(control_of(block).point)
     assert "in no model, 10 images show it" in finding.ids[0]
+
+
+def test_exchanged_control_is_told_once() -> None:
+    """By the stage that rejected both; image points, of which no stage before says so, always."""
+    proposed = ProposedNumbers(
+        kind=["control", "control", "image_point", "image_point"],
+        row=[3, 5, 11, 12],
+        image=["", "", "i1", "i1"],
+        point=["b", "a", "p", "q"],
+        proposed=["a", "b", "q", "p"],
+        exchanged=[True] * 4,
+    )
+    texts = [(n.text, n.ids) for n in exchanged_proposals(proposed, Suspects.empty())]
+    told = "these two fit if their numbers are exchanged"
+    assert texts == [(f"control: {told}", ("a", "b")), (f"image_point: {told}", ("i1/p", "i1/q"))]
+    both = replace(_suspects(), row=np.array([3, 5, 11, 9], dtype=np.int32))
+    assert [n.ids for n in exchanged_proposals(proposed, both)] == [("i1/p", "i1/q")]
+    one = replace(_suspects(), row=np.array([3, 6, 11, 9], dtype=np.int32))
+    assert len(exchanged_proposals(proposed, one)) == 2

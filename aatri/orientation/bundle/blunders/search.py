@@ -122,7 +122,7 @@ class _Search(FittedSigmas):
         doubtful = above & self.at_doubtful
         doubted = use & self.kept & self.of_points(np.unique(self.all.point[doubtful]))
         above &= ~turn.kept & ~doubtful
-        told = SearchOutcome(use, undecided, above, doubted, swapped, renumbered, tried.small, tried.plain, self.whole)
+        told = SearchOutcome(use, undecided, above, doubted, renumbered, tried.small, tried.plain, self.whole)
         notes = (
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
             *self._tail_notes(),

@@ -15,7 +15,6 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.swaps import Swap
 
 WHOLE_SHARE, WHOLE_LEAST = 0.3, 5
 """An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
@@ -40,7 +39,6 @@ class SearchOutcome:
         Active with a test above the limit.
     doubted : (n,) bool
         Active, at points where one of them is wrong, by little, and nothing tells which.
-    swapped : tuple of Swap
     renumbered : tuple of OtherNumber
     small : bool
         There is too little redundancy to tell gross errors from wrong standard deviations.
@@ -54,7 +52,6 @@ class SearchOutcome:
     undecided: Bool
     above: Bool
     doubted: Bool
-    swapped: tuple[Swap, ...]
     renumbered: tuple[OtherNumber, ...] = ()
     small: bool = False
     test: Float | None = None
@@ -94,10 +91,6 @@ def findings(given: BundleInput, records: AllRecords, found: SearchOutcome, opti
             for name in labels(o, found.doubted[part])
         ]
         notes.append(Note("warning", text, tuple(names)))
-    for swap in found.swapped:
-        o = records.observed[swap.place]
-        rows = np.isin(np.arange(len(o)), [swap.first, swap.second])
-        notes.append(Note("warning", f"{o.kind}: these two fit if their numbers are exchanged", labels(o, rows)))
     if found.renumbered:
         ids = tuple(_renumbering(given, one) for one in found.renumbered)
         what = "these fit under another number, which may be theirs"
