@@ -25,6 +25,12 @@ T = TypeVar("T", bound=Table)
 def check_same_block(block: Block, **ports: ImagePoints | Models | Strips | Solution | None) -> None:
     """Refuse an artifact that was made from another block: its images are others.
 
+    Parameters
+    ----------
+    block : Block
+    ports : artifacts by the name of their port
+        None where a port has none.
+
     Raises
     ------
     ArtifactError

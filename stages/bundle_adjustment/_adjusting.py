@@ -10,9 +10,11 @@ from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.bundle.exchanged_images import without_exchanged_images
 from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
+from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
@@ -26,12 +28,23 @@ from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round, with_considered, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.plugin import Context
+from aatri.plugin import Context, Field
 
 from ._variance_components import with_variance_components
 
 if TYPE_CHECKING:
     from .bundle import BundleOptions
+
+
+class AdjustmentOptions(KindOptions):
+    """Options that all adjustments of rays have in common."""
+
+    max_iterations: int = Field(30, ge=1, description="most iterations")
+    tolerance: float = Field(
+        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
+    )
+    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
+
 
 COARSE = 5.0
 """Bound of the Newton decrement of the adjustments on the way to gross errors."""

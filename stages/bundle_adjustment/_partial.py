@@ -11,7 +11,6 @@ from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -23,7 +22,7 @@ from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
-from aatri.observations.kinds.catalogue import KindOptions, options_without_data
+from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
@@ -32,24 +31,16 @@ from aatri.orientation.bundle.partial import switched_off, with_known_images, wi
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import Round
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.plugin import Context, Field
+from aatri.plugin import Context
 
-
-class PartialOptions(KindOptions):
-    """Options that adjustments of a part have in common."""
-
-    max_iterations: int = Field(30, ge=1, description="most iterations")
-    tolerance: float = Field(
-        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
-    )
-    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
+from ._adjusting import AdjustmentOptions
 
 
 def resected(
     block: Block,
     image_points: ImagePoints,
     initial: Solution,
-    options: PartialOptions,
+    options: AdjustmentOptions,
     weighted: bool,
     linear: bool,
     context: Context,
@@ -74,7 +65,7 @@ def intersected(
     block: Block,
     image_points: ImagePoints,
     initial: Solution,
-    options: PartialOptions,
+    options: AdjustmentOptions,
     weighted: bool,
     context: Context,
 ) -> Solution:
@@ -94,7 +85,7 @@ def alternated(
     block: Block,
     image_points: ImagePoints,
     initial: Solution | None,
-    options: PartialOptions,
+    options: AdjustmentOptions,
     rounds: int,
     context: Context,
 ) -> Solution:
@@ -131,7 +122,7 @@ def _made(
     source: Given,
     initial: Solution | None,
     given: BundleInput,
-    options: PartialOptions,
+    options: AdjustmentOptions,
     context: Context,
     variant: str,
     adjust: Callable[[BundleInput, BundleSettings], BundleResult],

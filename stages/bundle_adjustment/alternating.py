@@ -15,11 +15,12 @@ from aatri.artifacts.offers import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._partial import PartialOptions, alternated
+from ._adjusting import AdjustmentOptions
+from ._partial import alternated
 from ._uses import used
 
 
-class AlternatingOptions(PartialOptions):
+class AlternatingOptions(AdjustmentOptions):
     """Options of the alternation."""
 
     max_rounds: int = Field(1000, ge=1, description="most rounds of resection and intersection")

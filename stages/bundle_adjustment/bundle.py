@@ -40,7 +40,6 @@ from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.iterative.forecast import Solver
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -53,26 +52,22 @@ from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.notes import tell
-from aatri.observations.kinds.catalogue import KindOptions, options_without_data
+from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
 
-from ._adjusting import adjusted_block
+from ._adjusting import AdjustmentOptions, adjusted_block
 from ._blunders import GONE, Blunders
 from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
 from ._uses import used
 from ._variance_components import VarianceComponentOptions
 
 
-class BundleOptions(KindOptions):
+class BundleOptions(AdjustmentOptions):
     """Options of the bundle adjustment."""
 
-    max_iterations: int = Field(30, ge=1, description="most iterations")
-    tolerance: float = Field(
-        1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
-    )
     interior_unknowns: bool = Field(
         True,
         description="carry the film correction of each image with measured fiducials as weighted unknowns",
@@ -80,7 +75,6 @@ class BundleOptions(KindOptions):
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )
-    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
     datum: Datum = Field(
         "given",
         description="given by control and positions; minimal: for a block without any, seven scalars are held; free: "

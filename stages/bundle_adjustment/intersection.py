@@ -18,11 +18,12 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._partial import PartialOptions, intersected
+from ._adjusting import AdjustmentOptions
+from ._partial import intersected
 from ._uses import used
 
 
-class IntersectionOptions(PartialOptions):
+class IntersectionOptions(AdjustmentOptions):
     """Options of the intersection."""
 
     orientations: Literal["held", "weighted"] = Field(

@@ -19,11 +19,12 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._partial import PartialOptions, resected
+from ._adjusting import AdjustmentOptions
+from ._partial import resected
 from ._uses import used
 
 
-class ResectionOptions(PartialOptions):
+class ResectionOptions(AdjustmentOptions):
     """Options of the resection."""
 
     points: Literal["held", "weighted"] = Field(
