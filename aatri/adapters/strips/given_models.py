@@ -11,16 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
-from aatri.adapters.strips.model_adjustment import STAGE, ModelRules
+from aatri.adapters.strips.model_adjustment import ModelRules
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import Solution, StripTransformations
+from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import angle_covariance, skew
 from aatri.geometry.similarity import Similarity, compose
@@ -138,22 +137,18 @@ def _solution(
         sigma = _sigmas(to, centre[k], tied.covariances[BODY][k][:7, :7])
         transformations.append(pieces.similarity_rows(name, to, origin, sigma))
     none = np.full((len(block.images), 3), np.nan)
-    return pieces.solution_of(
+    return tables.solution_of_bodies(
         block,
         None,
         pieces.Placed(none, np.full((len(none), 3, 3), np.nan), point_m),
+        tied,
         method="model_adjustment/given_models",
-        counts=tied.counts,
-        sigma0=tied.sigma0,
-        iterations=tied.iterations + rounds,
-        transformations=assemble.stacked([StripTransformations.empty(), *transformations]),
-        parameters=pieces.precision_row("all models", tied.tau_m),
-        residuals=tables.residuals_of(tied),
-        suspects=tables.suspects_of(tied, STAGE, began),
+        names=names,
+        began=began,
+        transformations=transformations,
         point_covariance_m2=np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan),
-        uncontrolled=tables.uncontrolled_kinds(tied),
-        tests=tables.tests_of(tied) if rules.tests else None,
-        components=tables.components_of(tied) if rules.tests else None,
+        rounds=rounds,
+        tests=rules.tests,
     )
 
 

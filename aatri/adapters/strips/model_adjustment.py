@@ -6,17 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_bodies import bodies_of
 from aatri.adapters.strips.strip_adjustment import rays_of_ties, resected_on
-from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.artifacts.solution import Solution, StripTransformations
+from aatri.artifacts.solution import Solution
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT
@@ -24,8 +22,6 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY, MODEL_TIE
 from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, rms_m, search_notes
 from aatri.orientation.bodies.independent_models import adjust_models
-
-STAGE = "model_adjustment"
 
 
 @dataclass(frozen=True)
@@ -68,9 +64,6 @@ def adjusted_models(
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
     notes += search_notes(tied, tables.names_of, "independent models")
-    uncontrolled = assemble.stacked(
-        [not_seen_since(models.uncontrolled, block, tables.seen_points(tied)), tables.uncontrolled_kinds(tied)]
-    )
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
     out, o = np.flatnonzero(~tied.active[: len(bodies.points.model)]), models.orientations
     of_models = np.tile(np.arange(len(o)), 2), np.concatenate([o.left, o.right])
@@ -79,23 +72,19 @@ def adjusted_models(
     position, rotation, resected = resected_on(block, image_points, initial, point_m, wrong)
     transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]
     covariance_m2 = np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan)
-    solution = pieces.solution_of(
+    solution = tables.solution_of_bodies(
         block,
         image_points,
         pieces.Placed(position, rotation, point_m),
+        tied,
         method="model_adjustment/independent_models",
-        counts=tied.counts,
-        sigma0=tied.sigma0,
-        iterations=tied.iterations + rounds,
-        transformations=assemble.stacked([StripTransformations.empty(), *transformations]),
-        parameters=pieces.precision_row("all models", tied.tau_m),
-        residuals=tables.residuals_of(tied),
-        suspects=assemble.stacked(
-            [tables.not_tested(initial.suspects, tied, names), tables.suspects_of(tied, STAGE, began)]
-        ),
+        names=names,
+        began=began,
+        initial=initial,
+        unseen=models.uncontrolled,
+        transformations=transformations,
         point_covariance_m2=covariance_m2,
-        uncontrolled=uncontrolled,
-        tests=tables.tests_of(tied) if rules.tests else None,
-        components=tables.components_of(tied) if rules.tests else None,
+        rounds=rounds,
+        tests=rules.tests,
     )
     return solution, [*notes, *resected]

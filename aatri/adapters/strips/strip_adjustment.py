@@ -14,7 +14,6 @@ from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
-from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -45,8 +44,6 @@ from aatri.orientation.bodies.strip_polynomials import (
     fall_notes,
 )
 from aatri.orientation.resection.adjustment import resect_images
-
-STAGE = "strip_adjustment"
 
 
 @dataclass(frozen=True)
@@ -205,30 +202,21 @@ def strip_block_solution(
     out = np.flatnonzero(~tied.active[: len(points.point)])
     wrong = rays_of_ties(image_points, *bodies, ground.strips[points.strip[out]], points.point[out])
     position, rotation, notes = resected_on(block, image_points, initial, point_m, wrong)
-    uncontrolled = assemble.stacked(
-        [
-            not_seen_since(strips.uncontrolled, block, tied_tables.seen_points(tied)),
-            tied_tables.uncontrolled_kinds(tied),
-        ]
-    )
-    tested = tied_tables.suspects_of(tied, STAGE, adjusted.began)
-    before = tied_tables.not_tested(initial.suspects, tied, strips.strips.id[ground.strips])
-    solution = pieces.solution_of(
+    sigma_m = adjusted.covariances.coefficient_sigma_m
+    solution = tied_tables.solution_of_bodies(
         block,
         image_points,
         pieces.Placed(position, rotation, point_m),
+        tied,
         method=method,
-        counts=tied.counts,
-        sigma0=tied.sigma0,
-        iterations=tied.iterations,
-        transformations=tables.transformation_tables(result, ground, strips, adjusted.covariances.coefficient_sigma_m),
-        parameters=pieces.precision_row("all strips", tied.tau_m),
-        residuals=tied_tables.residuals_of(tied, {**tied.state, POINT: result.point_m}),
-        suspects=assemble.stacked([before, tested]),
+        names=strips.strips.id[ground.strips],
+        began=adjusted.began,
+        initial=initial,
+        unseen=strips.uncontrolled,
+        transformations=tables.transformation_tables(result, ground, strips, sigma_m),
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
-        uncontrolled=uncontrolled,
-        tests=tied_tables.tests_of(tied) if tests else None,
-        components=tied_tables.components_of(tied) if tests else None,
+        at={**tied.state, POINT: result.point_m},
+        tests=tests,
     )
     return solution, notes
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import StripTransformations
@@ -16,8 +15,6 @@ from aatri.geometry.strip_bases import StripAxes
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials
-
-ROLE_NAME = "strip_adjustment"
 
 
 @dataclass(frozen=True)
@@ -35,9 +32,9 @@ class StripsOnGround:
 
 def transformation_tables(
     result: StripPolynomials, ground: StripsOnGround, strips: Strips, sigma_m: Float
-) -> StripTransformations:
+) -> list[StripTransformations]:
     """Per strip: the similarity, the axes, and the coefficients a of dU, b of dV, c of dW in metres."""
-    tables = [StripTransformations.empty()]
+    tables = []
     for k, strip in enumerate(ground.strips):
         name, axes = str(strips.strips.id[strip]), ground.axes[k]
         tables.append(pieces.similarity_rows(name, ground.similarity[k], ground.origin))
@@ -59,4 +56,4 @@ def transformation_tables(
             names = tuple(result.basis.labels[c] for c in mine)
             values, sigma = result.coefficients_m[k, mine], sigma_m[k, mine]
             tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
-    return assemble.stacked(tables)
+    return tables

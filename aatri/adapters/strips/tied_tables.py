@@ -15,11 +15,15 @@ from aatri.adapters.observation_tables import (
     variance_table,
 )
 from aatri.adapters.solution import stacked
+from aatri.adapters.strips import oriented_strips as pieces
+from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations, sigmas_of_groups
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Residuals, Solution, StripTransformations, Tests, VarianceComponents
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity
@@ -184,3 +188,64 @@ def uncontrolled_kinds(result: TiedResult, turned: Float | None = None) -> Uncon
         mine = (few >= part.start) & (few < part.stop)
         tables.append(uncontrolled_table(o, few[mine] - part.start, least[mine], along[mine]))
     return stacked(tables)
+
+
+def solution_of_bodies(
+    block: Block,
+    image_points: ImagePoints | None,
+    placed: pieces.Placed,
+    tied: TiedResult,
+    *,
+    method: str,
+    names: Text,
+    began: Bool,
+    transformations: Sequence[StripTransformations],
+    point_covariance_m2: Float,
+    initial: Solution | None = None,
+    unseen: Uncontrolled | None = None,
+    at: State | None = None,
+    rounds: int = 0,
+    tests: bool = False,
+) -> Solution:
+    """The Solution of adjusted strips or models: its tables are those of every kind of body.
+
+    Parameters
+    ----------
+    placed : Placed
+        Images and points on the ground.
+    tied : TiedResult
+    method : str
+        ROLE/VARIANT.
+    names : (n,) str
+        Of the bodies.
+    began : (n,) bool
+        Observations that no earlier stage has rejected.
+    initial : Solution, optional
+    unseen : Uncontrolled, optional
+        What the stage before has listed.
+    transformations : sequence of StripTransformations
+    at : State, optional
+        Values from which the residuals are told; default: those of the adjustment.
+    rounds : int
+        Iterations before those of `tied`.
+    tests : bool
+        Redundancy numbers, tests and variance components too.
+    """
+    role, before = method.split("/")[0], Suspects.empty() if initial is None else initial.suspects
+    return pieces.solution_of(
+        block,
+        image_points,
+        placed,
+        method=method,
+        counts=tied.counts,
+        sigma0=tied.sigma0,
+        iterations=tied.iterations + rounds,
+        transformations=stacked([StripTransformations.empty(), *transformations]),
+        parameters=pieces.precision_row("all strips" if role == "strip_adjustment" else "all models", tied.tau_m),
+        residuals=residuals_of(tied, at),
+        suspects=stacked([not_tested(before, tied, names), suspects_of(tied, role, began)]),
+        point_covariance_m2=point_covariance_m2,
+        uncontrolled=stacked([not_seen_since(unseen, block, seen_points(tied)), uncontrolled_kinds(tied)]),
+        tests=tests_of(tied) if tests else None,
+        components=components_of(tied) if tests else None,
+    )
