@@ -9,7 +9,8 @@ import typer
 
 from aatri.cli.arguments.exporting import check_folder, complete_format, write_format
 from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
-from aatri.cli.terminal.console import NARRATED, narrate, reports_errors
+from aatri.cli.terminal.console import NARRATED, reports_errors
+from aatri.errors import SpecError
 
 
 @reports_errors
@@ -31,17 +32,15 @@ def convert(
     from aatri.formats.parts.assembled import assembled
     from aatri.formats.parts.format import Reading
     from aatri.formats.registry.export import written_format
-    from aatri.formats.registry.recognised import recognised
-    from aatri.formats.registry.sources import read_source
+    from aatri.formats.registry.sources import read_all
     from aatri.formats.results.oriented_block import OrientedBlock
 
     written_format(to)
     check_folder(folder, overwrite=overwrite)
-    found = [source for path in sources for source in recognised(path)]
-    for source in found:
-        narrate(f"{source.path}: {source.format.title} ({source.seen})")
-    reading = Reading(crs=crs, lens_misfit_px=lens_misfit)
-    parts = [read_source(s.path, reading, NARRATED, format=s.format.name) for s in found]
+    _, parts = read_all(sources, Reading(crs=crs, lens_misfit_px=lens_misfit), NARRATED)
+    if not parts:
+        what = "is read by a stage of its own alone"
+        raise SpecError(what, where=str(sources[0]), remedy="run it, and `aatri export` its block")
     block = assembled(parts, reporter=NARRATED)
     options = {"columns": columns, "angle": angle, "rotation": rotation, "lens_misfit_px": lens_misfit}
     write_format(to, OrientedBlock(block), folder, options, what=block.name)

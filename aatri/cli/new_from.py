@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.cli.terminal.console import narrate
+from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,17 +69,12 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     from aatri.codes import CONTROL
     from aatri.formats.parts.assembled import assembled
     from aatri.formats.parts.format import Reading
-    from aatri.formats.registry.recognised import recognised
-    from aatri.formats.registry.sources import read_source
-    from aatri.progress import SILENT
+    from aatri.formats.registry.sources import read_all
 
-    sources = [source for path in paths for source in recognised(path)]
-    for source in sources:
-        narrate(f"{source.path}: {source.format.title} ({source.seen})")
+    sources, parts = read_all(paths, Reading(), NARRATED)
     alone = len(sources) == 1 and bool(sources[0].format.stage)
-    if alone and sources[0].format.read is None:
+    if not parts:
         return _text(sources, folder, OF_STRIPS)
-    parts = [read_source(s.path, Reading(), SILENT, format=s.format.name) for s in sources]
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:

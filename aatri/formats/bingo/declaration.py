@@ -6,11 +6,12 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.formats.parts.format import FileView, Format, Reading, Writing
 from aatri.progress import Reporter
 
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 PAGE = "docs/formats.md#bingo"
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
@@ -29,6 +30,12 @@ def _read_geoin(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     return read_geoin(path, reporter)
 
 
+def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    from aatri.formats.bingo.writer import write_bingo
+
+    write_bingo(oriented, folder, writing, reporter)
+
+
 def _image_coordinates(view: FileView) -> str:
     lines = [line for line in view.lines if not line.startswith("*")]
     ended = any(line.strip() == "-99" for line in lines)
@@ -45,7 +52,8 @@ def _geoin(view: FileView) -> str:
 BINGO = Format(
     "bingo", "BINGO image coordinates", _image_coordinates, "images with lines `point x y`, ended by -99",
     carries=("image points",), drops=("cameras", "control", "standard deviations", "start orientations"),
-    page=PAGE, read=_read_image_coordinates,
+    page=PAGE, read=_read_image_coordinates, write=_write,
+    written=("cameras", "image points", "control"),
 )  # fmt: skip
 GEOIN = Format(
     "bingo_geoin", "BINGO geoin.dat", _geoin, "lines that begin with CAPA, RADI, CONT",

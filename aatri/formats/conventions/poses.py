@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
-from aatri.geometry.rotations import angle_axes, body_from_mount
+from aatri.geometry.rotations import angle_axes, angles_from_rotation, body_from_mount
 
 Y_UP = np.array([1.0, -1.0, -1.0])
 """Diagonal of D: camera axes of vision to photogrammetric ones, and back."""
@@ -113,6 +113,12 @@ def rotation_of_carrier(roll_pitch_yaw_rad: Float) -> tuple[Float, Float]:
     """
     R, axes = angle_axes(roll_pitch_yaw_rad, "roll-pitch-heading")
     return ENU_FROM_NED @ R @ body_from_mount(UPPER_EDGE_AHEAD_DEG), ENU_FROM_NED @ axes
+
+
+def carrier_angles(ground_from_image: Float) -> Float:
+    """Roll, pitch and yaw (n, 3), rad, of a camera told as a carrier: the inverse of `rotation_of_carrier`."""
+    body = ENU_FROM_NED.T @ ground_from_image @ body_from_mount(UPPER_EDGE_AHEAD_DEG).T
+    return angles_from_rotation(body, "roll-pitch-heading")
 
 
 def matrix_of_quaternion(wxyz: Float) -> Float:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.formats.parts.format import FileView, Format, Reading, Writing
 from aatri.progress import Reporter
 
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 PAGE = "docs/formats.md#lists"
 APPLANIX_UNITS = re.compile(r"^\s*\(position in .*orientation in", re.IGNORECASE | re.MULTILINE)
@@ -24,6 +25,12 @@ def _reads(preset: str | None = None, *, observed: bool = False) -> Callable[[Pa
         return read_list(path, reading, reporter, preset=preset, observed=observed)
 
     return read
+
+
+def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    from aatri.formats.lists.list_writer import write_lists
+
+    write_lists(oriented, folder, writing, reporter)
 
 
 def _list(view: FileView) -> str:
@@ -46,7 +53,8 @@ TABLE = Format(
     "table", "list with columns", _list, "a header with the columns of a list: image X Y Z omega phi kappa ...",
     carries=("positions", "attitudes", "start orientations", "control", "check points", "image points", "times",
              "standard deviations"),
-    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=_reads(),
+    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=_reads(), write=_write,
+    written=("start orientations", "control", "check points", "image points", "standard deviations"),
 )  # fmt: skip
 IGN_OPK = Format(
     "ign_opk", "IGN orientations (.OPK)", _ign, "a header NOM X Y Z O P K CAMERA",

@@ -77,7 +77,7 @@ class ListColumns(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """The words without their signs."""
-        return tuple(re.sub(r"^-(?=.)|\?$", "", word) for word in self.words)
+        return tuple(re.sub(r"^-(?=[a-zA-Z])|\?$", "", word) for word in self.words)
 
     @property
     def fewest(self) -> int:

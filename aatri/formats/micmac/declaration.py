@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.formats.parts.format import FileView, Format, Reading, Writing
 from aatri.progress import Reporter
 
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 LOOKED_FOR = "XML with `ExportAPERO`, `MMVII_Serialization`, `DicoAppuisFlottant` or `SetOfMesureAppuisFlottants`"
 WORDS = ("<ExportAPERO", "MMVII_Serialization", "<DicoAppuisFlottant", "<SetOfMesureAppuisFlottants")
@@ -19,6 +20,12 @@ def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     from aatri.formats.micmac.reader import read_micmac
 
     return read_micmac(path, reporter, allowed_px=reading.lens_misfit_px)
+
+
+def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    from aatri.formats.micmac.writer import write_micmac
+
+    write_micmac(oriented, folder, writing, reporter)
 
 
 def _recognised(view: FileView) -> str:
@@ -39,5 +46,6 @@ MICMAC = Format(
     carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
              "start orientations"),
     drops=("check points", "strips", "times", "frame", "rigs", "film"),
-    page="docs/formats.md#micmac", read=_read, files_of=_files,
+    page="docs/formats.md#micmac", read=_read, files_of=_files, write=_write,
+    written=("cameras", "distortion", "image points", "control", "start orientations"),
 )  # fmt: skip

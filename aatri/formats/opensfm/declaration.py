@@ -6,11 +6,12 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
+from aatri.formats.parts.format import FileView, Format, Reading, Writing
 from aatri.progress import Reporter
 
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
+    from aatri.formats.results.oriented_block import OrientedBlock
 
 PAGE = "docs/formats.md#opensfm-and-opendronemap"
 _NUMBER = r"[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?"
@@ -47,6 +48,12 @@ def _read_geo(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     from aatri.formats.opensfm.lists import read_geo
 
     return read_geo(path, reading.crs, reporter)
+
+
+def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    from aatri.formats.opensfm.writer import write_opensfm
+
+    write_opensfm(oriented, folder, writing, reporter)
 
 
 def _reconstruction(view: FileView) -> str:
@@ -90,7 +97,9 @@ RECONSTRUCTION = Format(
     "opensfm", "OpenSfM reconstruction", _reconstruction, "a JSON list with `cameras` and `shots`",
     carries=("cameras", "distortion", "start orientations", "start values of points", "times", "frame"),
     drops=("image points", "control", "standard deviations", "strips", "rigs", "film"),
-    page=PAGE, read=_read_reconstruction,
+    page=PAGE, read=_read_reconstruction, write=_write,
+    written=("cameras", "distortion", "image points", "control", "start orientations", "start values of points",
+             "times", "frame"),
 )  # fmt: skip
 TRACKS = Format(
     "opensfm_tracks", "OpenSfM tracks.csv", _tracks, "a first line OPENSFM_TRACKS_VERSION",

@@ -58,7 +58,7 @@ def read_ground_control(path: Path) -> BlockParts:
             measured.append((document.get(str, *at, "shot_id"), name, xy, document.line(*at)))
     if not seen:
         raise document.fault(("points",), "no points in it", f"give {WANTED}")
-    return control_parts("opensfm_gcp", path, WGS84, ground, measured, "opensfm")
+    return control_parts("opensfm_gcp", path, WGS84 if ground else None, ground, measured, "opensfm")
 
 
 def control_parts(

@@ -37,17 +37,23 @@ def parts_of(block: Block, format: str) -> BlockParts:
     others |= {n: getattr(block, n) for n in ("heading", "terrain_height_m", "undulation_m")}
     if block.rotation == "roll-pitch-heading":
         others["rotation"] = block.rotation
-    crs, axes = str(block.frames.crs[0]), str(block.frames.axes[0]).split(",")
-    right_handed = tuple(axes) if set(axes) == {"x", "y", "z"} else ("east", "north", "up")
-    frame = Frame(str(block.frames.id[0]), right_handed, crs, str(block.frames.vertical[0]))
     return BlockParts(
         format,
         [Path(path) for path in block.files.path.tolist()],
         name=block.name,
-        frame=LOCAL if crs == "local" else frame,
+        frame=frame_of(block),
         others=others,
         **tables,
     )
+
+
+def frame_of(block: Block) -> Frame:
+    """The frame of the coordinates of a Block, axes as they stand in it."""
+    crs, axes = str(block.frames.crs[0]), str(block.frames.axes[0]).split(",")
+    if crs == "local":
+        return LOCAL
+    right_handed = tuple(axes) if set(axes) == {"x", "y", "z"} else ("east", "north", "up")
+    return Frame(str(block.frames.id[0]), right_handed, crs, str(block.frames.vertical[0]))
 
 
 def _by_ids(block: Block, table: str) -> dict[str, Any]:

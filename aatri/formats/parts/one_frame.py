@@ -61,7 +61,7 @@ def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
         what = f"{frame.crs} is in latitude and longitude, and no source says where it is"
         raise InputError(what, where=str(sources[0].files[0]), remedy="name a map: EPSG:32632 ...")
     assert of.frame is not None
-    degrees = _geographic(_coordinates(of), of.frame)
+    degrees = geographic(_coordinates(of), of.frame)
     longitude, latitude, _ = np.nanmedian(degrees, axis=0)
     return utm_of(frame, float(latitude), float(longitude))
 
@@ -139,10 +139,15 @@ def _converted(xyz: Float, covariance: Float, source: Frame, target: Frame) -> t
     return (xyz - origin) @ axes, axes.T @ covariance @ axes
 
 
+def tangent_place(frame: Frame) -> tuple[float, float, float]:
+    """Longitude, latitude and height of the origin of a topocentric frame."""
+    of = {name: float(text) for name, text in _PLACE.findall(frame.crs)}
+    return of.get("lon_0", 0.0), of.get("lat_0", 0.0), of.get("h_0", 0.0)
+
+
 def _tangent(frame: Frame) -> tuple[Float, Float]:
     """Axes as columns, and origin, of a topocentric frame in geocentric coordinates."""
-    of = {name: float(text) for name, text in _PLACE.findall(frame.crs)}
-    place = np.array([[of.get("lon_0", 0.0), of.get("lat_0", 0.0), of.get("h_0", 0.0)]])
+    place = np.array([tangent_place(frame)])
     return ellipsoid.local_axes(place[0, 0], place[0, 1]), ellipsoid.geocentric(place, WGS84)[0]
 
 
@@ -165,7 +170,7 @@ def _axes(frame: Frame, xyz: Float) -> Float:
     return axes
 
 
-def _geographic(xyz: Float, frame: Frame) -> Float:
+def geographic(xyz: Float, frame: Frame) -> Float:
     """Longitude, latitude, height of coordinates of a frame that is none of a map."""
     if frame.geographic:
         return in_right_handed_order(xyz, frame.axes)

@@ -14,6 +14,7 @@ from aatri.formats.navigation.declaration import MRK
 from aatri.formats.nvm.declaration import BUNDLER, NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
 from aatri.formats.parts.format import Format
+from aatri.formats.patb.declaration import PATB
 from aatri.formats.pix4d.declaration import PIX4D
 from aatri.formats.registry.own_stages import BAL, COLMAP, DBAT, GAMA, PAIRS, TABLES, WUCAPS
 from aatri.formats.socet.declaration import GPF, IPF
@@ -39,6 +40,7 @@ FORMATS: tuple[Format, ...] = (
     IGN_CAMERA,
     IGN_POINTS,
     BINGO,
+    TABLE,
     GCP_LIST,
     GEO,
     IGN_MARKS,
@@ -46,6 +48,6 @@ FORMATS: tuple[Format, ...] = (
     DBAT,
     PAIRS,
     BAL,
-    TABLE,
+    PATB,
 )
 """All formats."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.checked import check_parts
 from aatri.formats.parts.format import Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
-from aatri.formats.registry.recognised import format_named, recognised_file
+from aatri.formats.registry.recognised import Recognised, format_named, recognised, recognised_file
 from aatri.formats.text.text_file import missing
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
@@ -68,6 +69,27 @@ def read_source(
     parts = _as_said(parts, reading)
     check_parts(parts)
     return parts if geoid is None else with_ellipsoidal_heights(parts, geoid)
+
+
+def read_all(paths: Sequence[Path], reading: Reading, reporter: Reporter) -> tuple[list[Recognised], list[BlockParts]]:
+    """The sources of some files and folders, and what they give.
+
+    The first one says which images there are (`parts.joined`), so those with most image points' images come first.
+
+    Raises
+    ------
+    InputError
+        If a path is of no known format, or a source not of its form.
+    """
+    found = [source for path in paths for source in recognised(path)]
+    for source in found:
+        reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
+    if len(found) == 1 and found[0].format.read is None:
+        return found, []
+    parts = [read_source(s.path, reading, reporter, format=s.format.name) for s in found]
+    images = [len({*p.image_points.get("image", ()), *p.images.get("id", ())}) if p.image_points else 0 for p in parts]
+    order = sorted(range(len(found)), key=lambda k: -images[k])
+    return [found[k] for k in order], [parts[k] for k in order]
 
 
 def _as_said(parts: BlockParts, reading: Reading) -> BlockParts:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import ResourceError
 from aatri.formats.parts.format import Content
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.ids import shown
+from aatri.progress import Reporter
 
 
 def write_files(folder: Path, texts: Mapping[str, str | bytes]) -> None:
@@ -35,6 +39,68 @@ def write_files(folder: Path, texts: Mapping[str, str | bytes]) -> None:
             path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
     except OSError as error:
         raise ResourceError(f"cannot write: {error.strerror}", where=str(path), remedy="another place") from error
+
+
+class ControlPoint(NamedTuple):
+    """A control or check point: coordinates, standard deviations (0: exact), and which coordinates are known."""
+
+    id: str
+    row: int
+    xyz_m: Float
+    sigma_m: Float
+    known: tuple[bool, bool, bool]
+    is_check: bool
+
+    @property
+    def exact(self) -> bool:
+        """Whether a known coordinate has no standard deviation, which few formats can say."""
+        return not all(s > 0 for s, k in zip(self.sigma_m.tolist(), self.known) if k)
+
+
+def control_points(oriented: OrientedBlock) -> list[ControlPoint]:
+    """The control and check points of a block; a point that is both is control."""
+    g, points = oriented.block.ground_points, list[ControlPoint]()
+    sigma = np.sqrt(np.maximum(np.einsum("nii->ni", g.covariance_m2), 0.0))
+    for k, row in enumerate(g.point.tolist()):
+        is_control = g.role[k] == CONTROL
+        known = is_control if is_control.any() else g.role[k] == CHECK
+        if known.any():
+            x, y, z = known.tolist()
+            name = str(oriented.block.points.id[row])
+            points.append(ControlPoint(name, row, g.xyz_m[k], sigma[k], (x, y, z), not is_control.any()))
+    return points
+
+
+def full_control(oriented: OrientedBlock, what: str, reporter: Reporter) -> list[ControlPoint]:
+    """Control points with three coordinates; the others are told."""
+    control = [p for p in control_points(oriented) if not p.is_check]
+    if partial := [p.id for p in control if not all(p.known)]:
+        reporter.warn(f"plan-only and height-only control has no place in {what}, and is left out: {shown(partial)}")
+    return [p for p in control if all(p.known)]
+
+
+def short_names(ids: Sequence[str], longest: int, *, numbers: bool = False) -> tuple[list[str], str]:
+    """Names for programs with short names: the ids themselves, or 1, 2 ... and a table that says which is which.
+
+    Parameters
+    ----------
+    ids : sequence of str
+    longest : int
+        Most signs of a name; blanks and what is not ASCII have no place in it either.
+    numbers : bool
+        Names are whole numbers.
+
+    Returns
+    -------
+    names : list of str
+    table : str
+        CSV `written,id`; empty where the ids are written as they are.
+    """
+    fits = all(len(i) <= longest and i.isascii() and len(i.split()) == 1 and (i.isdigit() or not numbers) for i in ids)
+    if fits:
+        return list(ids), ""
+    names = [str(k) for k in range(1, len(ids) + 1)]
+    return names, "written,id\n" + "".join(f'{name},"{i}"\n' for name, i in zip(names, ids))
 
 
 def contents_of(oriented: OrientedBlock) -> dict[Content, int]:

@@ -17,7 +17,7 @@ image and a solved point, and were not rejected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -55,6 +55,12 @@ class Rays(NamedTuple):
     point: Int
     xy_px: Float
     sigma_px: Float
+
+    def of_points(self) -> dict[int, list[int]]:
+        """Rows of the rays of each point that has any."""
+        order = np.argsort(self.point, kind="stable")
+        points, first = np.unique(self.point[order], return_index=True)
+        return dict(zip(points.tolist(), (rows.tolist() for rows in np.split(order, first[1:]))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +171,8 @@ class OrientedBlock:
             form = self._form(k)
             (fx, fy), (x0, y0) = (c_mm[k] / pixel_mm[k]).tolist(), (x0_mm[k] / pixel_mm[k] * Y_DOWN).tolist()
             width, height = size[k].tolist()
-            parameters = self._parameters(k, form)
-            made.append(Lens(name, form, (width, height), (fx, fy), (x0, y0), parameters, pixel_mm=pixel_mm[k, 0]))
+            lens = Lens(name, form, (width, height), (fx, fy), (x0, y0), self._parameters(k, form))
+            made.append(replace(lens, pixel_mm=float(pixel_mm[k, 0])))
         return made
 
     @cached_property

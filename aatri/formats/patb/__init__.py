@@ -1,0 +1,1 @@
+"""PATB: orientations (.ori)."""

@@ -1,0 +1,107 @@
+"""An oriented block in another frame: in the horizon of a place, or geocentric, where a program knows no maps.
+
+A block of a map that is moved into a Cartesian frame loses what maps distort; image points that were measured to fit
+the map then fall elsewhere, by as much as is told.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.parts.of_block import frame_of
+from aatri.formats.parts.one_frame import GEOCENTRIC, geographic, in_frame, tangent_place, topocentric
+from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.frames.conversion import Frame
+from aatri.frames.heights import is_tangent_frame
+from aatri.geometry.collinearity import in_image_axes
+from aatri.progress import Reporter
+
+LEAST_PX = 1e-6
+"""A change of image points below this is not told: rounding of geocentric coordinates."""
+
+
+class MovedBlock(NamedTuple):
+    """Orientations and points in a frame: images (n, 3) m and (n, 3, 3), points (p, 3) m, as in `OrientedBlock`."""
+
+    frame: Frame
+    position_m: Float
+    ground_from_image: Float
+    xyz_m: Float
+
+
+class Horizon(NamedTuple):
+    """A block in the horizon of a place; `reference_lla` is latitude, longitude, height, None of a local block."""
+
+    position_m: Float
+    ground_from_image: Float
+    xyz_m: Float
+    source: Frame
+    reference_lla: tuple[float, float, float] | None
+
+    def latitude_longitude_height(self, xyz_m: Float) -> list[float] | None:
+        """Of coordinates in the frame of the block; None of a local block."""
+        if self.reference_lla is None:
+            return None
+        longitude, latitude, height = geographic(np.nan_to_num(xyz_m)[None], self.source)[0].tolist()
+        return [latitude, longitude, height]
+
+
+def in_horizon(oriented: OrientedBlock, reporter: Reporter) -> Horizon:
+    """The block in the horizon of its own frame, or of its middle; a local one as it is."""
+    source = frame_of(oriented.block)
+    if source == LOCAL:
+        return Horizon(oriented.position_m, oriented.ground_from_image, oriented.xyz_m, source, None)
+    if is_tangent_frame(source.crs):
+        longitude, latitude, height = tangent_place(source)
+        place = latitude, longitude, height
+        return Horizon(oriented.position_m, oriented.ground_from_image, oriented.xyz_m, source, place)
+    known = [xyz[np.isfinite(xyz).all(axis=1)] for xyz in (oriented.position_m, oriented.xyz_m)]
+    middle = np.median(np.concatenate(known), axis=0)
+    longitude, latitude, _ = geographic(middle[None], source)[0].tolist()
+    place = latitude, longitude, 0.0
+    moved = in_other_frame(oriented, topocentric(*place), reporter)
+    return Horizon(moved.position_m, moved.ground_from_image, moved.xyz_m, source, place)
+
+
+def in_other_frame(oriented: OrientedBlock, target: Frame, reporter: Reporter) -> MovedBlock:
+    """Orientations and points in another frame; what this does to the image points is told."""
+    n, p, R = len(oriented.position_m), len(oriented.xyz_m), oriented.ground_from_image
+    parts = BlockParts(
+        "aatri",
+        [],
+        frame=frame_of(oriented.block),
+        exterior={
+            "image": [""] * n,
+            "position_m": oriented.position_m,
+            "ground_from_image": oriented.ground_from_image,
+        },
+        ground_points={"point": [""] * p, "xyz_m": oriented.xyz_m, "role": 0},
+    )
+    parts = in_frame(parts, target, reporter)
+    position, R, xyz = parts.exterior["position_m"], parts.exterior["ground_from_image"], parts.ground_points["xyz_m"]
+    moved = MovedBlock(target, np.asarray(position), np.asarray(R), np.asarray(xyz))
+    if (apart_px := _changed_px(oriented, moved)) > LEAST_PX:
+        what = f"moved from {oriented.block.frames.crs[0]} into {'the earth' if target == GEOCENTRIC else 'a horizon'}"
+        reporter.log(f"{what}: image points fall up to {apart_px:.2g} px elsewhere, which maps distort")
+    return moved
+
+
+def _changed_px(oriented: OrientedBlock, moved: MovedBlock) -> float:
+    """Largest distance between where points are seen before and after, px."""
+    rays = oriented.rays
+    of = oriented.oriented[rays.image] & np.isfinite(oriented.xyz_m[rays.point]).all(axis=1)
+    image, point = rays.image[of], rays.point[of]
+    if not len(image):
+        return 0.0
+    seen = [
+        u[:, :2] / u[:, 2:]
+        for u in (
+            in_image_axes(b.position_m[image], b.ground_from_image[image], b.xyz_m[point]) for b in (oriented, moved)
+        )
+    ]
+    focal = np.array([lens.focal_px for lens in oriented.lenses])[oriented.block.images.camera[image]]
+    return float(np.abs((seen[1] - seen[0]) * focal).max())
