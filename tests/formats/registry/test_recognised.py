@@ -51,7 +51,7 @@ def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for
 def test_names_are_distinct_and_every_format_says_what_it_carries() -> None:
     assert len({f.name for f in FORMATS}) == len(FORMATS)
     assert all(f.carries and f.looked_for and not {*f.carries} & {*f.drops} for f in FORMATS)
-    assert all(f.read or f.stage for f in FORMATS)
+    assert all(f.read or f.stage or f.write for f in FORMATS)
     with pytest.raises(AatriError, match="did you mean 'colmap'"):
         format_named("colmpa")
 
