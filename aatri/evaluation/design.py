@@ -119,6 +119,6 @@ def next_control(
 def _effect(C: Float, k: int, control_sigma_m: Float) -> Float:
     """B with B B' = C_.k (C_kk + S)^-1 C_k., (n, 3, coordinates measured)."""
     axes = np.flatnonzero(np.isfinite(control_sigma_m))
-    M = C[k][np.ix_(axes, [k], axes)][:, 0] + np.diag(control_sigma_m[axes] ** 2)
+    M = C[k, :, k][np.ix_(axes, axes)] + np.diag(control_sigma_m[axes] ** 2)
     right = C[:, :, k][:, :, axes]
     return np.asarray(np.linalg.solve(np.linalg.cholesky(M), right.reshape(-1, len(axes)).T).T.reshape(right.shape))

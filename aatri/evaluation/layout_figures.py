@@ -100,7 +100,7 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
 
 def _full_control(block: Block) -> Text:
     ground = block.ground_points
-    return block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]]
+    return np.asarray(block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]])
 
 
 def _reliability(solution: Solution) -> dict[str, float]:
