@@ -53,6 +53,7 @@ __all__ = [
     "ANTENNA",
     "APPROXIMATE",
     "APPROXIMATE_VALUE",
+    "BY_EDIT",
     "CHECK",
     "CONTROL",
     "NOT_SEEN",
@@ -89,6 +90,9 @@ __all__ = [
 
 NOT_SEEN = "seen in no image"
 """Reason of a reject: a ground point that no image shows."""
+
+BY_EDIT = "switched off by an edit"
+"""How the reason of a reject begins that the user has made."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ VERBS = {
     "show": "Show what an artifact holds and where it comes from",
     "metrics": "Show the figures of all stages of a run",
     "compare": "Show runs or variants side by side, and why they differ",
+    "edit": "Write what an adjustment proposes into a file of edits that the block is read with",
     "design": "Run the layouts of a pipeline of planned blocks, and put what they are worth side by side",
     "stages": "List roles and their variants, or describe one variant",
     "formats": "List the formats of other programs: what is read, what they carry",

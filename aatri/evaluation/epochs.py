@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.adjustment.threads import thread_control
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.evaluation import Differences, Displacements, Evaluation, Figures
 from aatri.errors import InputError
@@ -96,12 +97,13 @@ def compared(
     a, b = earlier.take(of_earlier), later.take(of_later)
     cross = None if between_m2 is None else between_m2[of_earlier][:, :, of_later]
     stable = np.ones(len(common), dtype=bool)
-    for _ in range(MOST_ALIGNMENTS):
-        aligned, turned = _laid_on(a, b, cross, stable, datum)
-        table, result, exact = _tested(a, aligned, turned, datum, (level, sigma0, sigma0_degrees))
-        before, stable = stable, ~np.isin(common, table.point[table.moved])
-        if datum in ("none", "shift") or (stable == before).all():
-            break
+    with thread_control().limit(limits=1, user_api="blas"):  # the same bits whatever the threads
+        for _ in range(MOST_ALIGNMENTS):
+            aligned, turned = _laid_on(a, b, cross, stable, datum)
+            table, result, exact = _tested(a, aligned, turned, datum, (level, sigma0, sigma0_degrees))
+            before, stable = stable, ~np.isin(common, table.point[table.moved])
+            if datum in ("none", "shift") or (stable == before).all():
+                break
     return _evaluation(table, result, datum), _warnings(result, exact, table)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.threads import thread_control
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, LayoutPoints
@@ -72,9 +73,11 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
     C, variance = points.covariance_m2, np.einsum("nini->ni", points.covariance_m2)
     sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else goal.sigma_m
     distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
-    eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
     candidates = np.flatnonzero(~np.isin(points.id, _full_control(block)))
-    chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
+    with thread_control().limit(limits=1, user_api="blas"):  # the same bits whatever the threads
+        eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
+        chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
+        alone = gains(C, sigma_m, goal.control_sigma_m, candidates)
     largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
     figures = {
         "images": float(solution.images.oriented.sum()),
@@ -87,7 +90,7 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
         **_reliability(solution),
     }
     figures |= {f"gain_of_control_{k}": getattr(gain, goal.aim) for k, gain in enumerate(chosen, start=1)}
-    table = _points(solution, points, gains(C, sigma_m, goal.control_sigma_m, candidates), chosen)
+    table = _points(solution, points, alone, chosen)
     weakest = str(points.id[int(largest.argmax())])
     worst = points.id[int((function**2).sum(axis=1).argmax())], "XYZ"[int((function**2).sum(axis=0).argmax())]
     return Evaluation(

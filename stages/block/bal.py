@@ -5,19 +5,18 @@ Reads image points, start values of orientations and points, and a camera per im
 """
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.bal.reader import read_bal
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class BalOptions(Options):
+class BalOptions(ReadingOptions):
     """Options of block/bal."""
 
     path: InputPath = Field(description="the problem, an unpacked text file")
     image_sigma_px: float = Field(1.0, gt=0, description="standard deviation of image coordinates, px")
     calibrate: bool = Field(True, description="f, k1 and k2 of every image are unknown and free, not fixed")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -29,4 +28,4 @@ def bal(*, options: BalOptions, context: Context = SILENT) -> Block:
         calibrate=options.calibrate,
         reporter=context,
     )
-    return screened(block, context, options.max_reject_share, copies=True)
+    return as_read(block, options, context, copies=True)

@@ -6,13 +6,13 @@ are described in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.colmap.reader import read_colmap
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class ColmapOptions(Options):
+class ColmapOptions(ReadingOptions):
     """Options of block/colmap."""
 
     path: InputPath = Field(description="folder of the model: cameras, images and points3D, .txt or .bin")
@@ -24,7 +24,6 @@ class ColmapOptions(Options):
     )
     control: InputPath | None = Field(None, description="ground_points.csv with the ids of the model's points, in m")
     calibrate: bool = Field(False, description="c, principal point and distortion are unknown and free, not fixed")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -38,4 +37,4 @@ def colmap(*, options: ColmapOptions, context: Context = SILENT) -> Block:
         calibrate=options.calibrate,
         reporter=context,
     )
-    return screened(block, context, options.max_reject_share)
+    return as_read(block, options, context)

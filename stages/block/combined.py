@@ -12,12 +12,12 @@ from typing import Any
 from pydantic import model_validator
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.parts.assembled import NotStated, assembled
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.sources import read_source, stated_frame
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
 class SourceOptions(Reading):
@@ -35,7 +35,7 @@ class SourceOptions(Reading):
         return {"path": given} if isinstance(given, str) else given
 
 
-class CombinedOptions(Options):
+class CombinedOptions(ReadingOptions):
     """Options of block/combined."""
 
     sources: tuple[SourceOptions, ...] = Field(
@@ -59,7 +59,6 @@ class CombinedOptions(Options):
     )
     attitude_sigma_deg: float | None = Field(None, gt=0, description="of measured attitudes without any, degrees")
     calibrate: bool = Field(False, description="c, principal point and distortion are unknown and free, not fixed")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -77,4 +76,4 @@ def combined(*, options: CombinedOptions, context: Context = SILENT) -> Block:
         frame=stated_frame(options.crs, options.vertical),
     )
     block = assembled(parts, not_stated, name=options.name, reporter=context)
-    return screened(block, context, options.max_reject_share)
+    return as_read(block, options, context)

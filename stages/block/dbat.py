@@ -8,13 +8,13 @@ refused, as DBAT does, unless it is to be set aside. The form of the files is de
 from typing import Literal
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.dbat.reader import CameraModel, read_dbat
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class DbatOptions(Options):
+class DbatOptions(ReadingOptions):
     """Options of block/dbat."""
 
     path: InputPath = Field(description="the export, *-pmexport.txt")
@@ -27,7 +27,6 @@ class DbatOptions(Options):
     undetermined_points: Literal["refuse", "set_aside"] = Field(
         "refuse", description="object points seen in no image, or in one and without control"
     )
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -42,4 +41,4 @@ def dbat(*, options: DbatOptions, context: Context = SILENT) -> Block:
         set_aside=options.undetermined_points == "set_aside",
         reporter=context,
     )
-    return screened(block, context, options.max_reject_share)
+    return as_read(block, options, context)

@@ -4,13 +4,13 @@ The form of the files is described in docs/formats.md. The files hold no standar
 """
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.pairs.reader import read_pairs
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class PairsOptions(Options):
+class PairsOptions(ReadingOptions):
     """Options of block/pairs."""
 
     path: InputPath = Field(description="folder of the pair files, *.dat, in the order of the strip")
@@ -19,7 +19,6 @@ class PairsOptions(Options):
     check: InputPath | None = Field(None, description="check points: point X Y Z, m; null: none")
     image_sigma_um: float = Field(10.0, gt=0, description="standard deviation of image coordinates, um")
     control_sigma: float | None = Field(None, gt=0, description="standard deviation of control points, m; null: exact")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -34,4 +33,4 @@ def pairs(*, options: PairsOptions, context: Context = SILENT) -> Block:
         control_sigma_m=options.control_sigma or 0.0,
         reporter=context,
     )
-    return screened(block, context, options.max_reject_share)
+    return as_read(block, options, context)

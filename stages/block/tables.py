@@ -7,20 +7,23 @@ in docs/formats.md.
 """
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.tables.reader import read_block
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.formats.tables.source import EDITS
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class TablesOptions(Options):
+class TablesOptions(ReadingOptions):
     """Options of block/tables."""
 
     path: InputPath = Field(description="the block folder")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
 def tables(*, options: TablesOptions, context: Context = SILENT) -> Block:
     """Read a block folder."""
-    return screened(read_block(options.path, context), context, options.max_reject_share)
+    own = options.path / EDITS
+    if options.edits is None and own.exists():
+        options = options.model_copy(update={"edits": own})
+    return as_read(read_block(options.path, context), options, context)

@@ -5,19 +5,18 @@ standard deviations: they are options. The form of the files is described in doc
 """
 
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.screening import REJECT_SHARE, screened
-from aatri.checks.limits import MAX_REJECT_SHARE
 from aatri.formats.wucaps.reader import read_wucaps
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import ReadingOptions, as_read
 
 
-class WucapsOptions(Options):
+class WucapsOptions(ReadingOptions):
     """Options of block/wucaps."""
 
     path: InputPath = Field(description="folder with PRECAI, PREPHI, PRECKI and PRECPI")
     image_sigma_um: float = Field(10.0, gt=0, description="standard deviation of image coordinates, um")
     control_sigma: float | None = Field(None, gt=0, description="standard deviation of control points, m; null: exact")
-    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
 @stage(version=1, uses=())
@@ -29,4 +28,4 @@ def wucaps(*, options: WucapsOptions, context: Context = SILENT) -> Block:
         reporter=context,
         control_sigma_m=options.control_sigma,
     )
-    return screened(block, context, options.max_reject_share)
+    return as_read(block, options, context)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.imported import Imported
-from aatri.artifacts.block import Block, Rejects
+from aatri.artifacts.block import BY_EDIT, Block, Rejects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import MOST_LISTED, MOST_REJECTS_TOLD
 from aatri.ids import printable
@@ -50,10 +50,11 @@ def in_order(rejects: Rejects) -> Rejects:
 
 
 def told_rejects(rejects: Rejects) -> list[Finding]:
-    """A warning each; many of one kind for one reason in one line."""
+    """A warning each; many of one kind for one reason in one line. Of what the user has switched off there is none."""
     same: dict[tuple[str, str], list[str]] = {}
     for kind, name, reason in zip(rejects.kind.tolist(), rejects.id.tolist(), rejects.reason.tolist()):
-        same.setdefault((kind, reason), []).append(printable(str(name)))
+        if not reason.startswith(BY_EDIT):
+            same.setdefault((kind, reason), []).append(printable(str(name)))
     findings = []
     for (kind, reason), names in same.items():
         if len(names) > MOST_REJECTS_TOLD:

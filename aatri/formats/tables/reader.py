@@ -24,7 +24,7 @@ from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.rigs import rig_member_table
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.settings.reading import read_settings
-from aatri.formats.tables.source import FILES, Source
+from aatri.formats.tables.source import EDITS, FILES, Source
 from aatri.formats.text.text_file import missing
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
@@ -132,7 +132,7 @@ def _check_files(source: Source) -> None:
         source.problems.append(missing(folder / "images.csv", FILES))
     if "images.csv" in here and "image_points.csv" not in here:
         source.problems.append(missing(folder / "image_points.csv", FILES))
-    for name in sorted(here - set(FILES)):
+    for name in sorted(here - {*FILES, EDITS}):
         if name.endswith((".csv", ".yaml")) and not name.startswith("x_"):
             source.reporter.warn(f"{folder / name}: not a table of a block, not read{did_you_mean(name, FILES)}")
 

@@ -23,6 +23,9 @@ from aatri.units import ANGLE_RAD
 
 FILES = ("block.yaml", *TABLES, "relative_control.yaml")
 
+EDITS = "edits.yaml"
+"""Of a block folder: applied after reading, by `formats.edits`."""
+
 COUNTED_LATER = ("image_points.csv", "geodetic.csv")
 """Tables of measurements, whose copies every format may have: `copies` finds them."""
 

@@ -1,0 +1,131 @@
+"""`aatri edit`: what an adjustment proposes, chosen one by one, as a file of edits that the block is read with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.terminal.console import reports_errors, say, say_table
+
+EDITS = "edits.yaml"
+
+if TYPE_CHECKING:
+    from aatri.cli.arguments.locate import LocatedRun
+
+
+@reports_errors
+def edit(
+    run: Annotated[
+        Path | None,
+        typer.Argument(autocompletion=complete_run, help="Run folder or pipeline file; default ./pipeline.yaml."),
+    ] = None,
+    apply: Annotated[
+        str, typer.Option(metavar="WHICH", help="Proposals to write: `all`, or numbers: 1,3-5. Without: show them.")
+    ] = "",
+    stage: Annotated[str, typer.Option(metavar="STAGE", help="Whose proposals; default the last adjustment.")] = "",
+    into: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file of edits; default that which the block is read with.")
+    ] = None,
+) -> None:
+    """Show what an adjustment proposes: switch off, renumber, exchange, reweight; with --apply, write it down.
+
+    The measured files stay as they are: the block is read with the file of edits, and `aatri run` makes what depends on
+    it. Remove a line, or the file, to undo it. Examples: aatri edit; aatri edit --apply 1,3-5
+    """
+    from aatri.artifacts.block import Block
+    from aatri.artifacts.solution import Solution
+    from aatri.cli.arguments.locate import find_run
+    from aatri.formats.edits.edits_file import read_edits, write_edits
+    from aatri.formats.edits.proposals import proposals
+    from aatri.pipeline.store import run_folder as store
+
+    located = find_run(run)
+    solution = _last_solution(located, stage)
+    block = _made(located, str(solution.record["inputs"]["block"]["stage"]))
+    assert block is not None
+    adjusted = store.load(located.folder, solution.name, Solution)
+    made, others = proposals(store.load(located.folder, block.name, Block), adjusted, solution.name)
+    if not made:
+        say(f"{solution.name} proposes nothing")
+    else:
+        rows = [[str(k), str(one), one.reason] for k, one in enumerate(made, start=1)]
+        say_table(("", "proposal", "reason"), rows, ("",))
+    if others:
+        say(f"{others} more are ties of models and strips: what they are made of is judged by the bundle")
+    if not apply:
+        if made:
+            say("nothing is written; choose with --apply all, or --apply 1,3-5")
+        return
+    target = into or block.edits
+    chosen = [made[k] for k in _chosen(apply, len(made))]
+    old = read_edits(target) if target.exists() else ()
+    write_edits(target, [*old, *chosen])
+    say(f"{len(chosen)} edits written to {target}{f', after {len(old)} that it had' if old else ''}")
+    if target.resolve() != block.edits.resolve() or not block.reads_edits:
+        say(f"the block reads it with `edits: {target}` among the options of stage {block.name}")
+    say("next: aatri run")
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A stage with its result: its name, method, options and inputs."""
+
+    name: str
+    use: str
+    record: Mapping[str, Any]
+
+    @property
+    def edits(self) -> Path:
+        """The file of edits that a block was read with, or would be."""
+        options = self.record["options"]
+        if options.get("edits"):
+            return Path(options["edits"])
+        return Path(options["path"]) / EDITS if self.use == "block/tables" else Path(EDITS)
+
+    @property
+    def reads_edits(self) -> bool:
+        """Whether that file needs no option: the block has been read with it, or has it in its folder."""
+        return self.use == "block/tables" or bool(self.record["options"].get("edits"))
+
+
+def _last_solution(run: LocatedRun, name: str) -> _Made:
+    from aatri.errors import SpecError
+
+    made = [_made(run, str(entry["stage"])) for entry in run.stages]
+    solutions = [m for m in made if m and m.record["output"]["kind"] == "Solution" and name in ("", m.name)]
+    if not solutions or solutions[-1] is None:
+        what = f"no adjustment {name} with a result" if name else "no adjustment with a result"
+        raise SpecError(what, where=str(run.folder), remedy="aatri run")
+    return solutions[-1]
+
+
+def _made(run: LocatedRun, name: str) -> _Made | None:
+    """A stage, if it has a result."""
+    from aatri.pipeline.store import run_folder as store
+
+    record = store.current_record(run.folder, name) if run.folder.is_dir() else None
+    return None if record is None else _Made(name, str(run.stage(name)["use"]), record)
+
+
+def _chosen(text: str, count: int) -> list[int]:
+    """Places, from 0, of `all` or `1,3-5`."""
+    from aatri.errors import SpecError
+
+    if text == "all":
+        return list(range(count))
+    places = list[int]()
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        ends = (first, last if dash else first)
+        if not all(end.isdecimal() and 1 <= int(end) <= count for end in ends) or int(ends[0]) > int(ends[1]):
+            raise SpecError(
+                f"--apply {text}: {part.strip() or 'an empty part'} is no proposal",
+                remedy=f"all, or numbers from 1 to {count}: 1,3-5" if count else "there are no proposals",
+            )
+        places += range(int(ends[0]) - 1, int(ends[1]))
+    return sorted(set(places))

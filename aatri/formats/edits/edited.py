@@ -1,0 +1,231 @@
+"""A block with edits applied, one after the other; what they no longer fit is refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Float, Int, Text
+from aatri.artifacts.block import APPROXIMATE_VALUE, BY_EDIT, NO_ROLE, Block, Files, Rejects
+from aatri.artifacts.builder import image_point_order
+from aatri.errors import Faults, raise_all
+from aatri.formats.edits.edit import Edit
+from aatri.formats.edits.edits_file import read_edits
+from aatri.ids import clipped, did_you_mean
+from aatri.progress import Reporter
+
+SAME = 1e-9
+"""Relative: values that were printed and read again."""
+REMEDY = "the block has changed since the edit was made: delete the line, or run `aatri edit` again"
+
+
+def edited(block: Block, path: Path | None, reporter: Reporter) -> Block:
+    """The block with the edits of a file; as it is without one.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or an edit names nothing of the block, or an observation that has another value.
+    """
+    if path is None:
+        return block
+    edits = read_edits(path)
+    block = with_edits(block, edits)
+    reporter.log(f"{path}: {len(edits)} edits: {', '.join(map(str, edits[:5]))}{' ...' * (len(edits) > 5)}")
+    return replace(block, files=Files(path=np.append(block.files.path, str(path))))
+
+
+def with_edits(block: Block, edits: tuple[Edit, ...]) -> Block:
+    """The block with edits.
+
+    Raises
+    ------
+    InputError
+        If one names nothing of the block, or an observation that has another value.
+    """
+    faults = Faults()
+    for edit in edits:
+        rows = _rows(block, edit, edit.ids, faults)
+        if rows is not None:
+            block = _DO[edit.do](block, edit, rows, faults)
+    raise_all(faults)
+    return block
+
+
+_TABLES = {
+    "image_point": "image_points",
+    "fiducial": "fiducial_points",
+    "control": "ground_points",
+    "position": "exterior",
+    "attitude": "exterior",
+    "geodetic": "geodetic",
+}
+
+
+def measured_value(block: Block, family: str, row: int) -> tuple[float, ...]:
+    """What was measured, as `value` of an edit has it; NaN is left out."""
+    columns = {
+        "image_point": block.image_points.xy,
+        "fiducial": block.fiducial_points.xy,
+        "control": block.ground_points.xyz_m,
+        "position": block.exterior.position_m,
+        "attitude": block.exterior.angles_rad,
+        "geodetic": block.geodetic.value[:, None],
+    }
+    value = columns[family][row]
+    return tuple(float(v) for v in value[np.isfinite(value)])
+
+
+def _names(block: Block, edit: Edit) -> dict[str, Text]:
+    """The ids of every row of the table of a kind, by the key that names them."""
+    table: Any = getattr(block, _TABLES[edit.family])
+    if edit.family == "geodetic":
+        return {"from": table.start, "to": table.end, "via": table.via, "group": table.group}
+    if edit.kind == "fiducial":
+        return {"image": block.images.id[table.image], "point": block.fiducials.id[table.fiducial]}
+    named = {}
+    if hasattr(table, "image"):
+        named["image"] = block.images.id[table.image]
+    if hasattr(table, "point"):
+        named["point"] = block.points.id[table.point]
+    return named | ({"group": table.group} if hasattr(table, "group") else {})
+
+
+def _rows(block: Block, edit: Edit, ids: dict[str, str], faults: Faults) -> Int | None:
+    """Rows that an edit names in the table of its kind; None, and a fault, where there are none."""
+    names, before = _names(block, edit), len(faults)
+    table: Any = getattr(block, _TABLES[edit.family])
+    same = np.ones(len(table), dtype=bool) if edit.family != "geodetic" else table.type == edit.kind
+    for key, name in ids.items():
+        if key == "to" and edit.family != "geodetic":
+            continue
+        if key not in names:
+            faults.add(f"{edit}: a {edit.kind} has no {key}", edit.where, "leave it out")
+        elif not (names[key] == name).any():
+            near = did_you_mean(name, np.unique(names[key]).tolist())
+            faults.add(f"{edit}: no {edit.kind} has {key} {clipped(name)}{near}", edit.where, REMEDY)
+        else:
+            same &= names[key] == name
+    rows = np.flatnonzero(same)
+    if edit.value:
+        fits = [_equal(measured_value(block, edit.family, k), edit.value) for k in rows.tolist()]
+        rows = rows[np.array(fits, dtype=bool)]
+    if not len(rows) and len(faults) == before:
+        was = f" with the value {list(edit.value)}" if edit.value else ""
+        faults.add(f"{edit}: the block has no such observation{was}", edit.where, REMEDY)
+    return rows if len(faults) == before else None
+
+
+def _equal(value: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    return len(value) == len(other) and bool(np.allclose(value, other, rtol=SAME, atol=SAME))
+
+
+def _switch_off(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
+    axes = np.array(["XYZ".index(axis) for axis in edit.coordinates])
+    table: Any = getattr(block, _TABLES[edit.family])
+    if edit.family in ("image_point", "geodetic"):
+        active = table.active.copy()
+        active[rows] = False
+        table = replace(table, active=active)
+    elif edit.family == "fiducial":
+        table = table.take(np.setdiff1d(np.arange(len(table)), rows))
+    elif edit.family == "control":
+        table = replace(table, role=_set(table.role, rows, axes, NO_ROLE), xyz_m=_set(table.xyz_m, rows, axes, np.nan))
+    elif edit.family == "position":
+        position = _set(table.position_m, rows, axes, np.nan)
+        use = np.where(np.isfinite(position).any(axis=1), table.position_use, APPROXIMATE_VALUE).astype(np.int32)
+        table = replace(table, position_m=position, position_use=use)
+    else:
+        use = table.angle_use.copy()
+        use[rows] = APPROXIMATE_VALUE
+        table = replace(table, angles_rad=_set(table.angles_rad, rows, np.arange(3), np.nan), angle_use=use)
+    return _listed(replace(block, **{_TABLES[edit.family]: table}), edit)
+
+
+def _set(values: Any, rows: Int, axes: Int, value: float) -> Any:
+    changed = values.copy()
+    changed[np.ix_(rows, axes)] = value
+    return changed
+
+
+def _listed(block: Block, edit: Edit) -> Block:
+    """What is switched off stands among the rejects."""
+    old, ids = block.rejects, [edit.ids[key] for key in ("image", "point", "from", "to") if key in edit.ids]
+    reason = f"{BY_EDIT}: {edit.reason}" if edit.reason else BY_EDIT
+    return replace(
+        block,
+        rejects=Rejects(
+            kind=np.append(old.kind, edit.kind),
+            id=np.append(old.id, "/".join(ids)),
+            reason=np.append(old.reason, reason),
+            file=np.append(old.file, -1).astype(np.int32),
+            line=np.append(old.line, -1).astype(np.int32),
+        ),
+    )
+
+
+def _renumber(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
+    table, to = block.image_points, edit.ids["to"]
+    new = np.flatnonzero(block.points.id == to)
+    if not len(new):
+        near = did_you_mean(to, block.points.id.tolist())
+        faults.add(f"{edit}: the block has no point {clipped(to)}{near}", edit.where, REMEDY)
+        return block
+    if ((table.image == table.image[rows[0]]) & (table.point == new[0]) & table.active).any():
+        faults.add(f"{edit}: the image has that point already", edit.where, "exchange them, or switch one off")
+        return block
+    point = table.point.copy()
+    point[rows] = new[0]
+    return _sorted(block, point)
+
+
+def _sorted(block: Block, point: Int) -> Block:
+    table = replace(block.image_points, point=point)
+    return replace(block, image_points=table.take(image_point_order(table)))
+
+
+def _exchange(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
+    """Both observations keep their place and get what was measured of the other."""
+    key = "image" if edit.kind == "position" else "point"
+    others = _rows(block, replace(edit, value=()), {**edit.ids, key: edit.ids["to"]}, faults)
+    if others is None:
+        return block
+    if edit.kind == "image_point":
+        point = block.image_points.point.copy()
+        point[rows], point[others] = point[others[0]], point[rows[0]]
+        return _sorted(block, point)
+    name = _TABLES[edit.kind]
+    table: Any = getattr(block, name)
+    measured = ("xyz_m", "covariance_m2") if edit.kind == "control" else ("position_m", "position_covariance_m2")
+    columns = {}
+    for column in measured:
+        values = getattr(table, column).copy()
+        values[[rows[0], others[0]]] = values[[others[0], rows[0]]]
+        columns[column] = values
+    return replace(block, **{name: replace(table, **columns)})
+
+
+def _reweight(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
+    name, column, power = {
+        "image_point": ("image_points", "sigma_mm", 1),
+        "control": ("ground_points", "covariance_m2", 2),
+        "position": ("exterior", "position_covariance_m2", 2),
+        "attitude": ("exterior", "angle_sigma_rad", 1),
+        "geodetic": ("geodetic", "sigma", 1),
+    }[edit.family]
+    table: Any = getattr(block, name)
+    values: Float = getattr(table, column).copy()
+    values[rows] *= edit.factor**power
+    return replace(block, **{name: replace(table, **{column: values})})
+
+
+_DO: dict[str, Callable[[Block, Edit, Int, Faults], Block]] = {
+    "switch_off": _switch_off,
+    "renumber": _renumber,
+    "exchange": _exchange,
+    "reweight": _reweight,
+}

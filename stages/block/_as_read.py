@@ -1,0 +1,24 @@
+"""What all readers of a block share: edits that are applied to it, and how much of it may be unusable."""
+
+from __future__ import annotations
+
+from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import REJECT_SHARE, screened
+from aatri.checks.limits import MAX_REJECT_SHARE
+from aatri.formats.edits.edited import edited
+from aatri.plugin import Context, Field, InputPath, Options
+
+
+class ReadingOptions(Options):
+    """Options of every block that is read."""
+
+    edits: InputPath | None = Field(
+        None, description="file of edits (`aatri edit`); null: edits.yaml of a block folder, where it has one"
+    )
+    max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
+
+
+def as_read(block: Block, options: ReadingOptions, context: Context, *, copies: bool = False) -> Block:
+    """The block with its edits, and what cannot be used set aside."""
+    block = edited(block, options.edits, context)
+    return screened(block, context, options.max_reject_share, copies=copies)
