@@ -52,6 +52,40 @@ class SingleModels(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class ModelSetUps(Table):
+    """Stereo pairs as a plotter sets them up: x along the base, z up across it; y-axes of both images are parallel."""
+
+    left: Text = column("str", doc="id of the left image")
+    right: Text = column("str", doc="id of the right image")
+    origin_m: Float = column("f8", 3, unit="m", doc="left projection centre, on the ground")
+    base_m: Float = column("f8", 3, unit="m", doc="from left to right projection centre, on the ground")
+    ground_from_model: Float = column("f8", 3, 3, doc="rotation: columns are x, y, z of the model on the ground")
+    left_rad: Float = column("f8", 3, unit="rad", doc="phi, omega, kappa of the left image in the model")
+    right_rad: Float = column("f8", 3, unit="rad", doc="phi, omega, kappa of the right image in the model")
+    epipolar_from_left: Float = column("f8", 3, 3, doc="rotation of rays (x, y, -c) to the epipolar image")
+    epipolar_from_right: Float = column("f8", 3, 3, doc="the same of the right image")
+    scale_number: Float = column("f8", doc="of the images: distance of the points along z over c")
+    points: Int = column("i4", doc="rows in pass_points")
+
+
+@dataclass(frozen=True, eq=False)
+class PassPoints(Table):
+    """Points of the set-ups: on the ground, in the model and in both epipolar images, and what is left at them."""
+
+    left: Text = column("str", doc="id of the left image")
+    right: Text = column("str", doc="id of the right image")
+    point: Text = column("str", doc="id of the point")
+    role: Text = column("str", doc="control, check or new")
+    ground_m: Float = column("f8", 3, unit="m", doc="adjusted coordinates", optional=True)
+    model_m: Float = column("f8", 3, unit="m", doc="of its two rays in the model, from the left projection centre",
+                            optional=True)  # fmt: skip
+    left_mm: Float = column("f8", 2, unit="mm", doc="corrected coordinates in the left epipolar image", optional=True)
+    right_mm: Float = column("f8", 2, unit="mm", doc="in the right one", optional=True)
+    parallax_um: Float = column("f8", unit="um", doc="y-parallax that is left", optional=True)
+    residual_m: Float = column("f8", 3, unit="m", doc="model minus adjusted coordinates, on the ground", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class StripErrors(Table):
     """Errors of free strips laid on the truth by their first model, at the right projection centre of the n-th."""
 
@@ -127,6 +161,8 @@ class Evaluation(Artifact):
     figures: Figures = table()
     differences: Differences = table()
     models: SingleModels | None = table(default=None)
+    set_ups: ModelSetUps | None = table(default=None)
+    pass_points: PassPoints | None = table(default=None)
     strip_errors: StripErrors | None = table(default=None)
     displacements: Displacements | None = table(default=None)
     parameter_changes: ParameterChanges | None = table(default=None)

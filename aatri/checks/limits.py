@@ -184,3 +184,6 @@ the heights on; points beyond which it is asked only with tests of observations:
 
 SMALL_TEST = 2.0
 """Relative orientation rejects points for large residuals, and with smaller ones than this for one reason alone."""
+
+CONTROL_SHARE = 1.0 / 3.0
+"""Of control, of what the block gives without its errors: then it adds 5.4 % (lecture notes on close range, 5.1)."""

@@ -18,6 +18,9 @@ FEWEST = 6
 CORRECTED = ("none", "table", "brown")
 """Distortions that correct what is measured: the corrected coordinates are those of a central projection."""
 
+ACROSS = 0.1
+"""Length across the base of both viewing directions together, from which on one side of the base is up."""
+
 LEAST_BASE = 1e-3
 """Share of the distance of the points: images from one place, as of a rig, are no model."""
 
@@ -80,6 +83,17 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> M
     xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
     model, both = _common(left, right, image, point)
     return ModelRays(left, right, model, point[both[:, 0]], xy[both], sigma[both], c[both])
+
+
+def model_axes(poses: Poses, rays: ModelRays) -> Float:
+    """Axes of models, (k, 3, 3) by columns: along the base, across it, up; NaN where the base points along the view."""
+    base = poses.position_m[rays.right] - poses.position_m[rays.left]
+    e1 = base / np.linalg.norm(base, axis=1, keepdims=True)
+    up = poses.ground_from_image[rays.left][:, :, 2] + poses.ground_from_image[rays.right][:, :, 2]
+    e3 = up - (up * e1).sum(axis=1, keepdims=True) * e1
+    length = np.linalg.norm(e3, axis=1, keepdims=True)
+    e3 = np.where(length > ACROSS, e3 / np.where(length > 0, length, 1.0), np.nan)
+    return np.stack([e1, np.cross(e3, e1), e3], axis=2)
 
 
 def _common(left: Int, right: Int, image: Int, point: Int) -> tuple[Int, Int]:

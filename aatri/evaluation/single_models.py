@@ -25,7 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.ray_pairs import ModelRays, ray_pairs
+from aatri.evaluation.ray_pairs import ModelRays, model_axes, ray_pairs
 from aatri.geometry.collinearity import in_image_axes
 from aatri.observations.poses import Poses
 
@@ -97,14 +97,7 @@ def _least_squares(pair: list[tuple[Float, Float]], rays: ModelRays, X: Float) -
 
 def y_parallax(poses: Poses, rays: ModelRays) -> Float:
     """y' - y'' in the normal case of each model, at the scale of its left camera, (m,) mm."""
-    base = poses.position_m[rays.right] - poses.position_m[rays.left]
-    e1 = base / np.linalg.norm(base, axis=1, keepdims=True)
-    up = poses.ground_from_image[rays.left][:, :, 2] + poses.ground_from_image[rays.right][:, :, 2]
-    e3 = up - (up * e1).sum(axis=1, keepdims=True) * e1
-    length = np.linalg.norm(e3, axis=1, keepdims=True)
-    e3 = np.where(length > 0.1, e3 / np.where(length > 0, length, 1.0), np.nan)
-    e2 = np.cross(e3, e1)[rays.model]
-    e3 = e3[rays.model]
+    _, e2, e3 = model_axes(poses, rays)[rays.model].transpose(2, 0, 1)
     y = []
     for k, image in enumerate((rays.left[rays.model], rays.right[rays.model])):
         in_camera = np.column_stack([rays.xy_mm[:, k], -rays.c_mm[:, k]])

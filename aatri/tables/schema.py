@@ -217,6 +217,19 @@ def columns_of(cls: type[Table]) -> dict[str, Column]:
     return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
 
 
+def plain_columns(rows: Table) -> dict[str, npt.NDArray[Any]]:
+    """All columns of a table, those of several numbers side by side: model_m_1, model_m_2 ..., by rows."""
+    columns = {}
+    for name in columns_of(type(rows)):
+        values = getattr(rows, name)
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            flat = values.reshape(len(values), -1)
+            columns |= {f"{name}_{k + 1}": flat[:, k] for k in range(flat.shape[1])}
+    return columns
+
+
 def may_be_absent(cls: type[Table], name: str) -> bool:
     """Whether a column need not be given."""
     return any(f.name == name and f.default is None for f in dataclasses.fields(cls))

@@ -55,6 +55,8 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
     """Inputs of a variant that cannot take those of the usual chain."""
     if name == "model_adjustment/given_models":
         return {"block": models_of_a_block()}
+    if name == "accuracy/plotter":  # it wants residuals of image points
+        return example_inputs("epochs", find_stages().role("epochs"))
     if name != "strip_formation/connected":
         return None
     registry = find_stages()

@@ -37,10 +37,11 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
         return xyz_m, ()
     found, doubtful = approximate_coordinates(network, xyz_m)
     new: Bool = np.asarray((np.isfinite(found) & ~np.isfinite(xyz_m)).any(axis=1))
+    notes = _without_place(block, network, found)
     if not new.any():
-        return xyz_m, ()
+        return xyz_m, tuple(notes)
     text = f"approximate coordinates of {int(new.sum())} points found from the geodetic observations"
-    notes = [Note("note", text, tuple(block.points.id[new].tolist()))]
+    notes.append(Note("note", text, tuple(block.points.id[new].tolist())))
     unsure = [k for k in sorted(doubtful) if new[k]]
     if unsure:
         text = (
@@ -48,3 +49,16 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
         )
         notes.append(Note("warning", text, tuple(block.points.id[unsure].tolist())))
     return np.where(np.isfinite(xyz_m), xyz_m, found), tuple(notes)
+
+
+def _without_place(block: Block, network: dict[str, NetworkObservations], xyz_m: Float) -> list[Note]:
+    """Points that angles see and that have no place in plan."""
+    seen = np.zeros(len(xyz_m), dtype=bool)
+    for type_ in ("angle", "direction", "azimuth"):
+        if type_ in network:
+            seen[network[type_].start] = seen[network[type_].end] = True
+    lost = seen & ~np.isfinite(xyz_m[:, :2]).all(axis=1)
+    if not lost.any():
+        return []
+    text = "no place follows from the observations of points: their rays are parallel, or nearly, or too few"
+    return [Note("warning", text, tuple(block.points.id[lost].tolist()))]

@@ -5,6 +5,7 @@ Test: sigma0 of kinds only where the search has not estimated standard deviation
 """
 
 from aatri.checks.after.correlations import high_correlations
+from aatri.checks.after.error_budget import error_budget
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
@@ -53,6 +54,7 @@ def findings_after(
         *sigma0(result, max_sigma0, done.scale),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(given, result),
+        *error_budget(source.block, result),
         *hinge_images(given),
         *points_off_the_terrain(given, result),
         *hidden_distortion(source, result, tests=tests),

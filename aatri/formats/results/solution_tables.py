@@ -34,7 +34,7 @@ from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation
 from aatri.observations.poses import ADDITIONAL
-from aatri.tables.schema import columns_of
+from aatri.tables.schema import columns_of, plain_columns
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -116,6 +116,9 @@ def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
             "check_points": m.check_points,
             **_split(("check_rms_x_m", "check_rms_y_m", "check_rms_z_m"), m.check_rms_m),
         }  # fmt: skip
+    for name, rows in (("set_ups", evaluation.set_ups), ("pass_points", evaluation.pass_points)):
+        if rows is not None:
+            tables[f"{name}.csv"] = plain_columns(rows)
     return write_tables(tables, folder)
 
 

@@ -7,6 +7,7 @@ from aatri.artifacts.evaluation import (
     Displacements,
     Evaluation,
     LayoutPoints,
+    ModelSetUps,
     ParameterChanges,
     SingleModels,
     StripErrors,
@@ -25,7 +26,8 @@ def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> Non
     """Add verdict, points and pictures."""
     made.notes.append(evaluation.verdict)
     made.tables.extend(point_tables(evaluation))
-    made.tables.extend(present(models_table(evaluation.models), strips_table(evaluation.strip_errors)))
+    made.tables.extend(present(models_table(evaluation.models), set_ups_table(evaluation.set_ups)))
+    made.tables.extend(present(strips_table(evaluation.strip_errors)))
     if evaluation.strip_errors is not None:
         made.pictures.extend(present(growth_chart(evaluation.strip_errors)))
     made.tables.extend(present(moved_table(evaluation.displacements), changes_table(evaluation.parameter_changes)))
@@ -76,6 +78,17 @@ def models_table(models: SingleModels | None) -> PageTable | None:
         columns |= axes((f"{name} {a} m" for a in "XYZ"), values, metres)
     caption = "Single models with the orientations of the block, RMS; minus adjusted and check coordinates"
     return all_rows(caption, columns, order)
+
+
+def set_ups_table(made: ModelSetUps | None) -> PageTable | None:
+    """Set-ups of stereo models; their pass points are in the artifact and its export."""
+    if made is None:
+        return None
+    columns: Columns = {"left": made.left, "right": made.right, "points": made.points}
+    columns |= {"base m": np.linalg.norm(made.base_m, axis=1), "1 : scale": made.scale_number}
+    for side, angles in (("left", made.left_rad), ("right", made.right_rad)):
+        columns |= axes((f"{side} {a} deg" for a in ("phi", "omega", "kappa")), np.degrees(angles), "{:.5f}".format)
+    return all_rows("Set-ups of stereo models, x along the base", columns, np.arange(len(made)))
 
 
 def strips_table(errors: StripErrors | None) -> PageTable | None:

@@ -1,0 +1,56 @@
+"""Layout of a test field, planned or built: its targets, pillars and cameras against the rules of the notes.
+
+Some tens of targets, evenly spread, extended along all three axes; room for the cameras, which stand outside of them;
+two or more pillars from which the targets are measured again. Every rule that is broken is a warning with its figure.
+The field is the control and check points of a block; cameras are those of `solution`, or the approximate or true ones
+of the block, so that a plan is checked before anything is built.
+
+Source: lecture notes on close range, 5.4 (A1508); see aatri/evaluation/field_layout.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.evaluation.field_layout import LayoutRules, layout_of_field
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+
+class FieldOptions(Options):
+    """Options of the check of a test field."""
+
+    targets: int = Field(30, ge=4, description="least number of targets known in three coordinates")
+    pillars: int = Field(2, ge=0, description="least number of pillars")
+    depth: float = Field(0.15, gt=0, lt=1, description="least extent along the shortest axis, of the longest")
+
+
+@stage(version=1, uses=("ground_points:check",))
+def field_layout(
+    block: Block,
+    solution: Solution | None = None,
+    *,
+    options: FieldOptions = FieldOptions(),
+    context: Context = SILENT,
+) -> Evaluation:
+    """Check the layout of a test field.
+
+    Raises
+    ------
+    InputError
+        If the block has no targets.
+    """
+    position_m = np.full((len(block.images), 3), np.nan)
+    position_m[block.exterior.image] = block.exterior.position_m
+    if block.true_images is not None:
+        position_m[block.true_images.image] = block.true_images.position_m
+    if solution is not None:
+        position_m = solution.images.position_m
+    rules = LayoutRules(options.targets, options.pillars, options.depth)
+    result, broken = layout_of_field(block, position_m, rules)
+    context.log(result.verdict)
+    for text in broken:
+        context.warn(f"test field: {text}")
+    return result

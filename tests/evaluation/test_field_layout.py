@@ -1,0 +1,87 @@
+"""Layout of a test field: one that keeps the rules, and each rule broken by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aatri.arrays import Float
+from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.builder import block_of
+from aatri.errors import InputError
+from aatri.stages.accuracy.field_layout import FieldOptions, field_layout
+from tests.small_blocks import Told
+
+
+def grid(n: int = 4, depth: float = 1.5) -> Float:
+    """n x n x 3 targets over 4 m x 3 m, so deep."""
+    x, y, z = np.meshgrid(np.linspace(0, 4, n), np.linspace(0, 3, n), np.linspace(0, depth, 3), indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+
+
+def field(X: Float, pillars: int = 2, camera: tuple[float, float, float] = (2.0, 1.5, 6.0)) -> Block:
+    ids = [f"T{k}" for k in range(len(X))]
+    stations = [f"S{k}" for k in range(pillars)]
+    return block_of(
+        name="field",
+        cameras={"id": "c", "principal_distance_mm": 24.0},
+        images={"id": ["1"], "camera": "c"},
+        exterior={"image": ["1"], "position_m": [camera]},
+        ground_points={"point": ids, "xyz_m": X, "sigma_m": 1e-4, "role": [[CONTROL] * 3] * len(X)},
+        geodetic={
+            "type": ["direction"] * pillars,
+            "start": stations,
+            "end": ["T0"] * pillars,
+            "value": [0.1] * pillars,
+            "sigma": [1e-5] * pillars,
+        }
+        if pillars
+        else None,
+    )
+
+
+def test_a_field_that_keeps_the_rules() -> None:
+    told = Told()
+    result = field_layout(field(grid()), context=told)
+    assert not told.warnings
+    assert "all 5 rules are kept" in result.verdict
+    figures = dict(zip(result.figures.name.tolist(), result.figures.value.tolist()))
+    assert figures["field_targets"] == 48
+    assert figures["field_depth_ratio"] == pytest.approx(1.5 / 4)
+    assert figures["field_pillars"] == 2
+
+
+@pytest.mark.parametrize(
+    ("block", "told"),
+    [
+        (field(grid(3)), "27 targets, 30 or more"),
+        (field(grid(5, 0.3)), "its depth is 0.075 of its length"),
+        (
+            field(grid(7)[np.abs(grid(7)[:, :2] - [2.0, 1.5]).max(axis=1) > 0.7]),
+            "1 of 9 parts of the field have no target",
+        ),
+        (field(grid(), pillars=1), "from 1 pillars, 2 or more"),
+        (field(grid(), pillars=0), "from 0 pillars"),
+        (field(grid(), camera=(2.0, 1.5, 0.7)), "1 of 1 cameras stand among the targets"),
+    ],
+)
+def test_every_rule_that_is_broken_is_told_alone(block: Block, told: str) -> None:
+    context = Told()
+    result = field_layout(block, context=context)
+    assert len(context.warnings) == 1
+    assert told in context.warnings[0]
+    assert "1 of 5 rules" in result.verdict
+
+
+def test_the_rules_are_options_and_a_block_without_targets_is_refused() -> None:
+    told = Told()
+    field_layout(field(grid(3), pillars=0), options=FieldOptions(targets=20, pillars=0), context=told)
+    assert not told.warnings
+    with pytest.raises(InputError, match="3 targets known in three coordinates are no field"):
+        field_layout(field(grid()[:3]))
+
+
+def test_a_field_in_one_plane_does_not_stop_the_check() -> None:
+    told = Told()
+    field_layout(field(grid(6, 0.0)), context=told)
+    assert any("its depth is 0 of its length" in text for text in told.warnings)
