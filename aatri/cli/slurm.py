@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aatri.ids import printable
-from aatri.pipeline.run.command import arguments_of
+from aatri.pipeline.run.overview import arguments_of
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened

@@ -15,10 +15,10 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import ArtifactError
-from aatri.pipeline.run.command import command_of
+from aatri.pipeline.run.overview import command_of
 from aatri.pipeline.spec.gates import verdicts_in
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.inside import on_disk
 from aatri.report.drawing.charts import sigma0_chart
 from aatri.report.drawing.plan import block_plan
 from aatri.report.drawing.svg import Picture

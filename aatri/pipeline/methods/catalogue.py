@@ -13,7 +13,7 @@ import importlib.metadata
 import inspect
 import json
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,14 +32,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A stage with its method, options with defaults, the files that options name, what it uses and needs, its code.
+    """A stage as its plugin and its options have it.
 
-    `uses` is None where the stage does not say.
+    Attributes
+    ----------
+    options : mapping
+        With their defaults.
+    files : mapping
+        Option -> file or folder whose content counts as input.
+    uses : tuple of str, optional
+        What it uses of what its ports offer; None where it does not say.
+    code : Code
+        What it reaches; of each module the digest, to say which has changed.
+    needs : tuple of Need
+        Without what of what its ports offer it cannot work.
     """
 
     method: Method
-    options: dict[str, Any]
-    files: dict[str, str]
+    options: Mapping[str, Any]
+    files: Mapping[str, str]
     uses: tuple[str, ...] | None
     code: Code
     needs: tuple[Need, ...] = ()

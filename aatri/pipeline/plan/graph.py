@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import graphlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from aatri.errors import Faults, PluginError, SpecError, raise_all
@@ -17,45 +17,27 @@ from aatri.pipeline.methods.catalogue import Catalogue, Prepared
 from aatri.pipeline.methods.method import Method
 from aatri.pipeline.spec.gates import read_gates
 from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
-from aatri.tables.offers import Need
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.registry import Registry
 
 
-@dataclass(frozen=True)
-class StageNode:
+@dataclass(frozen=True, kw_only=True)
+class StageNode(Prepared):
     """A stage ready to run.
 
     Attributes
     ----------
     inputs, unused : mapping
         Port -> stage: those that its variant uses, and those given beside them.
-    written, options : mapping
-        The options as written, and with their defaults.
-    files : mapping
-        Option -> file or folder whose content counts as input.
-    code : str
-        Digest of the code that it reaches.
-    uses : tuple of str, optional
-        What it uses of what its ports offer; None where it does not say.
-    modules : mapping
-        Digest of each module of its code, to say which has changed.
-    needs : tuple of Need
-        Without what of what its ports offer it cannot work.
+    written : mapping
+        The options as written.
     """
 
     name: str
-    method: Method
     inputs: Mapping[str, str]
     unused: Mapping[str, str]
     written: Mapping[str, Any]
-    options: Mapping[str, Any]
-    files: Mapping[str, str]
-    code: str
-    uses: tuple[str, ...] | None = None
-    modules: Mapping[str, str] = field(default_factory=dict)
-    needs: tuple[Need, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,19 +101,7 @@ def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
     wanted = {port.name for port in prepared.method.ports}
     used = {port: source for port, source in stage.inputs.items() if port in wanted}
     unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
-    return StageNode(
-        stage.name,
-        prepared.method,
-        used,
-        unused,
-        stage.options,
-        prepared.options,
-        prepared.files,
-        prepared.code.digest,
-        prepared.uses,
-        prepared.code.modules,
-        prepared.needs,
-    )
+    return StageNode(**vars(prepared), name=stage.name, inputs=used, unused=unused, written=stage.options)
 
 
 def _roles(spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: Faults) -> dict[str, _Role]:

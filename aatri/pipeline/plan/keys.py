@@ -48,8 +48,8 @@ def key_parts(node: StageNode, inputs: Mapping[str, str | None], files: Mapping[
         "options": _without_paths(node),
         "files": dict(files),
         "inputs": dict(inputs),
-        "code": node.code,
-        "modules": dict(node.modules),
+        "code": node.code.digest,
+        "modules": dict(node.code.modules),
         "schemas": {**schemas, method.kind: method.schema},
         "seed": seed if method.wants_rng else None,
     }

@@ -1,16 +1,21 @@
 """run.json: what a run says of its pipeline and of how it ended, and whether that is all a run would leave.
 
+A run in which there is nothing to do needs no writing, so it may lie on a disk that nobody may write.
+
 status   running, done, gate_failed (all is made, and a quality gate failed), failed, interrupted, stage by stage
 gates    every gate that was judged, with the value it met
 """
 
-from collections.abc import Iterable, Mapping
+import errno
+import shlex
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.decisions import Plan, Selection
+from aatri.pipeline.plan.decisions import Plan, Selection, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.unused import Unused
+from aatri.pipeline.plan.unused import Unused, unused
+from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.spec.gates import judge
 from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import inside
@@ -47,3 +52,46 @@ def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: U
 def plain_warnings(warnings: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
     """Warnings as JSON takes them."""
     return [{"stage": stage, "message": message} for stage, message in warnings]
+
+
+def cannot_be_written(error: BaseException) -> bool:
+    """Whether an error comes of a disk or folder that may only be read."""
+    cause = error.__cause__
+    return isinstance(cause, OSError) and cause.errno in (errno.EROFS, errno.EACCES, errno.EPERM)
+
+
+def finished(
+    spec: Spec,
+    nodes: tuple[StageNode, ...],
+    warned: Callable[[str, str], None],
+    selection: Selection,
+    view: StoreView,
+    planned: Plan | None = None,
+) -> list[dict[str, Any]] | None:
+    """The records of a run in which there is nothing to do; None if there is something."""
+    planned = planned or plan(nodes, view, spec.seed, selection)
+    if planned.stale:
+        return None
+    known = [d.record for d in planned.decisions if d.record is not None]
+    found = unused(nodes, known, spec.ignore)
+    if found.errors or not is_settled(spec, nodes, planned, found, selection):
+        return None
+    for stage, message in found.warnings:
+        warned(stage, message)
+    return [dict(record) for record in known]
+
+
+def arguments_of(request: Mapping[str, Any]) -> list[str]:
+    """The arguments beside the pipeline file: `--into --set --use --variant --local-plugins`."""
+    given = ["--into", str(request["into"])] if request.get("into") else []
+    given += [part for text in request.get("set_") or () for part in ("--set", str(text))]
+    given += [part for text in request.get("use") or () for part in ("--use", str(text))]
+    given += ["--variant", str(request["variant"])] if request.get("variant") else []
+    return [*given, *(["--local-plugins"] if request.get("local_plugins") else [])]
+
+
+def command_of(overview: Mapping[str, Any]) -> str:
+    """`aatri run PIPELINE ...` of a run.json, quoted for a shell."""
+    request = overview.get("request") or {}
+    pipeline = str(request.get("pipeline") or overview.get("pipeline") or "pipeline.yaml")
+    return shlex.join(["aatri", "run", pipeline, *arguments_of(request)])

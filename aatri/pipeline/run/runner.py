@@ -18,16 +18,15 @@ from aatri.pipeline.plan.decisions import Decision, Plan, Selection, State, deci
 from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
-from aatri.pipeline.run.finished import cannot_be_written, finished
-from aatri.pipeline.run.overview import DONE, GATE_FAILED, overview_of, plain_warnings
+from aatri.pipeline.run.overview import DONE, GATE_FAILED, cannot_be_written, finished, overview_of, plain_warnings
 from aatri.pipeline.run.task import StageSource, TaskOutcome, task_of
 from aatri.pipeline.run.workers import WorkerPool, pool
 from aatri.pipeline.spec.gates import Verdict, judge
 from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
-from aatri.pipeline.store.durable import on_disk
 from aatri.pipeline.store.events import Events
+from aatri.pipeline.store.inside import on_disk
 from aatri.pipeline.store.known_runs import remember
 from aatri.pipeline.store.lock import locked
 from aatri.pipeline.store.provenance import now
@@ -271,7 +270,7 @@ class _Run:
         self.events.add("stage started", stage=node.name, key=decision.key,
                         reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
         if self.settings.compiled is not None:
-            self.settings.compiled(node.modules)
+            self.settings.compiled(node.code.modules)
         return workers.submit(task_of(self.spec, node, decision, self.records, self.settings.source))
 
     def _end(self, node: StageNode, outcome: TaskOutcome) -> None:

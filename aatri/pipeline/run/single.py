@@ -17,7 +17,7 @@ from aatri.pipeline.run.task import task_of
 from aatri.pipeline.run.workers import pool
 from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import run_folder as store
-from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.inside import on_disk
 from aatri.pipeline.store.lock import locked
 
 

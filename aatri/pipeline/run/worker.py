@@ -23,7 +23,7 @@ from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
-from aatri.pipeline.store.durable import on_disk, write_json
+from aatri.pipeline.store.inside import on_disk, write_json
 from aatri.pipeline.store.objects import commit_object, load_object
 from aatri.pipeline.store.provenance import environment, now
 from aatri.plugin import Options, StageCard

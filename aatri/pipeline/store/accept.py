@@ -14,7 +14,7 @@ from typing import Any
 
 from aatri.errors import ArtifactError, SpecError
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.durable import on_disk, write_json
+from aatri.pipeline.store.inside import on_disk, write_json
 from aatri.pipeline.store.objects import base_of
 from aatri.pipeline.store.provenance import now
 from aatri.pipeline.store.records import read_json

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.durable import on_disk
+from aatri.pipeline.store.inside import on_disk
 from aatri.pipeline.store.provenance import now
 
 

@@ -14,8 +14,7 @@ from typing import Any
 
 from aatri.errors import ArtifactError
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.durable import on_disk
-from aatri.pipeline.store.inside import VARIANTS
+from aatri.pipeline.store.inside import VARIANTS, on_disk
 from aatri.pipeline.store.objects import OBJECTS, RECORD, base_of
 from aatri.pipeline.store.records import ARTIFACT, read_record
 

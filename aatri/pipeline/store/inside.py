@@ -7,7 +7,9 @@ others. Each takes the run and the names below it, one per level:
 
 - no level of the way may be a link, nor anything but a folder: else ArtifactError;
 - what is read is a regular file, and of limited size;
-- what is written appears under a new name and takes the place of whatever had the name, link or not;
+- what is written appears under a temporary name, is brought to the disk (fsync) and takes the place of whatever had
+  the name, link or not: a crash at any moment leaves the old state or the new one, never a half. Temporary names carry
+  the process that writes, so that those of dead processes can be swept;
 - what is appended to or locked is a regular file with one name only;
 - what is removed is the name itself, never what it leads to.
 
@@ -16,15 +18,17 @@ belongs to, and so is reached from there. Links put there while aatri runs are n
 """
 
 import contextlib
+import json
 import os
 import re
 import secrets
 import shutil
 import stat
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
-from aatri.errors import ArtifactError
+from aatri.errors import ArtifactError, ResourceError
 from aatri.regular_file import not_regular, open_regular
 
 VARIANTS = "variants"
@@ -136,6 +140,26 @@ def write(data: bytes, run: Path, *names: str) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+def write_json(value: Any, run: Path, *names: str) -> None:
+    """Write a JSON file whole or not at all."""
+    write((json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode("utf-8"), run, *names)
+
+
+@contextlib.contextmanager
+def on_disk(where: Path) -> Iterator[None]:
+    """Turn the operating system's errors into ours."""
+    try:
+        yield
+    except (ArtifactError, ResourceError):
+        raise
+    except OSError as error:
+        raise ResourceError(
+            f"cannot write: {error.strerror or error}",
+            where=str(error.filename or where),
+            remedy="free space, check the permission, or use --into DIR",
+        ) from error
 
 
 def create(run: Path, *names: str) -> TextIO:

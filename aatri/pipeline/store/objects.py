@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from aatri.errors import ArtifactError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import file_sha256
-from aatri.pipeline.store.durable import on_disk, write_json
-from aatri.pipeline.store.inside import VARIANTS
+from aatri.pipeline.store.inside import VARIANTS, on_disk, write_json
 from aatri.pipeline.store.records import ARTIFACT, SCHEMA, read_record, seal
 
 if TYPE_CHECKING:
@@ -119,6 +118,21 @@ def artifact_file(run: Path, record: Mapping[str, Any]) -> Path:
     return inside.file_path(base_of(run), OBJECTS, record["stage"], record["key"], ARTIFACT)
 
 
+def artifact_of(run: Path, record: Mapping[str, Any]) -> Path:
+    """File of the artifact of a record, which should be there.
+
+    Raises
+    ------
+    ArtifactError
+        If it is gone, or there is something else in its place.
+    """
+    try:
+        return artifact_file(run, record)
+    except FileNotFoundError as error:
+        what = "the artifact of the record is gone"
+        raise ArtifactError(what, where=str(error.filename), remedy="aatri run") from error
+
+
 def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
     """The artifact of a record, its file checked against it.
 
@@ -129,12 +143,7 @@ def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
     """
     from aatri.tables import hdf5
 
-    try:
-        path = artifact_file(run, record)
-    except FileNotFoundError as error:
-        raise ArtifactError(
-            "the artifact of the record is gone", where=str(error.filename), remedy="aatri run"
-        ) from error
+    path = artifact_of(run, record)
     if file_sha256(path) != record["output"]["sha256"]:
         raise ArtifactError(
             "altered since it was written: its SHA-256 is not that of its record",

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from aatri.errors import ArtifactError, SpecError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import file_sha256
-from aatri.pipeline.store.durable import on_disk, write_json
-from aatri.pipeline.store.objects import OBJECTS, artifact_file, base_of, commit_object, load_object
+from aatri.pipeline.store.inside import on_disk, write_json
+from aatri.pipeline.store.objects import OBJECTS, artifact_file, artifact_of, base_of, commit_object, load_object
 from aatri.pipeline.store.records import read_failure, read_overview, read_record
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ A = TypeVar("A", bound="Artifact")
 
 KEPT_ATTEMPTS = 3
 _FOLDERS = ("current", "previous", "failed", "running")
+_FILES = (".lock", "run.json", "events.jsonl", "report.html")
+_NAMES = {*_FOLDERS, *_FILES, "objects", "variants", "checkpoints", "accepted"}
 
 
 def begin(run: Path, overview: Mapping[str, Any]) -> None:
@@ -88,20 +90,9 @@ def check_is_run(run: Path) -> None:
     SpecError
         If the folder is neither empty nor one of a run.
     """
-    known = {
-        ".lock",
-        "run.json",
-        "events.jsonl",
-        "report.html",
-        "objects",
-        "variants",
-        "checkpoints",
-        "accepted",
-        *_FOLDERS,
-    }
     if run.exists() and not (run / "run.json").is_file():
         names = {p.name for p in run.iterdir() if not p.name.startswith(".tmp-")} if run.is_dir() else {"a file"}
-        if names <= known and (".lock" in names or names <= {"objects", "variants"}):
+        if names <= _NAMES and (".lock" in names or names <= {"objects", "variants"}):
             return  # empty, or ended before run.json was there
         raise SpecError("exists and is not the folder of a run", where=str(run), remedy="choose another, or empty it")
 
@@ -161,6 +152,20 @@ def current_record(run: Path, stage: str) -> dict[str, Any] | None:
     return _own_record(run, "current", stage)
 
 
+def existing_record(run: Path, stage: str) -> dict[str, Any]:
+    """Record of the current result of a stage, which should be there.
+
+    Raises
+    ------
+    ArtifactError
+        If there is none.
+    """
+    record = current_record(run, stage)
+    if record is None:
+        raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
+    return record
+
+
 def last_record(run: Path, stage: str) -> dict[str, Any] | None:
     """Record of the last result of a stage, current or not; None if there is none that can be read."""
     for folder in ("current", "previous"):
@@ -193,15 +198,7 @@ def artifact_path(run: Path, stage: str) -> Path:
     ArtifactError
         If there is none.
     """
-    record = current_record(run, stage)
-    if record is None:
-        raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
-    try:
-        return artifact_file(run, record)
-    except FileNotFoundError as error:
-        raise ArtifactError(
-            "the artifact of the record is gone", where=str(error.filename), remedy="aatri run"
-        ) from error
+    return artifact_of(run, existing_record(run, stage))
 
 
 def load(run: Path, stage: str, kind: type[A]) -> A:
@@ -212,10 +209,7 @@ def load(run: Path, stage: str, kind: type[A]) -> A:
     ArtifactError
         If there is none, or the file is not the one that was written.
     """
-    record = current_record(run, stage)
-    if record is None:
-        raise ArtifactError(f"stage {stage} has no result", where=str(run), remedy="aatri run")
-    return load_object(run, record, kind)
+    return load_object(run, existing_record(run, stage), kind)
 
 
 def _set_aside(run: Path, stage: str) -> None:

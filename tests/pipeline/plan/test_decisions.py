@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aatri.errors import SpecError
+from aatri.pipeline.methods.code_digest import Code
 from aatri.pipeline.methods.method import Method, MethodPort
 from aatri.pipeline.plan.decisions import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
@@ -69,8 +70,12 @@ def run(nodes: tuple[StageNode, ...], shelf: Shelf, selection: Selection = Selec
         if decision.state is not State.fresh:
             assert decision.key is not None
             made.append(node.name)
-            record = {"stage": node.name, "key": decision.key, "parts": decision.parts,
-                      "output": {"content_digest": content(decision.parts)}}  # fmt: skip
+            record = {
+                "stage": node.name,
+                "key": decision.key,
+                "parts": decision.parts,
+                "output": {"content_digest": content(decision.parts)},
+            }
             shelf.made[node.name, decision.key] = dict(record)
             shelf.broken.pop((node.name, decision.key), None)
         assert record is not None
@@ -87,7 +92,19 @@ def chain(links: Mapping[str, tuple[str, ...]]) -> tuple[StageNode, ...]:
         method = Method("made/up", 1, needs, "Numbers", 1, False, {})
         inputs = {f"from_{source}": source for source in sources}
         options = {"level": 0, "idle": 0, "file": name}
-        nodes.append(StageNode(name, method, inputs, {}, options, options, {"file": name}, "code"))
+        nodes.append(
+            StageNode(
+                method=method,
+                options=options,
+                files={"file": name},
+                uses=None,
+                code=Code("code", {}, {}),
+                name=name,
+                inputs=inputs,
+                unused={},
+                written=options,
+            )
+        )
     return tuple(nodes)
 
 
@@ -124,7 +141,7 @@ def test_the_first_plan_runs_everything_and_the_second_nothing() -> None:
     ("change", "why", "text"),
     [
         ({"options": {"level": 2, "idle": 0, "file": "b"}}, Why.options, "options level: 0 -> 2"),
-        ({"code": "other"}, Why.code, "code: code -> other"),
+        ({"code": Code("other", {}, {})}, Why.code, "code: code -> other"),
         ({"method": replace(DIAMOND[1].method, version=2)}, Why.plugin_version, "version of the method: 1 -> 2"),
         ({"method": replace(DIAMOND[1].method, name="made/down")}, Why.plugin, "method: made/up -> made/down"),
         ({"method": replace(DIAMOND[1].method, schema=3)}, Why.schema, "schema Numbers: 1 -> 3"),
@@ -230,7 +247,7 @@ def check_random_edits(nodes: tuple[StageNode, ...], seed: int) -> None:
             case "file":
                 shelf.contents[name], expected = f"content {step}", below
             case "code":
-                nodes, expected = changed(nodes, name, code=f"code {step}"), below
+                nodes, expected = changed(nodes, name, code=Code(f"code {step}", {}, {})), below
             case _:
                 shelf.broken[name, shelf.latest[name]["key"]] = Integrity.altered
                 expected = {name}
@@ -266,8 +283,16 @@ def test_a_changed_file_of_a_folder_is_named_and_not_its_digest(tmp_path: Path) 
     (tmp_path / "ground_points.csv").write_text("c")
     (tmp_path / "images.csv").unlink()
     (tmp_path / "new.csv").write_text("d")
-    parts: dict[str, Any] = {"key_schema": 2, "plugin": "a/b", "version": 1, "options": {}, "inputs": {}, "code": "x",
-                             "schemas": {}, "seed": None}  # fmt: skip
+    parts: dict[str, Any] = {
+        "key_schema": 2,
+        "plugin": "a/b",
+        "version": 1,
+        "options": {},
+        "inputs": {},
+        "code": "x",
+        "schemas": {},
+        "seed": None,
+    }
     told = [str(r) for r in differences({**parts, "files": before}, {**parts, "files": digests()})]
     assert told == ["ground_points.csv changed", "images.csv is gone", "new.csv is new"]
     assert str(Reason(Why.input, "image_points", "0123", "4567")) == "input image_points changed"
@@ -291,10 +316,10 @@ def test_a_link_to_nothing_and_a_pipe_in_a_folder_are_changes_and_not_opened(tmp
 
 def test_a_change_of_code_names_the_modules() -> None:
     shelf = Shelf()
-    nodes = changed(DIAMOND, "b", modules={"aatri.ids": "1", "aatri.units": "2"})
+    nodes = changed(DIAMOND, "b", code=Code("code", {}, {"aatri.ids": "1", "aatri.units": "2"}))
     run(nodes, shelf)
-    edited = changed(nodes, "b", code="other", modules={"aatri.ids": "1", "aatri.units": "3"})
+    edited = changed(nodes, "b", code=Code("other", {}, {"aatri.ids": "1", "aatri.units": "3"}))
     assert [str(r) for r in plan(edited, shelf, 1).of("b").reasons] == ["code of aatri.units changed"]
-    many = changed(nodes, "b", code="other", modules={f"aatri.m{k}": "1" for k in range(5)})
+    many = changed(nodes, "b", code=Code("other", {}, {f"aatri.m{k}": "1" for k in range(5)}))
     (reason,) = plan(many, shelf, 1).of("b").reasons
     assert str(reason) == "code of aatri.ids, aatri.m0, aatri.m1 and 4 more modules changed"
