@@ -24,7 +24,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import levelling, log_rotation, skew
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.ids import shown
@@ -40,6 +40,8 @@ from aatri.orientation.bodies.datum_analysis import (
     given_places,
 )
 from aatri.orientation.bodies.datum_start import Observe, closed_start, scaled, searched_start, two_point_start
+from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.exchanged_control import exchanged_by_all
 from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
 from aatri.orientation.bodies.mirrored_control import exchanged_of, refuse_mirrored
 
@@ -172,17 +174,44 @@ def _start(
         return scaled(observed, use, body, level)
     if not any(not o.components for o in observed):
         raise GeometryError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
-    places = given_places(observed, state_of(observed, body, level))
-    use[places.row[exchanged_of(places.take(use[places.row]))]] = False
-    places = places.take(use[places.row])
-    x = places.xyz @ level.rotation
-    closed = None if rules.two_points else closed_start(places, x)
-    if closed is not None:
-        return closed
-    _analysed(observed, use, body, scaled(observed, use, body, level), rules, what)
-    if rules.two_points:
-        return two_point_start(places, x, body, what)
-    return searched_start(observe, body, use)
+    all_places = given_places(observed, state_of(observed, body, level))
+    exchanged = all_places.row[exchanged_of(all_places.take(use[all_places.row]))]
+    use[exchanged] = False
+
+    def begin() -> Similarity:
+        places = all_places.take(use[all_places.row])
+        x = places.xyz @ level.rotation
+        closed = None if rules.two_points else closed_start(places, x)
+        if closed is not None:
+            return closed
+        _analysed(observed, use, body, scaled(observed, use, body, level), rules, what)
+        return two_point_start(places, x, body, what) if rules.two_points else searched_start(observe, body, use)[0]
+
+    try:
+        start, failure = begin(), None
+    except ConvergenceError as error:
+        start, failure = level, error
+    places = all_places.take(use[all_places.row])
+    if not len(exchanged) and (failure is not None or not _fits(places, places.xyz @ level.rotation, body, start)):
+        exchanged = exchanged_by_all(observed, observe, body, use, level)
+        use[exchanged] = False
+        if not len(exchanged) and failure is None:
+            return start
+        try:
+            return begin()
+        except GeometryError as error:
+            names = " and ".join(all_places.name[np.isin(all_places.row, exchanged)].tolist())
+            text = f"{error.what}; {names} fit with each other's number"
+            raise GeometryError(text, remedy="exchange the two numbers in the control, or " + error.remedy) from error
+    return start
+
+
+def _fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:
+    """Whether places lie where they are given, as near as those of right ids do; `x` are they in the body."""
+    off = np.where(places.given, transform(start, x) - places.observed_m, 0.0)
+    centre, points = np.mean(body.poses.position_m[body.has[POSE]], axis=0), body.xyz[body.has[POINT]]
+    distance = start.scale * float(np.median(np.linalg.norm(points - centre, axis=1)))
+    return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * distance
 
 
 def _adjusted(problem: TiedProblem, began: Bool, rules: OrientationRules) -> TiedResult:

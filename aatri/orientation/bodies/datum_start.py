@@ -76,8 +76,16 @@ def closed_start(places: GivenPlaces, x: Float) -> Similarity | None:
     return robust_closed_form(x[full], places.observed_m[full])[0]
 
 
-def searched_start(observe: Observe, body: FreeBody, use: Bool) -> Similarity:
-    """Ground from body, by all observations together.
+def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity) -> float:
+    """The cost of all observations together, half their sum of squares; infinite where a body does not come to fit."""
+    try:
+        return _adjusted(observe, body, use, start)[1]
+    except (ConvergenceError, GeometryError):
+        return float("inf")
+
+
+def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similarity, float]:
+    """Ground from body, by all observations together, and their cost.
 
     Parameters
     ----------
@@ -93,7 +101,7 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> Similarity:
     ConvergenceError
     """
     failure: GeometryError | ConvergenceError | None = None
-    ends: list[tuple[bool, float, Similarity]] = []
+    ends = list[tuple[bool, float, Similarity]]()
     for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
         rotation = exp_rotation(np.array([0.0, 0.0, turn])) @ levelling(body.up)
         try:
@@ -105,7 +113,8 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> Similarity:
         ends.append((upwards, cost, found))
     if not ends:
         raise failure or GeometryError("nothing is observed of it", remedy="give control or observed positions")
-    return min(ends, key=lambda end: end[:2])[2]
+    _, cost, found = min(ends, key=lambda end: end[:2])
+    return found, cost
 
 
 def _adjusted(observe: Observe, body: FreeBody, use: Bool, start: Similarity) -> tuple[Similarity, float]:

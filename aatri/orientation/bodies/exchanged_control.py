@@ -4,21 +4,39 @@ A similarity of all that is known in full, control and positions, is fitted as g
 exchanged. Two are exchanged if that leaves less than `EXPLAINED` of the sum of distances, and no other two leave less
 than `ALONE` times as much. They do not take part in the start, which they would spoil, and are held against the
 orientation by the others.
+
+Where few points are known in full the others, distances, attitudes, positions that drift ... tell too
+(`exchanged_by_all`): all that is observed is adjusted as given, and with each two control points exchanged, and sums of
+squares are compared likewise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from aatri.arrays import Bool, Float
-from aatri.geometry.similarity import closed_form, transform
+from aatri.adjusting.added_variance import observed_components
+from aatri.arrays import Bool, Float, Int
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.similarity import Similarity, closed_form, transform
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
+from aatri.orientation.bodies.datum_analysis import given_places
+from aatri.orientation.bodies.datum_start import Observe, closed_start, fitted, searched_start
+from aatri.orientation.bodies.free_body import FreeBody, state_of
 
 EXPLAINED, ALONE = 0.1, 2.0
 
 FEWEST, MOST = 5, 40
 """Points without which two cannot be told, three must be left; more than the latter are no matter of two numbers."""
+
+MOST_BY_ALL, MOST_SEARCHED, SPARE = 12, 4, 4
+"""Control points of which each two are tried by all observations, and where all headings are tried for each two; the
+least redundancy, as two of three points alone would be exchanged by chance."""
 
 BESIDE = 40
 """Positions that are fitted beside the control: so many, evenly taken, show which two are exchanged."""
@@ -58,3 +76,51 @@ def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: 
     if left[0][0] < EXPLAINED * misfit(as_given) and second > ALONE * left[0][0]:
         exchanged[list(left[0][1:])] = True
     return exchanged
+
+
+def exchanged_by_all(
+    observed: Sequence[Observed], observe: Observe, body: FreeBody, use: Bool, level: Similarity
+) -> Int:
+    """Two control points with each other's number, by all that is observed: their rows, kind by kind, or none.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+    observe : callable
+    body : FreeBody
+    use : (n,) bool
+        Observations that count, kind by kind.
+    level : Similarity
+        The levelled body.
+    """
+    none: Int = np.zeros(0, dtype=np.int64)
+    rows = np.concatenate([none, *(np.full(len(o), o.kind == CONTROL) for o in observed)]).astype(bool)
+    control = np.flatnonzero(rows & use)
+    touched = [dict(o.records.touches).get(POINT, np.full(len(o), -1)) for o in observed]
+    point = np.concatenate([none, *touched])
+    components = np.concatenate([none, *(observed_components(o).sum(axis=1) for o in observed)])
+    own = sum(int(u.free.sum()) for o in observed for u in o.unknowns)
+    if not 2 <= len(control) <= MOST_BY_ALL or components[use].sum() - own < 7 + SPARE:
+        return none
+
+    def cost(of: FreeBody, use: Bool) -> float:
+        places = given_places(observed, state_of(observed, of, level))
+        places = places.take(use[places.row])
+        start = closed_start(places, places.xyz @ level.rotation)
+        if start is not None:
+            return fitted(observe, of, use, start)
+        try:
+            return searched_start(observe, of, use)[1] if len(control) <= MOST_SEARCHED else float("inf")
+        except (ConvergenceError, GeometryError):
+            return float("inf")
+
+    left = list[tuple[float, int, int]]()
+    for a, b in combinations(control.tolist(), 2):
+        order = np.arange(len(body.xyz))
+        order[[point[a], point[b]]] = point[[b, a]]
+        of = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
+        left.append((cost(of, use & ~(np.isin(point, point[[a, b]]) & ~rows)), a, b))
+    left.sort()
+    (best, a, b), second = left[0], left[1][0] if len(left) > 1 else np.inf
+    as_given = cost(body, use & ~(np.isin(point, point[[a, b]]) & ~rows))
+    return np.array([a, b]) if best < EXPLAINED * as_given and second > ALONE**2 * best else none
