@@ -21,8 +21,9 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.codes import APPROXIMATE, CHECK, CONTROL
-from aatri.formats.conventions.lens import PIXEL_MM, Lens
+from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
+from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.text.text_line import places

@@ -13,6 +13,7 @@ from aatri.formats.micmac.declaration import MICMAC
 from aatri.formats.navigation.declaration import MRK
 from aatri.formats.nvm.declaration import BUNDLER, NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
+from aatri.formats.opf.declaration import OPF
 from aatri.formats.parts.format import Format
 from aatri.formats.patb.declaration import PATB
 from aatri.formats.pix4d.declaration import PIX4D
@@ -25,6 +26,7 @@ FORMATS: tuple[Format, ...] = (
     RECONSTRUCTION,
     TRACKS,
     GROUND_CONTROL,
+    OPF,
     GAMA,
     MICMAC,
     MRK,

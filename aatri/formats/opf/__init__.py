@@ -1,0 +1,1 @@
+"""OPF, Pix4D's open photogrammetry format."""

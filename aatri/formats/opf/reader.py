@@ -1,0 +1,291 @@
+"""OPF: cameras, calibrated or as given, their positions and orientations, control, marks, and the tracks.
+
+The principal point and marks count from the upper left corner, y down; R1 R2 R3 T1 T2 are OpenCV's k1 k2 k3 p1 p2 (as
+Pix4D's). orientation_deg is omega, phi, kappa of R = Rx Ry Rz, image (x right, y up) to processing system. Positions of
+captures are observed, with their standard deviations; where there are none, calibrated ones are start values. A
+camera is called as its URI; the accuracy of a mark is taken as a standard deviation in pixels.
+
+Source: the specification, github.com/Pix4D/opf-spec, versions 1.x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import APPROXIMATE_VALUE, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES
+from aatri.formats.opf.project import OpfProject, SceneFrame, frame_of
+from aatri.formats.opf.tracks import read_tracks
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.one_frame import in_frame
+from aatri.formats.text.json_text import JsonText, Key
+from aatri.frames.conversion import Frame
+from aatri.geometry.rotations import rotation_from_angles
+from aatri.progress import SILENT, Reporter
+
+EXPORT = "export the project again"
+Projected = dict[int | str, tuple[Float, Float]]
+"""Places of captures and control in the frame of the scene with their covariances, by their ids."""
+
+
+class Located(NamedTuple):
+    """A place in a frame of its own: X Y Z, standard deviations in m; `key` is what the project calls it."""
+
+    name: str
+    key: int | str
+    frame: Frame
+    xyz: list[float]
+    sigma_m: list[float]
+
+
+def read_opf(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+    """Read a project.
+
+    Raises
+    ------
+    InputError
+        If a document is not of the specification, or names a camera, sensor or file that is not there.
+    """
+    project = OpfProject(path)
+    name_of = _camera_list(project)
+    scene = project.scene()
+    sensor_of, lenses, positions = _input_cameras(project, name_of)
+    calibrated = project.open("calibrated-cameras")
+    if calibrated is not None:
+        lenses |= _sensors(calibrated, {key: lens.size_px for key, lens in lenses.items()}, lenses)
+    used = [lenses[key] for key in dict.fromkeys(sensor_of.values())]
+    parts = BlockParts(
+        "opf",
+        project.files,
+        name=project.name,
+        frame=scene.frame,
+        notes=project.notes,
+        pixel_axes=PIXEL_AXES["opf"],
+        **camera_parts(used, reporter, allowed_px=allowed_px),
+        images={"id": [name_of[key] for key in sensor_of], "camera": [lenses[key].id for key in sensor_of.values()]},
+    )
+    projected = _projected(project, scene)
+    places = _placed(project, positions, projected, scene, reporter)
+    parts.exterior = _exterior(calibrated, places, scene, name_of)
+    marks = _control(project, parts, name_of, projected, scene, reporter)
+    if "sparse" in project.resources:
+        marks += read_tracks(project.resources["sparse"], name_of, project.files)
+    if marks:
+        columns = zip(*marks)
+        parts.image_points = dict(zip(("image", "point", "xy", "sigma_px", "file", "line"), map(list, columns)))
+    return parts
+
+
+def _camera_list(project: OpfProject) -> dict[int, str]:
+    document = project.open("camera-list")
+    if document is None:
+        raise InputError("no item camera_list", where=f"{project.path}:1", remedy=EXPORT)
+    name_of: dict[int, str] = {}
+    for k, _ in enumerate(document.get(list, "cameras")):
+        key, uri = document.get(int, "cameras", k, "id"), document.get(str, "cameras", k, "uri")
+        if name_of.setdefault(key, uri) != uri:
+            raise document.fault(("cameras", k), f"camera {key} is {uri} and {name_of[key]}", EXPORT)
+    if len({*name_of.values()}) < len(name_of):
+        uris = list(name_of.values())
+        twice = next(uri for k, uri in enumerate(uris) if uri in uris[:k])
+        raise document.fault(("cameras",), f"{twice} is of two cameras", "give each image an id of its own")
+    return name_of
+
+
+def _named(document: JsonText, keys: tuple[Key, ...], name_of: dict[int, str]) -> str:
+    """The image of a camera id."""
+    key = document.get(int, *keys)
+    if key not in name_of:
+        raise document.fault(keys, f"camera {key} is not in the list of cameras", EXPORT)
+    return name_of[key]
+
+
+def _input_cameras(
+    project: OpfProject, name_of: dict[int, str]
+) -> tuple[dict[int, int], dict[int, Lens], list[Located]]:
+    """The sensor of each camera, the sensors as given, and the positions of captures."""
+    document = project.open("input-cameras")
+    if document is None:
+        raise InputError("no item input_cameras, which has the sensors", where=f"{project.path}:1", remedy=EXPORT)
+    sizes: dict[int, tuple[float, float]] = {}
+    for k, _ in enumerate(document.get(list, "sensors")):
+        width, height = document.numbers("sensors", k, "image_size_px", count=2)
+        sizes[document.get(int, "sensors", k, "id")] = (width, height)
+    sensor_of: dict[int, int] = {}
+    positions = []
+    for i, capture in enumerate(document.get(list, "captures")):
+        for j, _ in enumerate(document.get(list, "captures", i, "cameras")):
+            keys: tuple[Key, ...] = ("captures", i, "cameras", j)
+            key, sensor = document.get(int, *keys, "id"), document.get(int, *keys, "sensor_id")
+            _named(document, (*keys, "id"), name_of)
+            if sensor not in sizes:
+                raise document.fault(keys, f"sensor {sensor} is not there", EXPORT)
+            if sensor_of.setdefault(key, sensor) != sensor or key in list(sensor_of)[:-1]:
+                raise document.fault(keys, f"camera {key} twice among the captures", "remove one")
+        if "geolocation" in capture:
+            name = _named(document, ("captures", i, "reference_camera_id"), name_of)
+            key = document.get(int, "captures", i, "id")
+            positions.append(_located(document, ("captures", i, "geolocation"), name, key))
+    return sensor_of, _sensors(document, sizes, {}, {*sensor_of.values()}), positions
+
+
+def _sensors(
+    document: JsonText, sizes: dict[int, tuple[float, float]], before: dict[int, Lens], used: Any = None
+) -> dict[int, Lens]:
+    """The perspective sensors of a document; another that a camera is of is refused."""
+    lenses: dict[int, Lens] = {}
+    for k, _ in enumerate(document.get(list, "sensors")):
+        keys: tuple[Key, ...] = ("sensors", k, "internals")
+        key = document.get(int, "sensors", k, "id")
+        if key not in (before or used):
+            continue
+        if (kind := document.get(str, *keys, "type")) != "perspective":
+            what = f"sensor {key} is of the type {kind!r}, which has no like here"
+            raise document.fault((*keys, "type"), what, "perspective ones are read")
+        if key in lenses:
+            raise document.fault(("sensors", k), f"sensor {key} twice", "remove one")
+        f, (x, y) = (
+            document.get(float, *keys, "focal_length_px"),
+            document.numbers(*keys, "principal_point_px", count=2),
+        )
+        radial = document.numbers(*keys, "radial_distortion", count=3)
+        values = [*radial, *document.numbers(*keys, "tangential_distortion", count=2)]
+        width, height = sizes[key]
+        name = before[key].id if before else f"{document.get(str, 'sensors', k, 'name', default='sensor')} {key}"
+        where = document.where(*keys)
+        parameters = dict(zip(("R1", "R2", "R3", "T1", "T2"), values))
+        lenses[key] = Lens(
+            name, "opf", (width, height), (f, f), (x - width / 2, y - height / 2), parameters, where=where
+        )
+    return lenses
+
+
+def _located(document: JsonText, keys: tuple[Key, ...], name: str, key: int | str) -> Located:
+    frame, undulation_m = frame_of(document, (*keys, "crs"))
+    xyz, sigma = document.numbers(*keys, "coordinates", count=3), document.numbers(*keys, "sigmas", count=3)
+    if min(sigma) < 0:
+        raise document.fault((*keys, "sigmas"), f"standard deviations {sigma} of {name}", "they are positive, in m")
+    return Located(name, key, frame, [*xyz[:2], xyz[2] + undulation_m], sigma)
+
+
+def _placed(
+    project: OpfProject, stated: Sequence[Located], projected: Projected, scene: SceneFrame, reporter: Reporter
+) -> dict[str, tuple[Float, Float]]:
+    """Places in the frame of the scene with their covariances, m: as the project has projected them, else converted."""
+    placed = {place.name: projected[place.key] for place in stated if place.key in projected}
+    open_ = [place for place in stated if place.key not in projected]
+    for frame in dict.fromkeys(place.frame for place in open_):
+        own = [place for place in open_ if place.frame == frame]
+        rows = {"point": [p.name for p in own], "xyz_m": [p.xyz for p in own], "sigma_m": [p.sigma_m for p in own]}
+        parts = in_frame(BlockParts("opf", project.files, frame=frame, ground_points=rows), scene.frame, reporter)
+        xyz = np.asarray(parts.ground_points["xyz_m"])
+        covariance = parts.ground_points.get("covariance_m2")
+        if covariance is None:
+            covariance = np.array([np.diag(np.square(p.sigma_m)) for p in own])
+        placed |= {p.name: (xyz[k], covariance[k]) for k, p in enumerate(own)}
+    return placed
+
+
+def _projected(project: OpfProject, scene: SceneFrame) -> Projected:
+    """Captures and control in the processing system, by their ids, in the frame of the scene."""
+    found: Projected = {}
+    for resource, table, inner, column, kind in (
+        ("projected-input-cameras", "captures", ("geolocation",), "position", int),
+        ("projected-control-points", "projected_gcps", (), "coordinates", str),
+    ):
+        document = project.open(resource)
+        for k, row in enumerate(document.get(list, table) if document is not None else ()):
+            assert document is not None
+            if all(key in row for key in inner):
+                xyz, sigma = (document.numbers(table, k, *inner, c, count=3) for c in (column, "sigmas"))
+                key = document.get(kind, table, k, "id")
+                found[key] = (np.array(xyz) - scene.shift_m, np.diag(np.square(sigma)))
+    return found
+
+
+def _exterior(
+    calibrated: JsonText | None,
+    observed: dict[str, tuple[Float, Float]],
+    scene: SceneFrame,
+    name_of: dict[int, str],
+) -> dict[str, Any]:
+    """Observed positions, calibrated ones where there are none, and calibrated rotations."""
+    stated: dict[str, tuple[list[float], list[float]]] = {}
+    if calibrated is not None:
+        for k, _ in enumerate(calibrated.get(list, "cameras")):
+            name = _named(calibrated, ("cameras", k, "id"), name_of)
+            if name in stated:
+                raise calibrated.fault(("cameras", k), f"the camera of {name} twice", "remove one")
+            of_camera = [calibrated.numbers("cameras", k, key, count=3) for key in ("position", "orientation_deg")]
+            stated[name] = (of_camera[0], of_camera[1])
+    names = list(dict.fromkeys([*stated, *observed]))
+    if not names:
+        return {}
+    nowhere = [np.nan] * 3
+    start = np.array([stated[n][0] if n in stated else nowhere for n in names]) - scene.shift_m
+    angles = np.radians([stated[n][1] if n in stated else nowhere for n in names])
+    position = np.array([observed[n][0] if n in observed else start[k] for k, n in enumerate(names)])
+    unknown = np.full((3, 3), np.nan)
+    return {
+        "image": names,
+        "position_m": position,
+        "position_covariance_m2": np.array([observed[n][1] if n in observed else unknown for n in names]),
+        "position_use": [OBSERVED_VALUE if n in observed else APPROXIMATE_VALUE for n in names],
+        "ground_from_image": rotation_from_angles(angles),
+    }
+
+
+def _control(
+    project: OpfProject,
+    parts: BlockParts,
+    name_of: dict[int, str],
+    projected: Projected,
+    scene: SceneFrame,
+    reporter: Reporter,
+) -> list[tuple[Any, ...]]:
+    """Control and check points to the parts; the marks of these and of tie points."""
+    document = project.open("input-control-points")
+    if document is None:
+        return []
+    file, located, marks = project.files.index(document.path), list[Located](), list[tuple[Any, ...]]()
+    roles, lines, first = list[int](), list[int](), dict[str, int]()
+    for table in ("gcps", "mtps"):
+        for k, line in enumerate(document.lines(table).values()):
+            keys: tuple[Key, ...] = (table, k)
+            point = document.get(str, *keys, "id")
+            if first.setdefault(point, line) != line:
+                raise document.fault(keys, f"point {point} twice, first in line {first[point]}", "remove one")
+            if table == "gcps":
+                located.append(_located(document, (*keys, "geolocation"), point, point))
+                is_check = document.get(dict, *keys).get("is_checkpoint")
+                if not isinstance(is_check, bool):
+                    raise document.fault(keys, f"point {point} does not say whether it is_checkpoint", EXPORT)
+                roles.append(CHECK if is_check else CONTROL)
+                lines.append(line)
+            for j, _ in enumerate(document.get(list, *keys, "marks")):
+                at: tuple[Key, ...] = (*keys, "marks", j)
+                accuracy = document.get(float, *at, "accuracy")
+                if accuracy <= 0:
+                    raise document.fault(at, f"accuracy {accuracy:g} of a mark", "it is positive")
+                xy = document.numbers(*at, "position_px", count=2)
+                image = _named(document, (*at, "camera_id"), name_of)
+                marks.append((image, point, xy, [accuracy] * 2, file, line))
+    if located:
+        placed = _placed(project, located, projected, scene, reporter)
+        parts.ground_points = {
+            "point": [p.name for p in located],
+            "xyz_m": np.array([placed[p.name][0] for p in located]),
+            "covariance_m2": np.array([placed[p.name][1] for p in located]),
+            "role": np.repeat(np.array(roles)[:, None], 3, axis=1),
+            "file": file,
+            "line": lines,
+        }
+    return marks
