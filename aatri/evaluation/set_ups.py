@@ -20,6 +20,7 @@ from aatri.artifacts.evaluation import ModelSetUps, PassPoints
 from aatri.evaluation.ray_pairs import ModelRays, model_axes
 from aatri.evaluation.single_models import intersected
 from aatri.geometry.rotations import angles_from_rotation
+from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
 
 
@@ -35,7 +36,7 @@ def set_ups(block: Block, poses: Poses, rays: ModelRays, xyz_m: Float) -> tuple[
         Adjusted coordinates in the same frame.
     """
     axes = model_axes(poses, rays)
-    kept = np.isfinite(axes).all(axis=(1, 2))
+    kept = finite_rows(axes.reshape(len(axes), 9))
     number = np.cumsum(kept) - 1
     rows = np.flatnonzero(kept[rays.model])
     of, model = rays.model[rows], number[rays.model[rows]]

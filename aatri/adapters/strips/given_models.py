@@ -7,8 +7,6 @@ similarity, and from there all models are adjusted together. One model is an abs
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from aatri.adapters.strips import oriented_strips as pieces
@@ -99,7 +97,7 @@ def _start(
         what = strip_names(component, names.tolist(), "model")
         body = _body(component, len(block.points))
 
-        def seen(_: Similarity, body: FreeBody = body) -> Sequence[Observed]:
+        def seen(_: Similarity, body: FreeBody = body) -> tuple[Observed, ...]:
             return concerning(observed_control(control, origin, block.points.id[control.point]), body)
 
         try:
@@ -163,4 +161,4 @@ def _sigmas(to: Similarity, centre: Float, covariance: Float) -> Float:
     J[6, 6] = to.scale
     C = J @ covariance @ J.T
     angles = angle_covariance(to.rotation[None], C[None, 3:6, 3:6], "omega-phi-kappa")[0]
-    return np.sqrt(np.concatenate([np.diagonal(C)[:3], C[6:, 6], np.diagonal(angles)]))
+    return np.asarray(np.sqrt(np.concatenate([np.diagonal(C)[:3], C[6:, 6], np.diagonal(angles)])))
