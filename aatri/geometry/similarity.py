@@ -135,6 +135,52 @@ def closed_form(x: Float, X: Float, weight: Float | None = None) -> Similarity:
     return Similarity(X0 - scale * rotation @ x0, scale, rotation)
 
 
+def centroid_normals(a: Float, weight: Float) -> Float:
+    """Normal matrix of shift, rotation and scale for arms reduced to their centroid, (7, 7): it falls apart.
+
+        N = diag( W I,  sum w (|a|^2 I - a a'),  sum w |a|^2 ),      a = s R (x - x0),   W = sum w
+
+    as sum w a = 0 parts the shift from the rest, and a' (a x d) = 0 the scale from the rotation.
+    """
+    squares = float((weight * (a**2).sum(axis=1)).sum())
+    N = np.zeros((UNKNOWNS, UNKNOWNS))
+    N[:3, :3] = weight.sum() * np.eye(3)
+    N[3:6, 3:6] = squares * np.eye(3) - (weight[:, None] * a).T @ a
+    N[6, 6] = squares
+    return N
+
+
+def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None = None, most: int = 50) -> Similarity:
+    """Least-squares similarity by the block-diagonal normal equations of centroid-reduced coordinates, iterated.
+
+    Of equal weights in all three coordinates of a point; the shift is found at once, rotation and scale by 3 + 1
+    unknowns an iteration.
+
+    Parameters
+    ----------
+    x, X : (n, 3) float64
+        Source and target; at least three points that are not on a line.
+    start : Similarity
+        Rotation and scale to begin with.
+    weight : (n,) float64, optional
+    most : int
+        Iterations.
+    """
+    w = np.ones(len(x)) if weight is None else weight
+    x0, X0 = w @ x / w.sum(), w @ X / w.sum()
+    now = Similarity(np.zeros(3), start.scale, start.rotation)
+    for _ in range(most):
+        a = transform(now, x - x0)
+        v = X - X0 - a
+        N = centroid_normals(a, w)
+        turn = np.linalg.solve(N[3:6, 3:6], (w[:, None] * np.cross(a, v)).sum(axis=0))
+        grown = float((w * (a * v).sum(axis=1)).sum() / N[6, 6])
+        now = updated(now, np.concatenate([np.zeros(3), turn, [grown]]))
+        if max(float(np.abs(turn).max()), abs(grown)) < 1e-15:
+            break
+    return Similarity(X0 - now.scale * now.rotation @ x0, now.scale, now.rotation)
+
+
 def robust_closed_form(
     x: Float, X: Float, weight: Float | None = None, iterations: int = 50
 ) -> tuple[Similarity, Float]:

@@ -69,3 +69,9 @@ def two_point_frame(xyz_tp: Float, north_east_height_m: Float) -> TwoPointFrame:
         raise GeometryError("two points of the same place make no frame", remedy="take two points far apart")
     a, b = float((dX * dE + dY * dN) / square), float((dX * dN - dY * dE) / square)
     return TwoPointFrame(a, b, np.asarray(north_east_height_m[0]), np.asarray(xyz_tp[0]))
+
+
+def farthest_apart(xy: Float) -> list[int]:
+    """Two of some places (n, 2), about the farthest apart: one farthest from the middle, one farthest from that."""
+    first = int(np.argmax(np.linalg.norm(xy - xy.mean(axis=0), axis=1)))
+    return [first, int(np.argmax(np.linalg.norm(xy - xy[first], axis=1)))]

@@ -10,6 +10,12 @@ What control leaves open is named. Control that no strip holds, as two images of
 from its rays in the component. A strip that fits neither control nor the others is taken by itself, or left out by
 name; where `max_sigma0` is given it is an error instead.
 
+`start: centroids` shows the classical solution: with a = s R (x - x0) reduced to the centroid the normal matrix
+
+    N = diag( W I,  sum w (|a|^2 I - a a'),  sum w |a|^2 )       of shift (3), rotation (3) and scale (1)
+
+falls apart, as sum w a = 0; each part is solved by itself, and the result is that of all seven together.
+
 sigma0 is the ratio to the a priori standard deviations of strip points and control: how much more the strips are
 deformed than the precision of their points explains. The deformation itself, in metres, is the parameter tau_m; with it
 in the standard deviations sigma0 is tested (orientation.bodies.deformation).
@@ -17,12 +23,14 @@ in the standard deviations sigma0 is tested (orientation.bodies.deformation).
 Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with independent models.
 """
 
+from dataclasses import replace
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.absolute_orientation import Joining, StripsOfBlock, absolute_solution, orient_strips
 from aatri.adapters.ground.ground_observed import USES, ground_observed
-from aatri.adapters.solution import check_same_block
+from aatri.adapters.ground.tp_frame import tp_rows
+from aatri.adapters.solution import check_same_block, stacked
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.offers import datum_needed
@@ -33,6 +41,7 @@ from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
 from aatri.observations.image_points import rays_of
+from aatri.orientation.bodies.absolute import Start
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -43,10 +52,11 @@ class SimilarityOptions(Options):
         "largest",
         description="largest: orient what can be, list the rest; all: an error if a component cannot be oriented",
     )
-    start: Literal["closed", "two_points"] = Field(
+    start: Start = Field(
         "closed",
         description="closed: of all full control; two_points: levelled, and turned to the two control points farthest "
-        "apart, the frame tp of the lecture notes; the adjustment that follows is the same",
+        "apart, the frame tp of the lecture notes; centroids: from there by all full control, reduced to the centroid; "
+        "the adjustment that follows is the same",
     )
     tie_limit: float = Field(6.0, gt=0, description="test statistic of a wrong tie between strips, in sigma")
     control_limit: float = Field(5.0, gt=0, description="test statistic of wrong control, in sigma")
@@ -84,7 +94,7 @@ def similarity(
         Joining(
             options.tie_limit,
             options.control_limit,
-            two_points=options.start == "two_points",
+            start=options.start,
             every_component=options.components == "all",
         ),
         max_sigma0=options.max_sigma0,
@@ -94,6 +104,9 @@ def similarity(
     findings = findings_of(inside.block, solution, "absolute_orientation")
     findings += control_left_behind(block, solution, strips.suspects)
     solution = inside.back(solution)
+    if options.start != "closed" and oriented.parts:
+        rows = [solution.transformations, tp_rows(block, strips, oriented.parts[0])]
+        solution = replace(solution, transformations=stacked(rows))
     images = solution.images
     findings += unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
     report([*oriented.notes, *left_out, *findings], context)

@@ -80,7 +80,7 @@ def test_both_tables_are_written_and_read_back(chain: Chain, tmp_path: Path) -> 
         rows = list(csv.DictReader(file))
     assert result.pass_points is not None
     assert len(rows) == len(result.pass_points)
-    assert float(rows[0]["model_m_3"]) == result.pass_points.model_m[0, 2]
+    assert float(rows[0]["model_z_m"]) == result.pass_points.model_m[0, 2]
     assert {row["role"] for row in rows} == {"control", "check", "new"}
 
 

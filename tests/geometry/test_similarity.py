@@ -10,8 +10,10 @@ from scipy.linalg import expm
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation, skew
 from aatri.geometry.similarity import (
     Similarity,
+    centroid_normals,
     closed_form,
     compose,
+    from_centroids,
     inverse,
     jacobian,
     robust_closed_form,
@@ -135,3 +137,28 @@ def test_three_real_points_and_their_check_points(examples) -> None:
     check, ground = _both(example, "check_model", "check_object")
     expected = np.array(list(answer["check_diff_obj_minus_calc"].values()))
     np.testing.assert_allclose(ground - transform(found, check), expected, atol=2.5e-3)
+
+
+def test_centroid_reduced_normal_equations_fall_apart_and_give_the_general_solution() -> None:
+    """A502: of weighted points with errors, far from the origin, against dense least squares of all seven unknowns."""
+    rng = np.random.default_rng(12)
+    x, weight = rng.normal(size=(9, 3)) * [3.0, 2.0, 0.5] + 5.0, rng.uniform(0.5, 2.0, 9)
+    true = Similarity(np.array([4.5e3, -4.4e2, 100.0]), 120.0, exp_rotation(np.array([0.2, -0.1, 2.5])))
+    X = transform(true, x) + rng.normal(size=x.shape)
+    found = from_centroids(x, X, Similarity(np.zeros(3), 100.0, exp_rotation(np.array([0.0, 0.0, 2.0]))), weight)
+    closed = closed_form(x, X, weight)
+    assert found.scale == pytest.approx(closed.scale, rel=1e-12)
+    np.testing.assert_allclose(found.rotation, closed.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.translation, closed.translation, rtol=1e-12)
+    J = (np.sqrt(weight)[:, None, None] * jacobian(found, x)).reshape(-1, 7)
+    v = (np.sqrt(weight)[:, None] * (X - transform(found, x))).ravel()
+    step = np.linalg.lstsq(J, v, rcond=None)[0]  # the general equations have nothing left to do
+    assert np.abs(step[3:]).max() < 1e-12
+    # about the centroid, the general normal matrix is the block-diagonal one
+    centred = Similarity(np.zeros(3), found.scale, found.rotation)
+    x0 = weight @ x / weight.sum()
+    J = (np.sqrt(weight)[:, None, None] * jacobian(centred, x - x0)).reshape(-1, 7)
+    N = centroid_normals(transform(centred, x - x0), weight)
+    np.testing.assert_allclose(J.T @ J, N, atol=1e-12 * N.max())
+    assert not N[:3, 3:].any()
+    assert not N[6, 3:6].any()

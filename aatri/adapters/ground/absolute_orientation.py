@@ -28,7 +28,7 @@ from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_points import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.absolute import OrientationRules
+from aatri.orientation.bodies.absolute import OrientationRules, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.deformation import search_notes
 
@@ -59,8 +59,8 @@ class Joining:
     ----------
     tie_limit, control_limit : float
         Test statistics of wrong ties, and of what is wrong on the ground.
-    two_points : bool
-        Each component starts from two control points.
+    start : str
+        How each component starts; see `OrientationRules`.
     every_component : bool
         A component without a datum is an error; else it is left out with a warning.
     apart : tuple of int
@@ -71,7 +71,7 @@ class Joining:
 
     tie_limit: float
     control_limit: float
-    two_points: bool
+    start: Start
     every_component: bool
     apart: tuple[int, ...] = ()
     aside: tuple[int, ...] = ()
@@ -187,7 +187,7 @@ def _joined_and_oriented(
     """
     strips = of.strips
     names = strips.strips.id.tolist()
-    rules = OrientationRules(joining.control_limit, joining.two_points)
+    rules = OrientationRules(joining.control_limit, start=joining.start)
     free = join_strips(
         pieces.strip_points_of(strips),
         names,

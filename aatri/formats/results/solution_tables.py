@@ -25,9 +25,17 @@ import numpy.typing as npt
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.evaluation import Evaluation
-from aatri.artifacts.solution import ParameterCovariances, Parameters, Residuals, Solution, Tests, VarianceComponents
+from aatri.artifacts.solution import (
+    ParameterCovariances,
+    Parameters,
+    Residuals,
+    Solution,
+    Tests,
+    VarianceComponents,
+)
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
+from aatri.formats.results.frame_tp import frame_tp
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
@@ -88,6 +96,14 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
         }  # fmt: skip
     if len(solution.suspects):
         tables["suspects.csv"] = _suspects(solution.suspects)
+    if len(solution.transformations):
+        tables["transformations.csv"] = plain_columns(solution.transformations)
+    tp = frame_tp(solution.transformations)
+    if tp is not None:
+        tables["points_tp.csv"] = {
+            "point": solution.points.id,
+            **_split(("X_tp", "Y_tp", "Z_tp"), tp.from_ground(solution.points.xyz_m[:, [1, 0, 2]])),
+        }
     if len(solution.parameters):
         tables["parameters.csv"] = _parameters(solution)
     if solution.parameter_covariances is not None and len(solution.parameter_covariances):
@@ -96,8 +112,8 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
 
 
 def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
-    """Write figures.csv, differences.csv and, of single models, models.csv; the same otherwise."""
-    figures, d, m = evaluation.figures, evaluation.differences, evaluation.models
+    """Write figures.csv, differences.csv and, of stereo models, models.csv, set_ups.csv, pass_points.csv."""
+    figures, d = evaluation.figures, evaluation.differences
     tables: dict[str, Columns] = {
         "figures.csv": {"name": figures.name, "value": figures.value},
         "differences.csv": {
@@ -105,20 +121,8 @@ def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
             **_split(("sX_m", "sY_m", "sZ_m"), d.sigma_m), "rays": d.rays,
         },
     }  # fmt: skip
-    if m is not None:
-        tables["models.csv"] = {
-            "left": m.left, "right": m.right, "points": m.points, "base_m": m.base_m,
-            "parallax_rms_um": m.parallax_rms_um, "parallax_max_um": m.parallax_max_um,
-            "parallax_max_at": m.parallax_max_at, "w_rms": m.w_rms,
-            **_split(("adjusted_rms_x_m", "adjusted_rms_y_m", "adjusted_rms_z_m"), m.adjusted_rms_m),
-            "control_points": m.control_points,
-            **_split(("control_rms_x_m", "control_rms_y_m", "control_rms_z_m"), m.control_rms_m),
-            "check_points": m.check_points,
-            **_split(("check_rms_x_m", "check_rms_y_m", "check_rms_z_m"), m.check_rms_m),
-        }  # fmt: skip
-    for name, rows in (("set_ups", evaluation.set_ups), ("pass_points", evaluation.pass_points)):
-        if rows is not None:
-            tables[f"{name}.csv"] = plain_columns(rows)
+    more = (("models", evaluation.models), ("set_ups", evaluation.set_ups), ("pass_points", evaluation.pass_points))
+    tables |= {f"{name}.csv": plain_columns(rows) for name, rows in more if rows is not None}
     return write_tables(tables, folder)
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -39,11 +40,20 @@ from aatri.orientation.bodies.datum_analysis import (
     analyse_datum,
     given_places,
 )
-from aatri.orientation.bodies.datum_start import Observe, closed_start, scaled, searched_start, two_point_start
+from aatri.orientation.bodies.datum_start import (
+    Observe,
+    centroid_start,
+    closed_start,
+    scaled,
+    searched_start,
+    two_point_start,
+)
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.exchanged_control import exchanged_by_all
 from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
 from aatri.orientation.bodies.mirrored_control import exchanged_of, refuse_mirrored
+
+Start = Literal["closed", "two_points", "centroids"]
 
 STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
@@ -64,8 +74,9 @@ class OrientationRules:
     ----------
     limit : float
         Test statistic of what is wrong.
-    two_points : bool
-        Start from two places known in plan.
+    start : str
+        From all places known in full (`closed`), from two known in plan (`two_points`), from these by all known in
+        full, reduced to their centroid (`centroids`).
     weakest : float
         Motions known less well count as not determined; see `datum_analysis`.
     stiff : bool
@@ -76,7 +87,7 @@ class OrientationRules:
     """
 
     limit: float
-    two_points: bool = False
+    start: Start = "closed"
     weakest: float = UNDETERMINED
     stiff: bool = False
     free: bool = False
@@ -181,11 +192,13 @@ def _start(
     def begin() -> Similarity:
         places = all_places.take(use[all_places.row])
         x = places.xyz @ level.rotation
-        closed = None if rules.two_points else closed_start(places, x)
+        closed = closed_start(places, x) if rules.start == "closed" else None
         if closed is not None:
             return closed
         _analysed(observed, use, body, scaled(observed, use, body, level), rules, what)
-        return two_point_start(places, x, body, what) if rules.two_points else searched_start(observe, body, use)[0]
+        if rules.start == "closed":
+            return searched_start(observe, body, use)[0]
+        return (two_point_start if rules.start == "two_points" else centroid_start)(places, x, body, what)
 
     try:
         start, failure = begin(), None

@@ -30,8 +30,8 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, levelling
-from aatri.geometry.similarity import Similarity, robust_closed_form
-from aatri.geometry.two_point import two_point_frame
+from aatri.geometry.similarity import Similarity, from_centroids, robust_closed_form
+from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, point_generator, pose_generator
 from aatri.observations.ties import BODY
@@ -184,6 +184,21 @@ def _of_body(records: Records, body: FreeBody) -> Records:
     return Records(records.name, touches, evaluate, records.whitener, records.active, label=records.label)
 
 
+def centroid_start(places: GivenPlaces, x: Float, body: FreeBody, what: str) -> Similarity:
+    """From the start by two points, the similarity of all places known in full, by centroid-reduced coordinates.
+
+    Raises
+    ------
+    GeometryError
+        If two are not known in plan and one in height.
+    """
+    first = two_point_start(places, x, body, what)
+    full = np.flatnonzero(places.given.all(axis=1))
+    if len(full) < 3 or closed_start(places, x) is None:
+        return first
+    return from_centroids(x[full], places.observed_m[full], first)
+
+
 def two_point_start(places: GivenPlaces, x: Float, body: FreeBody, what: str) -> Similarity:
     """The levelled body turned to the two places known in plan that lie farthest apart, and a mean height.
 
@@ -202,10 +217,7 @@ def two_point_start(places: GivenPlaces, x: Float, body: FreeBody, what: str) ->
             f"{what}: no initial values from {len(plan)} points known in plan and {len(heights)} in height",
             remedy="give two points with X and Y and one with Z",
         )
-    away = np.linalg.norm((xyz_m[plan] - xyz_m[plan].mean(axis=0))[:, :2], axis=1)
-    first = int(plan[np.argmax(away)])
-    second = int(plan[np.argmax(np.linalg.norm((xyz_m[plan] - xyz_m[first])[:, :2], axis=1))])
-    ends = [first, second]
+    ends = plan[farthest_apart(xyz_m[plan, :2])]
     north_east = np.column_stack([xyz_m[ends, 1], xyz_m[ends, 0], np.zeros(2)])
     tp = two_point_frame(level[ends] * np.array([1.0, 1.0, 0.0]), north_east)
     corner = tp.to_ground(np.array([[0.0, 0, 0], [1.0, 0, 0]]))[:, [1, 0]]  # east, north of the origin and of X

@@ -7,6 +7,7 @@ import pytest
 
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.formats.results.frame_tp import frame_tp
 from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from tests.made_strips import Heard, MadeBlock
@@ -42,6 +43,25 @@ def test_four_corner_points_orient_a_block_where_no_strip_has_three(n_strips: in
     assert rotation < 1e-9
     assert point < 1e-6
     assert heard.warnings == []
+
+
+@pytest.mark.parametrize("start", ["two_points", "centroids"])
+def test_the_classical_starts_end_at_the_same_and_tell_their_frame_tp(start: str) -> None:
+    """A502, A504, A607: all points in tp, whose matrix over lambda^2 brings them back to the ground."""
+    made = MadeBlock(3, 5, noise_m=0.02)
+    made.control([*made.corners(), 7], sigma_m=0.05)
+    (closed, _), (solution, _) = _oriented(made), _oriented(made, start=start)
+    np.testing.assert_allclose(solution.points.xyz_m, closed.points.xyz_m, atol=1e-5)
+    value = dict(zip(solution.transformations.parameter.tolist(), solution.transformations.value.tolist()))
+    a, b = value["a"], value["b"]
+    assert value["lambda"] ** 2 == pytest.approx(a * a + b * b, rel=1e-12)
+    frame = frame_tp(solution.transformations)
+    assert frame is not None
+    tp = frame.from_ground(solution.points.xyz_m[:, [1, 0, 2]]) - [value[f"{axis}1"] for axis in "XYZ"]
+    plan = tp[:, :2] @ np.array([[b, a], [a, -b]]) / (a * a + b * b)
+    back = np.column_stack([plan[:, 1] + value["E1_m"], plan[:, 0] + value["N1_m"], tp[:, 2] / value["lambda"]])
+    back[:, 2] += value["H1_m"]
+    np.testing.assert_allclose(back, solution.points.xyz_m, atol=1e-9)
 
 
 def test_plan_and_height_control_and_antenna_positions_orient_together_exactly() -> None:
