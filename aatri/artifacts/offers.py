@@ -294,7 +294,8 @@ def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all
     shift : str
         Which of them have an unknown shift: none, those of drift groups, all.
     """
-    names, text = ("ground_points.xyz_m", "exterior.position_m"), "neither control nor observed positions"
+    names: tuple[str, ...] = ("ground_points.xyz_m", "exterior.position_m")
+    text = "neither control nor observed positions"
     remedy = "give control (ground_points.csv) or observed positions (exterior.csv); "
     if not positions:
         names, text = names[:1], "no control"
