@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
-from aatri.tables.offers import Nature, Need, Offer
+from aatri.tables.offers import Nature, Offer
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -282,32 +282,3 @@ def _where(block: Block, table: str, rows: Bool) -> str:
 
 def _joined(a: Text, b: Text | str) -> Text:
     return np.char.add(np.asarray(a, dtype=np.str_), b)
-
-
-def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all"] = "none") -> tuple[Need, ...]:
-    """What an adjustment whose datum is given by its observations cannot do without.
-
-    Parameters
-    ----------
-    positions : bool
-        Positions are used.
-    shift : str
-        Which of them have an unknown shift: none, those of drift groups, all.
-    """
-    names: tuple[str, ...] = ("ground_points.xyz_m", "exterior.position_m")
-    text = "neither control nor observed positions"
-    remedy = "give control (ground_points.csv) or observed positions (exterior.csv); "
-    if not positions:
-        names, text = names[:1], "no control"
-    elif shift != "none":
-        names = (names[0], WITHOUT_SHIFT) if shift == "group" else names[:1]
-        text += " that say where it lies (those of a group share an unknown shift)"
-        remedy = (
-            "give control (ground_points.csv), or positions in no group (`drift_group` in exterior.csv, empty), or "
-            "take the positions as they are by `positions: {drift: none}`; "
-        )
-    remedy += (
-        "a bundle with `datum: free` or `datum: minimal`, that starts from initial_orientation/graph, adjusts the "
-        "block without"
-    )
-    return (Need("block", names, f"the block has {text}", remedy),)

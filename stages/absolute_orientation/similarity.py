@@ -33,7 +33,7 @@ from aatri.adapters.ground.tp_frame import tp_rows
 from aatri.adapters.solution import check_same_block, stacked
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.offers import datum_needed
+from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.checks.after.of_stage import findings_of

@@ -11,7 +11,7 @@ Source: lecture notes A908; aatri/orientation/bundle/alternating.py.
 from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.offers import datum_needed
+from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 

@@ -43,7 +43,7 @@ from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.offers import datum_needed
+from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.checks.after.groups import contradicts
 from aatri.checks.after.of_bundle import findings_after

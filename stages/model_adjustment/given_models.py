@@ -17,7 +17,7 @@ from __future__ import annotations
 from aatri.adapters.strips.given_models import adjusted_given_models
 from aatri.adapters.strips.model_adjustment import ModelRules
 from aatri.artifacts.block import Block
-from aatri.artifacts.offers import datum_needed
+from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.checks.finding import report
 from aatri.plugin import SILENT, Context, stage
