@@ -177,7 +177,11 @@ def geographic(xyz: Float, frame: Frame) -> Float:
     if is_tangent_frame(frame.crs):
         axes, origin = _tangent(frame)
         return ellipsoid.geographic(xyz @ axes.T + origin, WGS84)
-    body = crs_of(frame).geodetic_crs
+    system = crs_of(frame)
+    if system.is_geocentric:
+        a_m, b_m = system.ellipsoid.semi_major_metre, system.ellipsoid.semi_minor_metre
+        return ellipsoid.geographic(xyz, Ellipsoid(a_m, 1 - (b_m / a_m) ** 2))
+    body = system.geodetic_crs
     degrees = Frame("degrees", ("longitude", "latitude", "height"), body.to_3d().to_wkt())
     return convert(xyz, np.zeros((len(xyz), 3, 3)), frame, degrees)[0]
 

@@ -9,6 +9,7 @@ from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
+from aatri.formats.metashape.declaration import METASHAPE
 from aatri.formats.micmac.declaration import MICMAC
 from aatri.formats.navigation.declaration import MRK
 from aatri.formats.nvm.declaration import BUNDLER, NVM
@@ -28,6 +29,7 @@ FORMATS: tuple[Format, ...] = (
     GROUND_CONTROL,
     OPF,
     GAMA,
+    METASHAPE,
     MICMAC,
     MRK,
     APPLANIX,

@@ -19,6 +19,7 @@ from tests.formats.damage.texts import (
     TABLE,
     TRACKS,
 )
+from tests.formats.metashape.test_metashape import local as local_chunk
 from tests.formats.navigation.test_navigation import MRK
 from tests.formats.nvm.test_sparse_models import BUNDLER, NVM
 from tests.formats.opf.made_project import NAMES
@@ -164,6 +165,16 @@ OF_PROGRAMS = {
         ("<NamePt>P2", "<NamePt>P1"),
         ("10.0 20.0 100.5", "10000.0 20000.0 100500"),
         path="",
+    ),
+    "metashape": GoodSample(
+        {"cameras.xml": local_chunk()},
+        "cameras.xml",
+        'x="[2200.5]"',
+        "b.jpg",
+        ('type="frame" class="adjusted"', 'type="fisheye" class="adjusted"'),
+        ('<camera id="7"', "<camera"),
+        ("b.jpg", "a.jpg"),
+        ('sxyz="0.5"', 'sxyz="-0.5"'),
     ),
     "table": GoodSample(
         {"list.csv": TABLE},

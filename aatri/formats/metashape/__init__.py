@@ -1,0 +1,1 @@
+"""Agisoft Metashape and PhotoScan: cameras and markers XML, and the document of a .psz."""

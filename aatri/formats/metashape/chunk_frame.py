@@ -1,0 +1,156 @@
+"""The world of a chunk of Metashape: its transform, and the coordinate system of its reference.
+
+A chunk with a geographic or projected reference is transformed into geocentric coordinates on its datum; one with a
+local reference into that. Poses, positions and markers are given out in one frame: the map of the reference, with its
+heights, or the UTM zone where it is in degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
+from aatri.formats.conventions.poses import is_rotation
+from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
+from aatri.formats.parts.one_frame import geographic, in_frame
+from aatri.formats.text.text_line import places
+from aatri.formats.text.xml_tree import XmlElement
+from aatri.frames.conversion import Frame
+from aatri.frames.crs_text import crs_from
+from aatri.frames.own_map import utm_of
+from aatri.ids import clipped
+from aatri.progress import Reporter
+
+CARTESIAN = {
+    "subtype": "Cartesian",
+    "axis": [
+        {"name": f"Geocentric {axis}", "abbreviation": axis, "direction": f"geocentric{axis}", "unit": "metre"}
+        for axis in "XYZ"
+    ],
+}
+
+
+def geocentric_frame(system: Any) -> Frame:
+    """Geocentric coordinates on the datum of a coordinate reference system of pyproj."""
+    import pyproj
+
+    body = system.geodetic_crs.to_json_dict()
+    kept = {key: body[key] for key in ("datum", "datum_ensemble") if key in body}
+    made = {"type": "GeodeticCRS", "name": f"{body['name']} geocentric", **kept, "coordinate_system": CARTESIAN}
+    return Frame("geocentric", ("x", "y", "z"), pyproj.CRS.from_json_dict(made).to_wkt())
+
+
+@dataclass
+class ChunkFrame:
+    """Transforms of the chunk and its components, and the frames of its poses (`world`) and of its reference."""
+
+    transforms: dict[str, tuple[Float, float, Float]]
+    world: Frame
+    reference: Frame
+
+    def transform(self, component: str) -> tuple[Float, float, Float]:
+        """Rotation, scale and origin of a component; of the chunk where it has none of its own."""
+        return self.transforms.get(component, self.transforms.get("", (np.eye(3), 1.0, np.zeros(3))))
+
+    def give(
+        self,
+        parts: BlockParts,
+        poses: tuple[Sequence[Any], Float, Float],
+        references: Sequence[tuple[Any, list[float], list[float]]],
+        targets: Sequence[Mapping[str, Any]],
+        reporter: Reporter,
+    ) -> None:
+        """Put poses, positions and targets into the parts, all in one frame."""
+        aligned, position, rotation = poses
+        start = BlockParts("metashape", parts.files, frame=self.world)
+        stated = BlockParts("metashape", parts.files, frame=self.reference)
+        if aligned:
+            start.exterior = {"image": [c.name for c in aligned], "position_m": position, "ground_from_image": rotation}
+        if references:
+            names, xyz, sigma = zip(*((camera.name, xyz, sigma) for camera, xyz, sigma in references))
+            stated.exterior = {"image": list(names), "position_m": np.array(xyz), "sigma_m": np.array(sigma)}
+        if targets:
+            at = places([t["at"] for t in targets], parts.files)
+            stated.ground_points = {k: [t[k] for t in targets] for k in ("point", "xyz_m", "sigma_m", "role")} | at
+        parts.frame = self._common(start, stated)
+        if parts.frame is not None and self.reference != LOCAL:
+            start, stated = in_frame(start, parts.frame, reporter), in_frame(stated, parts.frame, reporter)
+        parts.ground_points = stated.ground_points
+        parts.exterior = _together(start.exterior, stated.exterior)
+
+    def _common(self, start: BlockParts, stated: BlockParts) -> Frame | None:
+        if not self.reference.geographic:
+            plane = self.reference == LOCAL and (stated.ground_points or stated.exterior)
+            return PLANE if plane else self.reference
+        given = [stated.exterior.get("position_m"), stated.ground_points.get("xyz_m")]
+        degrees = [np.asarray(xyz, dtype=float).reshape(-1, 3) for xyz in given if xyz is not None]
+        if start.exterior and self.world != LOCAL:
+            degrees.append(geographic(np.asarray(start.exterior["position_m"]), self.world))
+        if not degrees:
+            return None
+        longitude, latitude, _ = np.median(np.concatenate(degrees), axis=0).tolist()
+        return utm_of(self.reference, latitude, longitude)
+
+
+def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
+    """The transforms of a chunk and the system of its reference.
+
+    Raises
+    ------
+    InputError
+        If the system is not understood, or a transform is none.
+    """
+    transforms = {}
+    for key, element in [("", chunk), *((c.get("id"), c) for c in chunk.all("components", "component"))]:
+        transform = element.optional("transform")
+        if transform is not None and transform.optional("rotation") is not None:
+            R, scale = transform.numbers(9, "rotation").reshape(3, 3), transform.number("scale", default=1.0)
+            if not is_rotation(R) or scale <= 0:
+                raise transform.error(f"its rotation is none, or the scale {scale:g} is not positive", "export again")
+            transforms[key] = R, scale, transform.numbers(3, "translation")
+    stated = chunk.optional("reference")
+    text = stated.text if stated is not None else ""
+    if stated is None or not text or text.startswith("LOCAL_CS"):
+        frame = PLANE if text and transforms else LOCAL  # a chunk that is not transformed is a free model
+        return ChunkFrame(transforms, frame, frame)
+    try:
+        system = crs_from(text)
+        vertical = system.sub_crs_list[1].to_wkt() if system.is_compound else ""
+        flat = system.sub_crs_list[0] if system.is_compound else system
+    except Exception as error:  # of pyproj
+        raise stated.error(
+            f"the coordinate system {clipped(text)!r} is not understood", "export in a known one"
+        ) from error
+    axes = ("x", "y", "z") if flat.is_geocentric else ("east", "north", "up")
+    if flat.is_geographic:
+        axes = ("longitude", "latitude", "height")
+    code = flat.to_authority(min_confidence=100)
+    reference = Frame("metashape", axes, ":".join(code) if code else flat.to_wkt(), vertical)
+    return ChunkFrame(transforms, geocentric_frame(flat) if transforms else LOCAL, reference)
+
+
+def _together(start: Mapping[str, Any], observed: Mapping[str, Any]) -> dict[str, Any]:
+    """A row an image: the rotation of its pose, and its observed position, else that of the pose."""
+    images = list(dict.fromkeys([*start.get("image", ()), *observed.get("image", ())]))
+    if not images:
+        return {}
+    row = {name: k for k, name in enumerate(images)}
+    position, rotation = np.full((len(images), 3), np.nan), np.full((len(images), 3, 3), np.nan)
+    covariance, use = np.full((len(images), 3, 3), np.nan), np.full(len(images), APPROXIMATE_VALUE)
+    if start:
+        at = [row[name] for name in start["image"]]
+        position[at], rotation[at] = start["position_m"], start["ground_from_image"]
+    if observed:
+        at = [row[name] for name in observed["image"]]
+        sigma = observed.get("sigma_m")
+        position[at], use[at] = observed["position_m"], OBSERVED_VALUE
+        covariance[at] = observed.get("position_covariance_m2", np.nan)
+        if sigma is not None:
+            covariance[at] = np.where(np.eye(3, dtype=bool), np.asarray(sigma)[:, :, None] ** 2, 0.0)
+    made = {"image": images, "position_m": position, "position_covariance_m2": covariance, "position_use": use}
+    return made | ({"ground_from_image": rotation} if start else {})

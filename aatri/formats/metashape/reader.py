@@ -1,0 +1,239 @@
+"""Reading of Metashape's cameras and markers XML, and of the document of a `.psz`.
+
+The pose of a camera is `transform`, camera (x right, y down, z forward) to chunk; that of the chunk, or of its
+component, is X = s R x + T: geocentric on the datum of `reference`, or in its plane where that is local. A slave of a
+rig has the pose of its master and the mounting of its sensor. Markers that are enabled are control, others with
+coordinates check points; of their places in the images those that are pinned are measured, the rest are projections of
+Metashape's own and are left out. Positions of cameras are observed where their reference is enabled, with its accuracy
+or that of the settings. All comes out in the map of the reference; where that is in degrees, in the UTM zone of its
+middle.
+
+Source: documents of versions 1.2, 1.4 and 2.0; Agisoft Metashape user manual.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.codes import CHECK, CONTROL
+from aatri.errors import InputError
+from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES
+from aatri.formats.conventions.poses import ground_from_image, is_rotation
+from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
+from aatri.formats.metashape.sensors import Sensor, sensors_of
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.text.archive import Archive
+from aatri.formats.text.text_line import places
+from aatri.formats.text.xml_text import decoded_xml
+from aatri.formats.text.xml_tree import XmlElement, read_xml
+from aatri.ids import clipped, shown
+from aatri.progress import SILENT, Reporter
+
+WANTED = "cameras or markers of Metashape as XML, or a .psz"
+DOCUMENT = "doc.xml"
+
+
+class _Camera(NamedTuple):
+    """An image: its name, and the place of its element."""
+
+    id: str
+    name: str
+    sensor: str
+    master: str
+    at: XmlElement
+
+
+def read_metashape(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+    """Read a document.
+
+    Raises
+    ------
+    InputError
+        If it is not of this form, or has what is not supported; the message names line and element.
+    """
+    root = _root(path)
+    chunk = _chunk(root)
+    sensors = sensors_of(chunk)
+    cameras, disabled = _cameras(chunk)
+    lenses = [sensor.lens for sensor in sensors.values() if sensor.lens is not None]
+    parts = BlockParts(
+        "metashape",
+        [path],
+        name=path.stem,
+        pixel_axes=PIXEL_AXES["metashape"],
+        **camera_parts(lenses, reporter, allowed_px=allowed_px),
+    )
+    if disabled:
+        parts.notes.append(f"{len(disabled)} images are not enabled, and are left out: {shown(disabled)}")
+    if cameras:
+        named = {key: s.name for key, s in sensors.items() if s.lens is not None}
+        parts.images = {
+            "id": [c.name for c in cameras],
+            "camera": [named.get(c.sensor, "") for c in cameras],
+            **places([c.at for c in cameras], [path]),
+        }
+    frame = frame_of_chunk(chunk)
+    settings = _settings(chunk)
+    poses = _poses(cameras, sensors, frame)
+    references = _references(cameras, settings.get("accuracy_cameras", np.nan))
+    markers = chunk.all("markers")[0].within("marker") if chunk.all("markers") else iter(())
+    targets, point_names = _targets(list(markers), settings.get("accuracy_markers", np.nan))
+    frame.give(parts, poses, references, targets, reporter)
+    _give_marks(parts, chunk, {c.id: c.name for c in cameras}, point_names, settings)
+    if any(s.master for s in sensors.values()):
+        parts.notes.append("cameras of a rig have the start values of their mounting; that it is fixed is not taken")
+    return parts
+
+
+def _root(path: Path) -> XmlElement:
+    with path.open("rb") as file:
+        packed = file.read(2) == b"PK"
+    if not packed:
+        return read_xml(path, ("document",), WANTED)
+    archive = Archive(path)
+    if DOCUMENT not in archive.names:
+        raise InputError(f"no {DOCUMENT} in the archive", where=str(path), remedy=f"give {WANTED}")
+    return read_xml(path, ("document",), WANTED, decoded_xml(archive.bytes_of(DOCUMENT), archive.at(DOCUMENT)))
+
+
+def _chunk(root: XmlElement) -> XmlElement:
+    chunks = [*root.all("chunk"), *root.all("chunks", "chunk")]
+    if len(chunks) > 1:
+        chunks = [c for c in chunks if c.get("enabled", "true") == "true"] or chunks
+    if len(chunks) > 1:
+        names = shown([c.get("label", "?") for c in chunks])
+        raise chunks[1].error(f"{len(chunks)} chunks: {names}", "a block is one: export the cameras of one chunk")
+    if not chunks or not (chunks[0].all("cameras") or chunks[0].all("markers")):
+        what = "no chunk with cameras or markers"
+        if root.get("path"):
+            what = f"a pointer to {clipped(root.get('path'))}, {what}"
+        raise root.error(what, "export the cameras and the markers as XML, or save the project as .psz")
+    return chunks[0]
+
+
+def _cameras(chunk: XmlElement) -> tuple[list[_Camera], list[str]]:
+    """The images that are enabled, whatever their group, and the names of the others."""
+    listed = chunk.all("cameras")
+    found = [element for cameras in listed for element in cameras.within("camera")]
+    cameras, disabled, first = [], [], dict[str, XmlElement]()
+    for element in found:
+        name, number = element.get("label"), element.get("id")
+        if not name or not number:
+            raise element.error("a camera without id or label", "export the cameras again")
+        if element.get("enabled", "true") in ("false", "0"):
+            disabled.append(name)
+            continue
+        for key in (f"id {number}", name):
+            if first.setdefault(key, element) is not element:
+                what = f"camera {clipped(key)} is given twice, first in line {first[key].line}"
+                raise element.error(what, "give the images names of their own")
+        cameras.append(_Camera(number, name, element.get("sensor_id"), element.get("master_id"), element))
+    return cameras, disabled
+
+
+def _settings(chunk: XmlElement) -> dict[str, float]:
+    """Accuracies of the settings, by name."""
+    properties = [*chunk.all("settings", "property"), *chunk.all("property")]
+    return {
+        p.get("name"): p.parsed(p.get("value"), p.get("name"))
+        for p in properties
+        if p.get("name").startswith("accuracy_") and p.get("name") != "accuracy_cameras_ypr"
+    }
+
+
+def _poses(cameras: list[_Camera], sensors: dict[str, Sensor], frame: ChunkFrame) -> tuple[list[_Camera], Float, Float]:
+    """Images that are aligned, their positions in the world of the chunk (n, 3), and rotations (n, 3, 3)."""
+    transforms = {c.id: c.at.one("transform").numbers(16).reshape(4, 4) for c in cameras if c.at.all("transform")}
+    aligned, position, rotation = [], list[Float](), list[Float]()
+    for camera in cameras:
+        own = transforms.get(camera.id)
+        sensor = sensors.get(camera.sensor)
+        if own is None and camera.master in transforms and camera.master != camera.id and sensor is not None:
+            mounting = np.eye(4)
+            mounting[:3, :3], mounting[:3, 3] = sensor.rotation, sensor.translation
+            own = transforms[camera.master] @ mounting
+        if own is None:
+            continue
+        if not is_rotation(own[:3, :3]):
+            raise camera.at.error(f"the transform of {clipped(camera.name)} is no rotation", "export it again")
+        R, scale, origin = frame.transform(camera.at.get("component_id"))
+        aligned.append(camera)
+        position.append(scale * R @ own[:3, 3] + origin)
+        rotation.append(R @ own[:3, :3])
+    R_world = np.array(rotation).reshape(-1, 3, 3)
+    return aligned, np.array(position).reshape(-1, 3), ground_from_image(R_world, "metashape")
+
+
+def _reference(element: XmlElement, default: float) -> tuple[list[float], list[float]] | None:
+    """Coordinates and standard deviations of a reference; None where it has no coordinates."""
+    stated = element.optional("reference")
+    if stated is None or not all(stated.get(axis) for axis in "xyz"):
+        return None
+    xyz = [stated.parsed(stated.get(axis), axis) for axis in "xyz"]
+    every, plan = stated.get("sxyz"), stated.get("sxy")
+    texts = [stated.get("sx") or plan or every, stated.get("sy") or plan or every, stated.get("sz") or every]
+    sigma = [stated.parsed(text, "accuracy") if text else default for text in texts]
+    if min(sigma) <= 0:
+        raise stated.error(f"accuracies {sigma}", "they are positive, in m")
+    return xyz, sigma
+
+
+def _references(cameras: list[_Camera], default: float) -> list[tuple[_Camera, list[float], list[float]]]:
+    """Observed positions: image, coordinates, standard deviations."""
+    rows = []
+    for camera in cameras:
+        stated, enabled = _reference(camera.at, default), camera.at.optional("reference")
+        if stated is not None and enabled is not None and enabled.get("enabled", "true") in ("true", "1"):
+            rows.append((camera, *stated))
+    return rows
+
+
+def _targets(markers: list[XmlElement], default: float) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Control and check points, and the names of all markers by their ids."""
+    targets, names, first = [], dict[str, str](), dict[str, XmlElement]()
+    for marker in markers:
+        name, number = marker.get("label") or f"marker {marker.get('id')}", marker.get("id")
+        for key in (f"id {number}", name):
+            if first.setdefault(key, marker) is not marker:
+                what = f"marker {clipped(key)} is given twice, first in line {first[key].line}"
+                raise marker.error(what, "give the markers names of their own")
+        names[number] = name
+        stated = _reference(marker, default)
+        if stated is not None:
+            enabled = marker.one("reference").get("enabled", "true") in ("true", "1")
+            role = CONTROL if enabled else CHECK
+            targets.append({"point": name, "xyz_m": stated[0], "sigma_m": stated[1], "role": [role] * 3, "at": marker})
+    return targets, names
+
+
+def _give_marks(
+    parts: BlockParts, chunk: XmlElement, images: dict[str, str], points: dict[str, str], settings: dict[str, float]
+) -> None:
+    """The pinned places of markers in the images of the first frame."""
+    frames = chunk.all("frames", "frame")
+    rows: list[tuple[str, str, list[float], XmlElement]] = []
+    own = 0
+    for marker in frames[0].all("markers", "marker") if frames else ():
+        if marker.get("marker_id") not in points:
+            raise marker.error(f"marker {clipped(marker.get('marker_id'))} is not listed", "export the markers again")
+        for place in marker.all("location"):
+            if place.get("pinned", "true") not in ("true", "1"):
+                own += 1
+            elif place.get("camera_id") in images:
+                xy = [place.parsed(place.get(axis), axis) for axis in "xy"]
+                rows.append((images[place.get("camera_id")], points[marker.get("marker_id")], xy, place))
+    if own:
+        parts.notes.append(f"{own} places of markers are not pinned: projections of Metashape's own, left out")
+    if len(frames) > 1:
+        parts.notes.append(f"{len(frames)} frames: the markers of the first are read")
+    if rows:
+        parts.image_points = {
+            **{key: [row[k] for row in rows] for k, key in enumerate(("image", "point", "xy"))},
+            **({"sigma_px": settings["accuracy_projections"]} if "accuracy_projections" in settings else {}),
+            **places([row[3] for row in rows], parts.files),
+        }
