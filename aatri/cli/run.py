@@ -154,6 +154,19 @@ def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None, v
         say(f"gates   {sum(verdict.passed for verdict in verdicts)} of {len(verdicts)} passed")
     say(f"run     {folder}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
+    if report is not None:
+        _say_judgement(report.with_suffix(".json"))
+
+
+def _say_judgement(path: Path) -> None:
+    """What the report says first."""
+    import json
+
+    try:
+        text = json.loads(path.read_text(encoding="utf-8"))["judgement"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # a report of an older version, or none
+    say(f"\n{text}")
 
 
 def carry_out(

@@ -1,10 +1,12 @@
-"""The report: one self-contained HTML page of a run, also of a failed or half-done one.
+"""The report: one self-contained HTML page of a run, also of a failed or half-done one; report.json has its first page.
 
 The page carries no script and loads nothing; everything from the run is escaped (autoescape), and a content security
 policy forbids the rest. It is a function of the run folder: the same folder gives the same page.
 """
 
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +24,25 @@ from aatri.pipeline.store.inside import on_disk
 from aatri.report.drawing.charts import sigma0_chart
 from aatri.report.drawing.plan import block_plan
 from aatri.report.drawing.svg import Picture
+from aatri.report.facts import accuracy_statement, facts
+from aatri.report.judgement import judgement
+from aatri.report.problems import problems
 from aatri.report.sections.evaluation import difference_pictures
 from aatri.report.sections.parts import Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, accuracy_table
-from aatri.report.verdict import external_lights, internal_lights
+from aatri.report.verdict import external_lights, internal_lights, numbers_of
 from aatri.report.view.numbers import number, seconds
 from aatri.report.view.run_view import RunView, StageView, view
 
-OURS, OURS_WITHIN = b"aatri report</title>", 4000
-"""What a page of ours has within its first bytes."""
+OURS_AS_JSON = {"made_by": "aatri report"}
+
+OURS, OURS_WITHIN = (b"aatri report</title>", b'"made_by": "aatri report"'), 4000
+"""What a page of ours has within its first bytes, as HTML or JSON."""
 
 
 def write_report(run: Path) -> Path:
-    """Write `report.html` into a run folder, from whatever is there.
+    """Write `report.html` and `report.json` into a run folder, from whatever is there.
 
     Parameters
     ----------
@@ -54,18 +61,24 @@ def write_report(run: Path) -> Path:
     ResourceError
         If the page cannot be written.
     """
-    text = render(view(run))
-    if inside.kind(run, "report.html") == "file" and OURS not in inside.read(run, "report.html")[:OURS_WITHIN]:
-        remedy = "move it, or give the run a folder of its own (`run:` in pipeline.yaml)"
-        where = str(run / "report.html")
-        raise ArtifactError("is not a report of aatri's, and is not overwritten", where=where, remedy=remedy)
-    with on_disk(run / "report.html"):
-        return inside.write(text.encode(), run, "report.html")
+    seen = view(run)
+    around = Surroundings(seen.last(Block), seen.last(ImagePoints), seen.last(Solution))
+    page = summary(seen, around)
+    pages = {"report.html": render(seen, around, page), "report.json": json.dumps(OURS_AS_JSON | page, indent=1) + "\n"}
+    for name in pages:
+        if inside.kind(run, name) == "file" and not any(o in inside.read(run, name)[:OURS_WITHIN] for o in OURS):
+            remedy = "move it, or give the run a folder of its own (`run:` in pipeline.yaml)"
+            raise ArtifactError(
+                "is not a report of aatri's, and is not overwritten", where=str(run / name), remedy=remedy
+            )
+    for name, text in pages.items():
+        with on_disk(run / name):
+            inside.write(text.encode(), run, name)
+    return run / "report.html"
 
 
-def render(run: RunView) -> str:
+def render(run: RunView, around: Surroundings, page: Mapping[str, Any]) -> str:
     """The page as text."""
-    around = Surroundings(run.last(Block), run.last(ImagePoints), run.last(Solution))
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("aatri.report"),
         autoescape=True,
@@ -80,11 +93,8 @@ def render(run: RunView) -> str:
         command=command_of(run.overview),
         started=run.overview.get("started", ""),
         total=seconds(sum(float(s.record.get("seconds") or 0.0) for s in run.stages if s.record)),
-        internal=internal_lights(run, around.solution),
-        external=external_lights(run),
-        verdict=_verdict(run),
+        page=page,
         failures=[s for s in run.stages if s.failure is not None],
-        counts=_counts(run),
         accuracy=accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)}),
         gates=_gates(run),
         pictures=_first_page_pictures(run, around),
@@ -93,13 +103,21 @@ def render(run: RunView) -> str:
     )
 
 
-def _verdict(run: RunView) -> str:
-    evaluation = run.last(Evaluation)
-    verdict = evaluation.verdict if evaluation else "The accuracy was not evaluated."
-    wrong = [s.name for s in run.of_kind(Solution) if s.metrics.get("contradictions")]
-    return (
-        f"The result of {', '.join(wrong)} contradicts its own tests, see its warnings. {verdict}" if wrong else verdict
-    )
+def summary(run: RunView, around: Surroundings) -> dict[str, Any]:
+    """What the first page says, as plain values: report.json has the same."""
+    internal, external = internal_lights(run, around.solution), external_lights(run)
+    evaluation, evaluations = run.last(Evaluation), run.of_kind(Evaluation)
+    return {
+        "judgement": judgement(run),
+        "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",
+        "verdict": evaluation.verdict if evaluation else "The accuracy was not evaluated.",
+        "facts": facts(around.block, around.solution),
+        "problems": [asdict(problem) for problem in problems(run, [*internal, *external])],
+        "internal": [asdict(light) for light in internal],
+        "external": [asdict(light) for light in external],
+        "counts": _counts(run),
+        "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
+    }
 
 
 def _gates(run: RunView) -> PageTable | None:

@@ -153,7 +153,7 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:
     """Whether the errors at check points are those that the standard deviations say."""
-    title, known = "Check against theory", _numbers(figures)
+    title, known = "Check against theory", numbers_of(figures)
     points = {
         f"check_independent_{axis}": known["check_points"] for axis in "xyz" if f"check_theory_ratio_{axis}" in known
     }
@@ -164,7 +164,7 @@ def _expected(figures: Mapping[str, float | int | None]) -> Light:
 
 
 def _truth(figures: Mapping[str, float | int | None]) -> Light:
-    title, known = "Truth against theory", _numbers(figures)
+    title, known = "Truth against theory", numbers_of(figures)
     ratios = {axis: known[name] for axis in "xyz" if (name := f"truth_over_theory_{axis}") in known}
     count = f"{number(figures['truth_points'])} new points"
     if not ratios:
@@ -174,5 +174,6 @@ def _truth(figures: Mapping[str, float | int | None]) -> Light:
     return Light(title, LOOK if beyond else GOOD, " ".join([words, *beyond]))
 
 
-def _numbers(figures: Mapping[str, float | int | None]) -> dict[str, float]:
+def numbers_of(figures: Mapping[str, float | int | None]) -> dict[str, float]:
+    """The figures that were determined."""
     return {name: float(value) for name, value in figures.items() if value is not None}

@@ -44,6 +44,7 @@ LINKS = (
     "events.jsonl",
     "run.json",
     "report.html",
+    "report.json",
     "current",
     "objects",
     "previous",

@@ -1,6 +1,6 @@
 """Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 DASH = "–"
@@ -26,6 +26,15 @@ def metres(value: float | None, missing: str = DASH) -> str:
     if value is None or value != value:
         return missing
     return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
+
+
+def together(values_m: Iterable[float]) -> str:
+    """Lengths in the unit that suits the largest, to three digits of it: `14, 12 and 33 mm`."""
+    lengths = [abs(value) for value in values_m]
+    factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if max(lengths) * f >= 1.0), (1e6, "um"))
+    places = max(0, 2 - int(f"{max(lengths) * factor:.2e}"[5:])) if max(lengths) else 0
+    texts = [f"{value * factor:.{places}f}" for value in lengths]
+    return f"{' and '.join([', '.join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)} {unit}"
 
 
 def digits(count: int) -> Callable[[float], str]:

@@ -1,0 +1,143 @@
+"""What is to be thought of a run, in a few plain sentences.
+
+The judgement says how the result agrees with what it never saw, whether its standard deviations explain that, and what
+is wrong. It uses the figures of the last evaluation and the last adjustment, and none of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.evaluation.expected_ratios import outside_expected
+from aatri.report.verdict import numbers_of
+from aatri.report.view.numbers import number, together
+from aatri.report.view.run_view import RunView
+
+MOST_NAMED = 3
+"""Of one kind in a sentence."""
+
+
+ALONG = 0.9
+"""Share of an error that lies along an axis, from which on it is said to be in it: within 26 degrees."""
+
+
+def judgement(run: RunView) -> str:
+    """A few sentences on the result of a run."""
+    failed = [stage for stage in run.stages if stage.status == "failed"]
+    solutions, solution = run.of_kind(Solution), run.last(Solution)
+    if failed:
+        return f"The run ended in stage {failed[0].name}; what stands here is what was made before."
+    if not solutions or solution is None:
+        return "Nothing has been adjusted yet."
+    evaluations = run.of_kind(Evaluation)
+    figures = numbers_of(evaluations[-1].metrics) if evaluations else {}
+    sentences = [
+        _contradiction(solution),
+        _accuracy(figures),
+        _sigma0(solutions[-1].metrics),
+        *wrong_observations(solution),
+        _image_points_left_out(solution),
+    ]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _contradiction(solution: Solution) -> str:
+    return (
+        "The result contradicts its own tests: do not use it before the first warning is answered."
+        if (solution.contradictions)
+        else ""
+    )
+
+
+def _accuracy(figures: Mapping[str, float]) -> str:
+    """How far off check points are, else control predicted without itself, else the truth of a simulation."""
+    for what, count, text in (
+        ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {} points)"),
+        ("left_out_rmse", "left_out_points", "No check point was measured; control predicted without itself agrees to "
+         "{} in {} (RMSE of {} points)"),
+        ("truth_rmse", "truth_points", "New points of this simulated block are right to {} in {} (RMSE of {} points)"),
+    ):  # fmt: skip
+        values = {axis.upper(): figures[f"{what}_{axis}_m"] for axis in "xyz" if f"{what}_{axis}_m" in figures}
+        if figures.get(count) and values:
+            lengths, points = together(values.values()), number(int(figures[count]))
+            return f"{text.format(lengths, _and(values), points)}{_theory(figures, what)}."
+    return "Nothing independent is known of the accuracy: there is no check point."
+
+
+def _theory(figures: Mapping[str, float], what: str) -> str:
+    """Whether the standard deviations explain the errors."""
+    points, ratio = {
+        "check_rmse": ("check", "check_theory_ratio"),
+        "left_out_rmse": ("left_out", "left_out_theory_ratio"),
+        "truth_rmse": ("new", "truth_over_theory"),
+    }[what]
+    ratios = {axis: figures[f"{ratio}_{axis}"] for axis in "xyz" if f"{ratio}_{axis}" in figures}
+    if not ratios:
+        return ""
+    if not outside_expected(figures, points):
+        return ", as the standard deviations say"
+    axis = max(ratios, key=lambda a: abs(np.log(max(ratios[a], 1e-9))))
+    return f", {ratios[axis]:.2g} times what the standard deviations say in {axis.upper()}"
+
+
+def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
+    from aatri.adjustment.statistics.global_test import global_test
+
+    sigma0 = metrics.get("sigma0")
+    redundancy = round(metrics.get("sigma0_redundancy") or metrics.get("redundancy") or 0)
+    if sigma0 is None or redundancy < 1 or (test := global_test(float(sigma0), redundancy)).verdict == "fits":
+        return ""
+    size = "larger" if test.sigma0 > test.high else "smaller"
+    return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1)."
+
+
+def wrong_observations(solution: Solution) -> list[str]:
+    """A sentence for each kind of observation that is left out, the worst by name; no image points and ties."""
+    s, out = solution.suspects, staying_out(solution.suspects)
+    sentences = []
+    for kind in np.unique(s.kind[out & ~np.isin(s.kind, ("image_point", "model_tie", "strip_tie"))]).tolist():
+        rows = np.flatnonzero(out & (s.kind == kind))
+        rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
+        what = _NOUNS.get(kind, kind.replace("_", " "))
+        head = f"One {what} is left out" if len(rows) == 1 else f"{number(len(rows))} {what}s are left out"
+        named = "; ".join(_named(s, k) for k in rows[:MOST_NAMED].tolist())
+        more = " ..." if len(rows) > MOST_NAMED else ""
+        undecided = " (nothing tells which of them is wrong)" if (s.verdict[rows] == "undecidable").any() else ""
+        sentences.append(f"{head}: {named}{more}{undecided}.")
+    return sentences
+
+
+def _image_points_left_out(solution: Solution) -> str:
+    out = int((staying_out(solution.suspects) & (solution.suspects.kind == "image_point")).sum())
+    return (
+        f"{number(out)} of {number(out + int(solution.images.image_points.sum()))} image points are left out."
+        if out
+        else ""
+    )
+
+
+_NOUNS = {"control": "control point", "position": "position", "attitude": "attitude"}
+
+
+def _named(s: Suspects, k: int) -> str:
+    """`GCP27, 1.03 m in height`."""
+    name = " ".join(text for text in (str(s.image[k]), str(s.point[k])) if text)
+    size, unit = float(s.size[k]), str(s.unit[k])
+    if not np.isfinite(size):
+        return name
+    if unit != "m":
+        return f"{name}, {size:.3g} {unit}"
+    in_axes = s.kind[k] in ("control", "position") and size > 0
+    share = np.nan_to_num(np.abs(s.error[k])) / size if in_axes else np.zeros(3)
+    where = (" in X", " in Y", " in height")[int(share.argmax())] if share.max() > ALONG else ""
+    return f"{name}, {together([size])}{where}"
+
+
+def _and(names: Mapping[str, float]) -> str:
+    listed = list(names)
+    return " and ".join([", ".join(listed[:-1]), listed[-1]] if len(listed) > 1 else listed)

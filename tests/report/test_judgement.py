@@ -1,0 +1,126 @@
+"""The sentences of judgement, the problems, the facts and the statement of accuracy."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.suspects import Suspects
+from aatri.evaluation.accuracy import evaluate
+from aatri.report.facts import accuracy_statement
+from aatri.report.page import write_report
+from aatri.report.view.numbers import together
+from tests.made_solutions import made_block, made_solution
+from tests.report.test_page import make_run
+
+
+def _page(folder: Path, **changes) -> dict:  # type: ignore[no-untyped-def]
+    block = made_block(**{k: changes.pop(k) for k in ("check", "truth") if k in changes})
+    solution = replace(made_solution(block), **changes)
+    artifacts = {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)}
+    write_report(make_run(folder / "run", artifacts))
+    return json.loads((folder / "run" / "report.json").read_text())
+
+
+def _suspects(kind: str, verdict: str, *sizes: tuple[str, float, tuple[float, float, float]]) -> Suspects:
+    n = len(sizes)
+    return Suspects(
+        kind=[kind] * n,
+        row=list(range(n)),
+        image=[""] * n,
+        point=[name for name, _, _ in sizes],
+        stage=["bundle_adjustment"] * n,
+        size=[size for _, size, _ in sizes],
+        unit=["m"] * n,
+        sigma=[0.02] * n,
+        test=[size / 0.02 for _, size, _ in sizes],
+        verdict=[verdict] * n,
+        error=[list(error) for _, _, error in sizes],
+    )
+
+
+@pytest.mark.parametrize(
+    ("lengths_m", "text"),
+    [
+        ([0.0136, 0.0119, 0.0332], "13.6, 11.9 and 33.2 mm"),
+        ([1.234, 0.05], "1.23 and 0.05 m"),
+        ([0.5], "500 mm"),
+        ([3.2e-5, 1.0e-6], "32.0 and 1.0 um"),
+        ([1530.2], "1530 m"),
+        ([0.0], "0 um"),
+    ],
+)
+def test_lengths_stand_in_the_unit_of_the_largest(lengths_m, text) -> None:
+    assert together(lengths_m) == text
+
+
+def test_one_wrong_control_point_is_named_with_its_size_and_direction(tmp_path: Path) -> None:
+    page = _page(tmp_path, suspects=_suspects("control", "rejected", ("GCP27", 1.03, (0.05, 0.0, -1.02))))
+    assert "One control point is left out: GCP27, 1.03 m in height." in page["judgement"]
+    assert page["problems"][0]["text"] == "One control point is left out: GCP27, 1.03 m in height."
+
+
+def test_an_error_along_no_axis_is_in_none_and_what_is_undecidable_is_said_so(tmp_path: Path) -> None:
+    both = _suspects("control", "undecidable", ("A", 0.5, (0.35, 0.35, 0.0)), ("B", 0.2, (0.0, 0.2, 0.0)))
+    page = _page(tmp_path, suspects=both)
+    text = "2 control points are left out: A, 500 mm; B, 200 mm in Y (nothing tells which of them is wrong)."
+    assert text in page["judgement"]
+
+
+def test_without_check_points_nothing_independent_is_claimed(tmp_path: Path) -> None:
+    page = _page(tmp_path, check=False, truth=False)
+    assert "Check points agree" not in page["judgement"]
+    assert page["judgement"].startswith(("No check point was measured", "Nothing independent is known"))
+    assert page["accuracy_statement"] == ""
+
+
+def test_a_contradiction_is_said_first(tmp_path: Path) -> None:
+    page = _page(tmp_path, contradictions=1)
+    assert page["judgement"].startswith("The result contradicts its own tests")
+
+
+def test_images_that_are_not_oriented_are_named(tmp_path: Path) -> None:
+    solution = made_solution(made_block())
+    oriented = solution.images.oriented.copy()
+    oriented[2] = False
+    page = _page(tmp_path, images=replace(solution.images, oriented=oriented))
+    texts = [problem["text"] for problem in page["problems"]]
+    assert f"1 of {len(oriented)} images are not oriented: {solution.images.id[2]}" in texts
+
+
+def test_facts_are_those_of_the_flight(tmp_path: Path) -> None:
+    facts = _page(tmp_path)["facts"]
+    assert facts["camera"] == "cam (film, c 150 mm)"
+    assert facts["distance to the object"] == "388 m"  # 400 m over points of 10 to 14 m
+    assert facts["scale number"].replace("\u202f", "") == "1 : 2590"
+
+
+def test_the_statement_is_that_of_the_standard() -> None:
+    figures = {"check_points": 40, "check_rmse_x_m": 0.03, "check_rmse_y_m": 0.04, "check_rmse_z_m": 0.07}
+    assert (
+        accuracy_statement(figures)
+        == "Tested at 40 check points: RMSE_H = 50.0 mm, RMSE_V = 70.0 mm (ASPRS edition 2, 2023)."
+    )
+    assert "asks for 30" in accuracy_statement(figures | {"check_points": 29})
+    assert accuracy_statement({"check_points": 0}) == ""
+
+
+def test_a_report_json_of_somebody_else_is_not_overwritten(tmp_path: Path) -> None:
+    _page(tmp_path)
+    path = tmp_path / "run" / "report.json"
+    path.write_text('{"mine": 1}')
+    with pytest.raises(Exception, match="not overwritten"):
+        write_report(tmp_path / "run")
+    assert path.read_text() == '{"mine": 1}'
+
+
+def test_a_failed_run_says_where_it_ended(tmp_path: Path) -> None:
+    block = made_block()
+    run = make_run(tmp_path / "run", {"block": block})
+    write_report(run)
+    assert json.loads((run / "report.json").read_text())["judgement"] == "Nothing has been adjusted yet."
+    assert np.isfinite(block.terrain_height_m)
