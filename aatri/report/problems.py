@@ -17,7 +17,7 @@ MOST_IMAGES = 5
 
 
 @dataclass(frozen=True)
-class Problem:
+class ReportedProblem:
     """One problem: what it is, what to do, and the stage where more of it stands."""
 
     text: str
@@ -25,27 +25,29 @@ class Problem:
     stage: str = ""
 
 
-def problems(run: RunView, lights: Iterable[Light]) -> list[Problem]:
+def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     """Everything that a reader should look at before the figures."""
     made = [
-        Problem(f"Stage {s.name} failed: {s.failure['what']}", str(s.failure.get("remedy") or ""), s.name)
+        ReportedProblem(f"Stage {s.name} failed: {s.failure['what']}", str(s.failure.get("remedy") or ""), s.name)
         for s in run.stages
         if s.failure is not None
     ]
-    warnings = [Problem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
+    warnings = [ReportedProblem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
     solution = run.last(Solution)
-    of_solution = list[Problem]()
+    of_solution = list[ReportedProblem]()
     if solution is not None:
         stage = run.of_kind(Solution)[-1].name
-        of_solution = [Problem(text, "see the suspects there", stage) for text in wrong_observations(solution)]
+        of_solution = [ReportedProblem(text, "see the suspects there", stage) for text in wrong_observations(solution)]
         missing = solution.images.id[~solution.images.oriented]
         if 0 < len(missing) < len(solution.images):
             count = f"{number(len(missing))} of {number(len(solution.images))} images are not oriented"
-            of_solution.append(Problem(f"{count}: {shown(missing.tolist(), MOST_IMAGES)}", "why: the log there", stage))
+            of_solution.append(
+                ReportedProblem(f"{count}: {shown(missing.tolist(), MOST_IMAGES)}", "why: the log there", stage)
+            )
     told = ("Chain", "Suspects", "Independent check")  # by the failures and observations above, and the accuracy
     of_lights = [
-        Problem(f"{light.title}: {light.words}")
+        ReportedProblem(f"{light.title}: {light.words}")
         for light in lights
         if light.state in (BAD, LOOK) and light.title not in told
     ]
