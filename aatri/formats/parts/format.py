@@ -108,6 +108,9 @@ class Reading(Options):
     rotation: Literal["omega-phi-kappa", "phi-omega-kappa", "yaw-pitch-roll"] | None = Field(
         None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
     )
+    maps: Literal["ground_from_image", "image_from_ground"] | None = Field(
+        None, description="of PATB and Inpho: which way rotation matrices map; null: as the lines of the flight show"
+    )
     take: Annotated[tuple[TakenPart, ...], BeforeValidator(_as_tuple)] = Field(
         (), description="what is taken of the source; empty: all that it has"
     )

@@ -51,7 +51,7 @@ def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
     if frame is None:
         ranked = sorted(named, key=lambda p: (not _has_control(p), not _has_positions(p)))
         if not ranked:
-            return PLANE if any(_has_control(p) or _has_positions(p) for p in sources) else LOCAL
+            return PLANE if any(p.frame == PLANE or _has_control(p) or _has_positions(p) for p in sources) else LOCAL
         frame = ranked[0].frame
     assert frame is not None
     if not frame.geographic:
@@ -77,6 +77,8 @@ def in_frame(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts
     source = parts.frame
     if source == LOCAL and target == PLANE and (_has_control(parts) or _has_positions(parts)):
         source = PLANE
+    if source == PLANE and target.crs != "local" and not (_has_control(parts) or _has_positions(parts)):
+        source = None  # start values: if they are in another system, they are seen to be no start
     if source is None or source == target:
         if source is None and (parts.ground_points or parts.exterior) and target.crs != "local":
             reporter.log(f"{parts.files[0]}: says no coordinate system; taken to be in {target.crs}")

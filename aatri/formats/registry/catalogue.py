@@ -8,6 +8,7 @@ from __future__ import annotations
 from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS
+from aatri.formats.inpho.declaration import INPHO
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
 from aatri.formats.metashape.declaration import METASHAPE
 from aatri.formats.micmac.declaration import MICMAC
@@ -37,6 +38,8 @@ FORMATS: tuple[Format, ...] = (
     NVM,
     BUNDLER,
     PIX4D,
+    INPHO,
+    PATB,
     GPF,
     IPF,
     GEOIN,
@@ -52,6 +55,5 @@ FORMATS: tuple[Format, ...] = (
     DBAT,
     PAIRS,
     BAL,
-    PATB,
 )
 """All formats."""

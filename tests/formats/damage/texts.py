@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 
+from tests.formats.inpho.test_inpho import project
 from tests.formats.opf.made_project import files
+from tests.formats.patb.test_patb import flight, records
 
 CALIBRATION = """<?xml version="1.0" ?>
 <ExportAPERO>
@@ -47,6 +49,7 @@ GROUND_CONTROL = json.dumps(
 TRACKS = "OPENSFM_TRACKS_VERSION_v2\n" + "".join(
     f"{image}\t{k}\t{k}\t0.1{k}\t0.2\t0.001\t1\t2\t3\t-1\t-1\n" for image in ("a.jpg", "b.jpg") for k in range(3)
 )
+ORI, PRJ = records(*flight()), project()
 OPF = files(with_tracks=False)
 GCP_LIST = "EPSG:4326\n8.5 47.25 400.5 100.5 200 a.jpg P1\n8.6 47.25 401 300 200 a.jpg P2\n"
 GEO = "EPSG:4326\na.jpg 8.5 47.25 490.5 10 0 0 0.02 0.03\nb.jpg 8.6 47.25 491 10 0 0 0.02 0.03\n"

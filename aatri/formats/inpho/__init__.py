@@ -1,0 +1,1 @@
+"""Inpho: projects of Match-AT (.prj)."""
