@@ -9,6 +9,8 @@ drift groups). Points and centres of a model share the five errors e_m of its re
 the covariance in `models` as prior (`centres: {sigma: from_orientation}`). With `centres: {sigma: NUMBER}`, metres on
 the ground, the centres have that standard deviation, and the models are rigid, as the classical programs have it.
 
+`unit: double_model` takes two neighbouring models as one rigid body, joined about the image they share.
+
 `iteration: plan_height` adjusts plan (4 unknowns a model) and height (3) in turn, as PAT-M does, with the same result.
 Standard deviations of the points are those of this adjustment. `initial` gives the approximate orientations; gross
 errors of points and control are searched as in the strip block; the orientations of the images follow by resection on
@@ -18,9 +20,9 @@ Source: Ackermann, Ebner & Klein 1970; lecture notes A801-A806 (erratum E15: exa
 see aatri/orientation/bodies/model_ties.py and independent_models.py.
 """
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import PositiveFloat, field_validator
+from pydantic import PositiveFloat, field_validator, model_validator
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.solution import check_same_block
@@ -51,6 +53,16 @@ class IndependentModelsOptions(ModelAdjustmentOptions):
     centres: Centres = Field(
         Centres(), description="perspective centres as tie points: a mapping with sigma, or the sigma alone"
     )
+
+    unit: Literal["model", "double_model"] = Field(
+        "model", description="rigid unit: a model, or two neighbours joined, which want centres.sigma as a number"
+    )
+
+    @model_validator(mode="after")
+    def _double_models_are_rigid(self) -> Self:
+        if self.unit == "double_model" and self.centres.sigma == "from_orientation":
+            raise ValueError("double models are rigid: give centres.sigma as a number, m")
+        return self
 
     @field_validator("centres", mode="before")
     @classmethod
@@ -83,7 +95,12 @@ def independent_models(
     sigma = options.centres.sigma
     sigma_m = None if sigma == "from_orientation" else float(sigma)
     rules = ModelRules(
-        sigma_m, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
+        sigma_m,
+        options.iteration == "plan_height",
+        options.limit,
+        options.max_sigma0,
+        options.reliability,
+        options.unit == "double_model",
     )
     inside = in_tangent_frame(block, initial)
     solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)

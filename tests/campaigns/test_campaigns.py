@@ -25,7 +25,7 @@ CAMPAIGNS = {
     "rank_defects": ["--count", "10"],
     "near_defects": ["--count", "12"],
     "calibration": ["--count", "4", "--injections", "1"],
-    "isp_1980": ["3"],
+    "isp_1980": ["12"],
     "convergence_basin": ["1"],
     "fuzz": ["all", "--count", "25"],
     "opened_files": ["--short"],

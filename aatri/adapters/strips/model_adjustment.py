@@ -33,6 +33,7 @@ class ModelRules:
     limit: float | None
     max_sigma0: float | None
     tests: bool = False
+    double: bool = False
 
 
 def adjusted_models(
@@ -47,8 +48,8 @@ def adjusted_models(
     ConvergenceError
         If the result does not fit.
     """
-    bodies, notes = bodies_of(block, models, initial, rules.centre_sigma_m)
-    problem, names = bodies.problem(block), models.orientations.id[bodies.model]
+    bodies, notes = bodies_of(block, models, initial, rules.centre_sigma_m, double=rules.double)
+    problem, names = bodies.problem(block), bodies.names
     before = {MODEL_TIE: models.suspects, CONTROL: initial.suspects, POSITION: initial.suspects}
     began = tables.not_rejected(problem.observed, before)
     tied, rounds = adjust_models(problem, limit=rules.limit, active=began, plan_height=rules.plan_height)
@@ -58,17 +59,19 @@ def adjusted_models(
     misfit = Misfit(rules.max_sigma0, distance_m, oriented=True, farthest=worst)
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "independent models", "")
     per_model = np.bincount(bodies.points.model, minlength=len(names))
-    counts = f"{len(names)} models of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
-    text = f"{counts} and two perspective centres; deformation beyond their standard deviations {tied.tau_m:.3f} m"
+    what, centres = ("double models", "three") if rules.double else ("models", "two")
+    counts = f"{len(names)} {what} of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
+    text = (
+        f"{counts} and {centres} perspective centres; deformation beyond their standard deviations {tied.tau_m:.3f} m"
+    )
     notes += [Note("note", text), sigma0_note(fit, f"of {len(names)} independent models")]
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
     notes += search_notes(tied, tables.names_of, "independent models")
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
-    out, o = np.flatnonzero(~tied.active[: len(bodies.points.model)]), models.orientations
-    of_models = np.tile(np.arange(len(o)), 2), np.concatenate([o.left, o.right])
-    rejected = bodies.model[bodies.points.model[out]], bodies.points.block[out]
-    wrong = rays_of_ties(image_points, *of_models, *rejected)
+    out = np.flatnonzero(~tied.active[: len(bodies.points.model)])
+    rejected = bodies.points.model[out], bodies.points.block[out]
+    wrong = rays_of_ties(image_points, bodies.centres.model, bodies.centres.block, *rejected)
     position, rotation, resected = resected_on(block, image_points, initial, point_m, wrong)
     transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]
     covariance_m2 = np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan)

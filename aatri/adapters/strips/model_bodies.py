@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.adapters.strips import oriented_strips as pieces
+from aatri.adapters.strips.double_models import Unit, double_units, merged
 from aatri.adjusting.added_variance import EXACT
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.arrays import Bool, Float, Int, Text
@@ -17,6 +18,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
+from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.geometry.vectors import tangents
 from aatri.notes import Note
 from aatri.observations.control import control_of, observed_control
@@ -38,7 +40,7 @@ WEAKEST = 1e-4
 
 @dataclass(frozen=True)
 class ModelsAsBodies:
-    """Oriented models with their rows; `model` are rows in the orientations of Models.
+    """Oriented models with their rows; `model` are rows in the orientations of Models, of a double model the first.
 
     `points` are their points, `centres` their perspective centres; `start` are the models, `poses` and `points` of all
     images and points of the block. `ground` is control, and observed positions. All is reduced to `origin`.
@@ -82,7 +84,7 @@ class ModelsAsBodies:
 
 
 def bodies_of(
-    block: Block, models: Models, initial: Solution, centre_sigma_m: float | None
+    block: Block, models: Models, initial: Solution, centre_sigma_m: float | None, *, double: bool = False
 ) -> tuple[ModelsAsBodies, list[Note]]:
     """The models that `initial` orients, without those that hang on too little, and what is left out.
 
@@ -90,6 +92,8 @@ def bodies_of(
     ----------
     centre_sigma_m : float or None
         Standard deviation of the perspective centres; None: from the relative orientations.
+    double : bool
+        Two neighbouring models are one body; they are rigid.
 
     Raises
     ------
@@ -101,10 +105,13 @@ def bodies_of(
     if not len(oriented):
         raise GeometryError("`initial` orients no model", remedy="check `from`: initial wants the absolute orientation")
     origin, poses, ground, notes = _ground(block, initial)
-    chosen = oriented
+    units = double_units(models, oriented) if double else {(k,): IDENTITY for k in oriented.tolist()}
+    names, chosen = np.array(["+".join(o.id[list(unit)].tolist()) for unit in units]), np.arange(len(units))
 
     def made(chosen: Int) -> ModelsAsBodies:
-        return _bodies(models, chosen, centre_sigma_m, origin, poses, ground)
+        of = [list(units)[k] for k in chosen.tolist()]
+        single = _bodies(models, np.array([k for unit in of for k in unit]), centre_sigma_m, origin, poses, ground)
+        return _of_units(single, {unit: units[unit] for unit in of}, names[chosen]) if double else single
 
     while True:
         bodies = made(chosen)
@@ -116,10 +123,10 @@ def bodies_of(
             raise GeometryError(
                 f"no model shares {FEWEST} points with another", remedy="measure common points of neighbouring models"
             )
-    left = np.setdiff1d(oriented, chosen)
+    left = np.setdiff1d(np.arange(len(units)), chosen)
     if len(left):
         text = f"models that share fewer than {FEWEST} points with others, perspective centres counted, are left out"
-        notes.append(Note("warning", text, tuple(o.id[left].tolist())))
+        notes.append(Note("warning", text, tuple(names[left].tolist())))
     label, n = _components(bodies, block)
     why = [_open(bodies, block, np.flatnonzero(label == k)) for k in range(n)]
     lost = np.isin(label, [k for k, text in enumerate(why) if text])
@@ -186,6 +193,24 @@ def _bodies(
         seen.append(g if group == POINT else g.take(np.flatnonzero(np.isin(of, centres.block))))
     return ModelsAsBodies(
         chosen, o.id[chosen], points, centres, start, poses, origin, tuple(seen), centre_sigma_m is None
+    )
+
+
+def _of_units(single: ModelsAsBodies, units: dict[Unit, Similarity], names: Text) -> ModelsAsBodies:
+    """Bodies of units of one or two models, from those of single models in their order."""
+    unit = np.repeat(np.arange(len(units)), [len(of) for of in units])
+    first = np.flatnonzero(np.diff(unit, prepend=-1))
+    to = [laid if k else IDENTITY for of, laid in units.items() for k in range(len(of))]
+    s = single.start.similarity
+    return replace(
+        single,
+        model=single.model[first],
+        names=names,
+        points=merged(single.points, unit, to),
+        centres=merged(single.centres, unit, to),
+        start=ModelPoses(
+            Similarities(s.translation[first], s.scale[first], s.rotation[first]), np.zeros((len(first), LATENT))
+        ),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.artifacts.block import CONTROL
 from aatri.errors import GeometryError
 from aatri.stages.model_adjustment.independent_models import IndependentModelsOptions, independent_models
 from tests.stages.chain import Chain, run_chain, simulated
@@ -50,7 +51,15 @@ def test_the_sigma_of_the_centres_may_stand_alone_or_in_a_mapping() -> None:
         IndependentModelsOptions.model_validate({"centres": {"sigma": -1.0}})
 
 
-@pytest.mark.parametrize("options", [{}, {"centres": {"sigma": 0.05}}, {"iteration": "plan_height"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"centres": {"sigma": 0.05}},
+        {"iteration": "plan_height"},
+        {"unit": "double_model", "centres": {"sigma": 0.05}},
+    ],
+)
 def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
     found = independent_models(
         exact.block, exact.refined, exact.models, exact.strip_block, options=IndependentModelsOptions(**options)
@@ -60,6 +69,34 @@ def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
     assert found.points.xyz_m[solved] == pytest.approx(true_points(exact)[solved], abs=2e-6)
     assert exact.block.true_images is not None
     assert found.images.position_m == pytest.approx(exact.block.true_images.position_m, abs=1e-5)
+
+
+def test_double_models_are_counted_as_the_notes_do_and_their_points_are_named_by_both() -> None:
+    """Of a strip of five images two bodies of three centres: 7 unknowns each, 3 of every point and image."""
+    chain, told = flown(2, ties={"new_points": 150}), Told()
+    options = IndependentModelsOptions.model_validate({"unit": "double_model", "centres": 0.05})
+    found = independent_models(
+        chain.block, chain.refined, chain.models, chain.strip_block, options=options, context=told
+    )
+    names = sorted(set(found.transformations.id.tolist()))
+    assert len(names) == 3 * 2
+    assert all(name.count("+") == 1 for name in names)
+    assert any("6 double models of" in line and "three perspective centres" in line for line in told.lines)
+    ids, p = chain.models.orientations.id.tolist(), chain.models.model_points
+    of = {k: next(name for name in names if one in name.split("+")) for k, one in enumerate(ids)}
+    pairs = {(of[m], point) for m, point, active in zip(p.model.tolist(), p.point.tolist(), p.active) if active}
+    ground = chain.block.ground_points
+    held = np.isin(ground.point, [point for _, point in pairs])
+    control = int((ground.role[held] == CONTROL).sum())
+    points = len({point for _, point in pairs})
+    assert not len(found.suspects.take(found.suspects.stage == "model_adjustment"))
+    assert found.redundancy == 3 * (len(pairs) + 6 * 3) + control - 7 * 6 - 3 * points  # positions: as many as centres
+    off = (found.points.xyz_m - true_points(chain))[np.isfinite(found.points.xyz_m).all(axis=1)]
+    single = independent_models(chain.block, chain.refined, chain.models, chain.strip_block)
+    of_single = (single.points.xyz_m - true_points(chain))[np.isfinite(single.points.xyz_m).all(axis=1)]
+    assert np.sqrt((off**2).mean()) < 1.5 * np.sqrt((of_single**2).mean())
+    with pytest.raises(ValueError, match="double models are rigid"):
+        IndependentModelsOptions.model_validate({"unit": "double_model"})
 
 
 @pytest.mark.slow
