@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.arguments.options import Into
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def design(
     pipeline: Annotated[
         Path, typer.Argument(help="A pipeline file with a stage of role design; its variants are the layouts.")
     ] = Path("pipeline.yaml"),
-    into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
+    into: Into = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the table.")] = False,
     json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
 ) -> None:

@@ -5,27 +5,23 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run, complete_stage, complete_variant
-from aatri.cli.arguments.options import LocalPlugins
+from aatri.cli.arguments.completion import complete_run, complete_stage
+from aatri.cli.arguments.options import Debug, Into, LocalPlugins, Methods, NoLock, Settings, Variant
 from aatri.cli.terminal.console import narrate, reports_errors, say
-
-Several = list[str] | None
 
 
 @reports_errors
 def exec_(
     run: Annotated[Path, typer.Argument(help="Run folder or pipeline file.", autocompletion=complete_run)],
     stage: Annotated[str, typer.Argument(help="The stage.", autocompletion=complete_stage)],
-    into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
-    set_: Annotated[Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option.")] = None,
-    use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method.")] = None,
-    variant: Annotated[
-        str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
-    ] = "",
+    into: Into = None,
+    set_: Settings = None,
+    use: Methods = None,
+    variant: Variant = "",
     force: Annotated[bool, typer.Option(help="Make it again.")] = False,
     local_plugins: LocalPlugins = False,
-    no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,
-    debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
+    no_lock: NoLock = False,
+    debug: Debug = False,
 ) -> None:
     """Make one stage whose inputs are up to date, beside other jobs on other stages of the run."""
     del debug  # for reports_errors

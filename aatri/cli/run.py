@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_stage, complete_variant
-from aatri.cli.arguments.options import LocalPlugins, Verify
+from aatri.cli.arguments.completion import complete_stage
+from aatri.cli.arguments.options import Debug, Into, LocalPlugins, Methods, NoLock, Settings, Several, Variant, Verify
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
 
 if TYPE_CHECKING:
@@ -22,22 +22,16 @@ if TYPE_CHECKING:
 
 TERMINATED = 143
 
-Several = list[str] | None
-
 
 @reports_errors
 def run(
     pipeline: Annotated[
         Path, typer.Argument(help="The pipeline file; or the folder of a run, which is made again as it was.")
     ] = Path("pipeline.yaml"),
-    into: Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")] = None,
-    set_: Annotated[
-        Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
-    ] = None,
-    use: Annotated[Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")] = None,
-    variant: Annotated[
-        str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
-    ] = "",
+    into: Into = None,
+    set_: Settings = None,
+    use: Methods = None,
+    variant: Variant = "",
     all_variants: Annotated[
         bool, typer.Option("--all-variants", help="All variants of the pipeline file too, and what they change.")
     ] = False,
@@ -66,11 +60,11 @@ def run(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
     verify: Verify = False,
-    no_lock: Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")] = False,
+    no_lock: NoLock = False,
     local_plugins: LocalPlugins = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")] = False,
     json: Annotated[bool, typer.Option("--json", help="The result as JSON.")] = False,
-    debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
+    debug: Debug = False,
 ) -> None:
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
     from aatri.cli.arguments.locate import in_folder

@@ -5,7 +5,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.completion import complete_run, complete_variant
 
 FOLDER = "stages"
 
@@ -31,6 +31,19 @@ ListRotation: TypeAlias = Annotated[
 LensMisfit: TypeAlias = Annotated[
     float, typer.Option("--lens-misfit", min=0, help="Largest misfit, px, of a distortion that the target lacks.")
 ]
+Into: TypeAlias = Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")]
+Several: TypeAlias = list[str] | None
+Settings: TypeAlias = Annotated[
+    Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
+]
+Methods: TypeAlias = Annotated[
+    Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")
+]
+Variant: TypeAlias = Annotated[
+    str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
+]
+NoLock: TypeAlias = Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")]
+Debug: TypeAlias = Annotated[bool, typer.Option(help="Show tracebacks.")]
 Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")]
 
 
