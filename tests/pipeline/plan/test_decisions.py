@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-import os
 import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,8 +14,8 @@ from aatri.pipeline.methods.code_digest import Code
 from aatri.pipeline.methods.method import Method, MethodPort
 from aatri.pipeline.plan.decisions import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
-from aatri.pipeline.plan.keys import file_digests, key_of, key_parts
-from aatri.pipeline.plan.reasons import Reason, Why, differences
+from aatri.pipeline.plan.keys import key_of, key_parts
+from aatri.pipeline.plan.reasons import Why
 
 
 @dataclass
@@ -92,19 +90,8 @@ def chain(links: Mapping[str, tuple[str, ...]]) -> tuple[StageNode, ...]:
         method = Method("made/up", 1, needs, "Numbers", 1, False, {})
         inputs = {f"from_{source}": source for source in sources}
         options = {"level": 0, "idle": 0, "file": name}
-        nodes.append(
-            StageNode(
-                method=method,
-                options=options,
-                files={"file": name},
-                uses=None,
-                code=Code("code", {}, {}),
-                name=name,
-                inputs=inputs,
-                unused={},
-                written=options,
-            )
-        )
+        made = {"method": method, "options": options, "files": {"file": name}, "uses": None, "written": options}
+        nodes.append(StageNode(**made, code=Code("code", {}, {}), name=name, inputs=inputs, unused={}))
     return tuple(nodes)
 
 
@@ -270,48 +257,6 @@ def test_keys_do_not_depend_on_the_order_of_options() -> None:
     parts = [key_parts(n, {"from_a": "x"}, {"file": "y"}, 1) for n in (node, turned)]
     assert key_of(parts[0]) == key_of(parts[1])
     assert isinstance(plan((DIAMOND[0],), Shelf(), 1).decisions[0], Decision)
-
-
-def test_a_changed_file_of_a_folder_is_named_and_not_its_digest(tmp_path: Path) -> None:
-    (tmp_path / "ground_points.csv").write_text("a")
-    (tmp_path / "images.csv").write_text("b")
-
-    def digests() -> dict[str, str]:
-        return file_digests("path", tmp_path, lambda p: p.read_text())
-
-    before = digests()
-    (tmp_path / "ground_points.csv").write_text("c")
-    (tmp_path / "images.csv").unlink()
-    (tmp_path / "new.csv").write_text("d")
-    parts: dict[str, Any] = {
-        "key_schema": 2,
-        "plugin": "a/b",
-        "version": 1,
-        "options": {},
-        "inputs": {},
-        "code": "x",
-        "schemas": {},
-        "seed": None,
-    }
-    told = [str(r) for r in differences({**parts, "files": before}, {**parts, "files": digests()})]
-    assert told == ["ground_points.csv changed", "images.csv is gone", "new.csv is new"]
-    assert str(Reason(Why.input, "image_points", "0123", "4567")) == "input image_points changed"
-
-
-def test_a_link_to_nothing_and_a_pipe_in_a_folder_are_changes_and_not_opened(tmp_path: Path) -> None:
-    """A result made without them is none of the folder as it is now."""
-    (tmp_path / "images.csv").write_text("b")
-
-    def digests() -> dict[str, str]:
-        return file_digests("path", tmp_path, lambda p: p.read_text())
-
-    before = digests()
-    (tmp_path / "geodetic.csv").symlink_to(tmp_path / "gone.csv")
-    os.mkfifo(tmp_path / "exterior.csv")
-    (tmp_path / "empty").mkdir()
-    after = digests()
-    assert set(after) - set(before) == {"path/geodetic.csv", "path/exterior.csv"}
-    assert after["path/images.csv"] == before["path/images.csv"]
 
 
 def test_a_change_of_code_names_the_modules() -> None:

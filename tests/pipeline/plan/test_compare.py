@@ -1,13 +1,14 @@
-"""What changed most stands first."""
+"""How far two artifacts of the same stage are apart, and what changed most stands first."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from aatri.pipeline.plan.compare import Compared, relative_spread
+from aatri.pipeline.plan.compare import Compared, largest_difference, relative_spread
 from aatri.pipeline.plan.compare_axes import axes, changed_settings
 
 
@@ -40,3 +41,24 @@ def test_another_port_is_a_change_and_runs_of_another_method_are_told_apart_by_i
     assert changed_settings(first, other, axis.runs) == ["bundle.from initial: strips -> models"]
     assert changed_settings(first, three, axis.runs) == ["bundle: role/plain -> role/curved (degree: 3)"]
     assert changed_settings(first, three, [three]) == ["bundle: role/plain -> role/curved"]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "expected"),
+    [
+        ([1.0, -4.0, np.nan], [1.0, -4.2, np.nan], 0.05),
+        ([np.nan, np.nan], [np.nan, np.nan], 0.0),
+        ([], [], 0.0),
+        ([0.0, 0.0], [0.0, 1e-9], np.inf),
+        ([1.0, np.nan], [1.0, 2.0], np.inf),
+        ([np.inf, 2.0], [np.inf, 2.0], 0.0),
+        ([np.inf, 2.0], [-np.inf, 2.0], np.inf),
+        ([np.inf, 2.0], [np.nan, 2.0], np.inf),
+    ],
+)
+def test_a_column_is_measured_by_its_own_largest_magnitude(
+    a: list[float], b: list[float], expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {Path("a"): {"t/x": np.array(a)}, Path("b"): {"t/x": np.array(b)}}
+    monkeypatch.setattr("aatri.tables.hdf5.read_plain", files.__getitem__)
+    assert largest_difference(Path("a"), Path("b")) == pytest.approx(expected)
