@@ -15,7 +15,7 @@ from aatri.pipeline.methods.method import Method, MethodPort
 from aatri.pipeline.plan.decisions import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import key_of, key_parts
-from aatri.pipeline.plan.reasons import Why
+from aatri.pipeline.plan.reasons import Reason, Why
 
 
 @dataclass
