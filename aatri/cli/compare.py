@@ -25,13 +25,14 @@ def compare(
     everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Show options and figures of runs side by side, the first stage that differs from the first run, and why.
+    """Show key figures and options of runs side by side, the first stage that differs from the first run, and why.
 
     More than two runs: accuracies, theory and seconds, then what each group of runs changes, most first.
     """
     from aatri.cli.arguments.locate import find_run
     from aatri.cli.terminal.compare_tables import say_side_by_side, shown_value
-    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run, relative_spread
+    from aatri.cli.terminal.key_figures import say_key_figures
+    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run
     from aatri.pipeline.store.inside import VARIANTS, names_in
 
     folders = [find_run(path).folder for path in runs]
@@ -60,26 +61,22 @@ def compare(
     if len(compared) > 2 and not everything:
         say_side_by_side(compared)
     else:
+        if len(compared) == 2:
+            say_key_figures(compared)
         _say_values("option", names, options, "the options are equal")
-        shown = [(name, row) for name, row in metrics if everything or len(set(map(shown_value, row))) > 1]
-        if not everything:
-            shown.sort(key=lambda pair: -relative_spread(pair[1]))
-        _say_values(
-            "figure (largest change first)" if shown and not everything else "figure",
-            names,
-            shown if everything else shown[:MOST_FIGURES],
-            "the figures are equal",
-        )
-        if len(shown) > MOST_FIGURES and not everything:
-            say(f"{len(shown) - MOST_FIGURES} more figures differ by less: --all\n")
+        differing = [(n, row) for n, row in metrics if len(set(map(shown_value, row))) > 1 or everything]
+        if everything:
+            _say_values("figure", names, differing, "the figures are equal")
+        else:
+            say(
+                f"figures that differ, these included: {len(differing)}; --all shows all\n"
+                if differing
+                else "the figures are equal\n"
+            )
     for run in compared[1:]:
         missing = [stage for stage in compared[0].stages if stage not in run.records]
         without = f"; it has no result of {', '.join(missing)}" if missing else ""
         say(f"{run.name}: {_parting_text(partings[run.name], compared[0])}{without}")
-
-
-MOST_FIGURES = 20
-"""Figures of two runs shown without `--all`."""
 
 
 def _names(folders: list[Path]) -> list[str]:

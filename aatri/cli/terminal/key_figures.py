@@ -1,0 +1,86 @@
+"""The key figures of runs: how far check points are off, what theory says, sigma0, what is left out, the time.
+
+A root mean square of n independent errors is itself uncertain by its share 1 / sqrt(2 n): what differs by less is
+"within chance". The number of independent errors is that of the evaluation, at most the number of points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from aatri.cli.terminal.console import say, say_table
+from aatri.pipeline.plan.compare import Compared
+
+_OF_EVALUATIONS = (
+    ("check points, RMSE", "check", "check_rmse_{}_m"),
+    ("check points, theory", "", "check_theory_rmse_{}_m"),
+    ("control without itself, RMSE", "left_out", "left_out_rmse_{}_m"),
+    ("new points, true RMSE", "truth", "truth_rmse_{}_m"),
+    ("new points, theory", "", "theory_rmse_{}_m"),
+)
+"""Row, the points that make it uncertain, and its figures."""
+
+EXACT = 1e-6
+"""Relative: differences below are of rounding, and not shown."""
+
+
+def say_key_figures(runs: Sequence[Compared]) -> None:
+    """Print the key figures of two runs, one table."""
+    names = [run.name for run in runs]
+    rows = [*_accuracies(runs), *_of_solutions(runs)]
+    seconds = [sum(float(r["seconds"]) for r in run.records.values()) for run in runs]
+    rows.append(["seconds", *(f"{s:.1f}" for s in seconds), ""])
+    say_table(("key figures", *names, "difference"), rows, names)
+    say()
+
+
+def _accuracies(runs: Sequence[Compared]) -> list[list[str]]:
+    rows = []
+    for stage in _stages(runs, "Evaluation"):
+        figures = [run.records[stage]["metrics"] for run in runs]
+        for what, points, pattern in _OF_EVALUATIONS:
+            for axis in "xyz":
+                values = [f.get(pattern.format(axis)) for f in figures]
+                if None not in values:
+                    text = f"{stage}: {what} {axis.upper()} mm"
+                    rows.append([text, *(f"{1e3 * v:.1f}" for v in values), _difference(values, figures, points, axis)])
+    return rows
+
+
+def _of_solutions(runs: Sequence[Compared]) -> list[list[str]]:
+    rows = []
+    for stage in _stages(runs, "Solution")[-1:]:
+        figures = [run.records[stage]["metrics"] for run in runs]
+        for name, what, form in (("sigma0", "sigma0", ".3f"), ("suspects", "suspects", "d"), ("images", "images", "d")):
+            values = [f.get(name) for f in figures]
+            if None not in values:
+                rows.append([f"{stage}: {what}", *(format(v, form) for v in values), _change(values)])
+    return rows
+
+
+def _stages(runs: Sequence[Compared], kind: str) -> list[str]:
+    """Stages of a kind that all runs have."""
+    return [s for s in runs[0].stages if all(_kind(run, s) == kind for run in runs)]
+
+
+def _kind(run: Compared, stage: str) -> str:
+    return str(run.records[stage]["output"]["kind"]) if stage in run.records else ""
+
+
+def _difference(values: Sequence[Any], figures: Sequence[Any], points: str, axis: str) -> str:
+    """The change of an RMSE, and whether chance explains it."""
+    text = _change(values)
+    counts = [f.get(f"{points}_independent_{axis}") or f.get(f"{points}_points") for f in figures]
+    fewest = min((float(n) for n in counts if n), default=0.0)
+    if not points or not text or not fewest:
+        return text
+    change, chance = abs(values[1] - values[0]) / max(values), (2 * fewest) ** -0.5
+    return f"{text}, within chance ({chance:.0%})" if change <= chance else text
+
+
+def _change(values: Sequence[Any]) -> str:
+    first, last = float(values[0]), float(values[-1])
+    if abs(last - first) <= EXACT * max(abs(first), abs(last)):
+        return ""
+    return f"{(last - first) / abs(first):+.1%}" if first else f"{last - first:+g}"

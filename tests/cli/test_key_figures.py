@@ -1,0 +1,42 @@
+"""The key figures of two runs: first what counts, and what chance explains is said so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aatri.cli.terminal.key_figures import say_key_figures
+from aatri.pipeline.plan.compare import Compared
+
+
+def _run(name: str, check_m: float, sigma0: float, points: int = 50) -> Compared:
+    metrics = {"check_points": points, **{f"check_rmse_{axis}_m": check_m for axis in "xyz"}}
+    records = {
+        "bundle": {"output": {"kind": "Solution"}, "seconds": 2.0, "metrics": {"sigma0": sigma0, "suspects": 3}},
+        "accuracy": {"output": {"kind": "Evaluation"}, "seconds": 0.5, "metrics": metrics},
+    }
+    return Compared(name, Path(name), ("bundle", "accuracy"), records)
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        (0.0208, "+4.0%, within chance (10%)"),  # 1 / sqrt(2 * 50)
+        (0.03, "+50.0%"),
+        (0.02 * (1 + 1e-9), ""),
+    ],
+)
+def test_a_difference_is_held_against_its_own_uncertainty(capsys, other: float, says: str) -> None:
+    say_key_figures([_run("one", 0.02, 1.0), _run("two", other, 1.0)])
+    lines = [line for line in capsys.readouterr().out.splitlines() if "check points, RMSE X mm" in line]
+    assert len(lines) == 1
+    assert lines[0].split("  ")[-1].strip() == (says or f"{1e3 * other:.1f}")
+
+
+def test_few_points_tell_little(capsys) -> None:
+    say_key_figures([_run("one", 0.02, 1.0, points=2), _run("two", 0.03, 1.2, points=2)])
+    text = capsys.readouterr().out
+    assert "within chance (50%)" in text
+    assert "+20.0%" in text  # sigma0
+    assert "seconds" in text
