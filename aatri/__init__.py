@@ -3,8 +3,6 @@
 `aatri.run(PIPELINE)` brings a pipeline up to date, `aatri.open(RUN)` opens what was made; see `aatri.api`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 __version__ = "0.1.0"

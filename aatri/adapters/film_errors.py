@@ -4,8 +4,6 @@ The interior orientation passes the errors of the marks on, as the numbers d of 
 coordinates (`geometry.plane_transformations`). The bundle carries them as unknowns, relative orientation counts them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where an imported row was read, for messages."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from aatri.arrays import Int

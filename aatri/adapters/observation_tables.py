@@ -3,8 +3,6 @@
 Every kind of observation and every stage that adjusts gets them in the same way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pieces of a Solution that every method fills in the same way."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeVar
 

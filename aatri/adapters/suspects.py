@@ -4,8 +4,6 @@ The test statistic of a robust bundle is the length of the residual in a-priori 
 standardised by a redundancy number, which a robust adjustment does not have: the next bundle re-admits what fits.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

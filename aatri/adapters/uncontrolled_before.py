@@ -10,8 +10,6 @@ An error across it has the redundancy number r of its condition, shared by both 
 take no part at all: their direction is NaN, and no stage before the bundle takes them off the list.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ W_o = (C_o + tau^2 I)^-1. What is exact, or far better than any point of a body,
 times that of these.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.small_matrices import inverse_cholesky

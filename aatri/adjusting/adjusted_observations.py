@@ -1,7 +1,5 @@
 """Observations of one kind after an adjustment: what residuals, tests and tables of any stage are made from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

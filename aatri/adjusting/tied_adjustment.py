@@ -6,8 +6,6 @@ found by data snooping, and observations rejected before, here or in an earlier 
 (adjustment.statistics.search).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Bodies tied by common points and by what is observed of the ground: what is adjusted, with its index and weights."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -8,8 +8,6 @@ Rejected observations stay in the index and are predicted by the others. Points 
 part: what is observed of them counts for nothing, and has no test.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -11,8 +11,6 @@ s^2 T' R T is the redundancy number, and its eigenvector the direction, whatever
 Source: Foerstner 1980, 1983 (a redundancy number of 0.01 is the limit of what is controlled).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjusting.tied_problem import is_coordinates

@@ -1,7 +1,5 @@
 """Weighted means of ground points over the bodies that hold them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

@@ -16,8 +16,6 @@ Source: Huber 1964, Robust estimation of a location parameter; Triggs et al. 200
 synthesis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

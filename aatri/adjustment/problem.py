@@ -1,7 +1,5 @@
 """A problem as it is stated: unknowns, observations, and what must hold exactly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aatri.adjustment.records import Records

@@ -1,7 +1,5 @@
 """Residuals of many records, by their compiled lane where there is one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.records import Records, times_whitener

@@ -1,7 +1,5 @@
 """How a problem is to be solved: given once, by whoever states the problem."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -3,8 +3,6 @@
 C = L L',   T = L^-1,   T C T' = I
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

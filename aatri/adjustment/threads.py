@@ -1,7 +1,5 @@
 """Threads: how many, and work that is shared out among them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor

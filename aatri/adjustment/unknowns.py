@@ -8,8 +8,6 @@ blocks or a block has very many rays: such blocks are retained. A group that `jo
 block by block: the two share their place in the order of elimination.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

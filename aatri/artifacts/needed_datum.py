@@ -1,7 +1,5 @@
 """What of a Block an adjustment cannot do without: something that says where the block lies."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.artifacts.offers import WITHOUT_SHIFT

@@ -11,8 +11,6 @@ The direction of y is declared apart from the origin: `bottom-left-corner` with 
 down from there is read as it says.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

@@ -1,7 +1,5 @@
 """`aatri convert SOURCE DIR --to FORMAT`: files of one program as those of another, without a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`aatri formats`: every format of other programs, what it carries, what it cannot carry."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

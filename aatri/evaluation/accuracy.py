@@ -16,8 +16,6 @@ tests whole covariances: its expectation is 1. Definitions of all figures: docs/
 Sources: ASPRS Positional Accuracy Standards, Edition 2 (30 check points); Foerstner and Wrobel 2016, 4.6.8.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test

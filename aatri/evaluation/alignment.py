@@ -11,8 +11,6 @@ of what is determined. Theoretical standard deviations belong to the datum of th
 what carries it, and only there, errors may be divided by them. Source: Kraus, Photogrammetry; Baarda 1973.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

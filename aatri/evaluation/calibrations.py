@@ -6,8 +6,6 @@ Parameters of a camera correlate, c with the heights and x0 with p1, so that a d
 deviation says little: `congruence` asks of each parameter whether it alone explains the differences of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

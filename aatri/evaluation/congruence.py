@@ -26,8 +26,6 @@ standard deviations are scaled by an estimated sigma0 with r degrees of freedom,
 Sources: Pelzer 1971; Niemeier 1981; Caspary 1987, Concepts of network and deformation analysis, 5 and 6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -20,8 +20,6 @@ units of s (or off the largest); the second is asked for beside the first.
 Source: Baarda 1973 (criterion matrices); Grafarend 1974 (optimization of networks); Koch 1999, 3.5 (more observations).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -11,8 +11,6 @@ neighbouring points are alike, and bend without any distortion.
 Source: James and Robson 2014 (systematic errors of vertical blocks: doming).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -1,7 +1,5 @@
 """Points of a Solution, or as a Block gives them, with all their covariances, for the comparison of epochs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -7,8 +7,6 @@ degrees of freedom, n_e:
     sqrt(chi2(n_e, (1 - P) / 2) / n_e)  <  RMSE / theory  <  sqrt(chi2(n_e, (1 + P) / 2) / n_e)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

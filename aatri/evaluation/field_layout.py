@@ -12,8 +12,6 @@ Source: lecture notes on close range, 5.4 (A1508). They give no figures but the 
 deep a field is to be is a choice (the simulated field has 0.18 of its length).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -17,8 +17,6 @@ to n in the attitude and n^2 in the place: not the root mean square alone but th
 Source: lecture notes A601, A602.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

@@ -1,7 +1,5 @@
 """Figures of a layout from its planned adjustment: sigma of points, criterion, reliability, the next control points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

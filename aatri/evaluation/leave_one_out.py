@@ -13,8 +13,6 @@ correlated with others' and exact control are left out, and so is all control wh
 Source: Foerstner and Wrobel 2016, 4.6.2 (redundancy matrix); Cook and Weisberg 1982, 2.2 (predicted residuals).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ An observed position is that of the projection centre, X0, or of the antenna, X0
 axes. Shift and drift are not taken off: they are part of the difference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -1,7 +1,5 @@
 """The single models of a block: pairs of images and their common points, with corrected coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

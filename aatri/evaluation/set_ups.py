@@ -10,8 +10,6 @@ those of the epipolar images, in which a point has the same y but for the y-para
 Source: Kraus, Photogrammetry (epipolar images, set-up of oriented models); lecture notes A114, A304, A1405.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Text

@@ -13,8 +13,6 @@ they share most points.
 Source: Kraus, Photogrammetry (y-parallaxes of oriented pairs); the quality module of classical block programs.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import replace

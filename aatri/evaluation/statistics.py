@@ -9,8 +9,6 @@ A bias makes it too wide, correlation between neighbouring points too narrow. Co
 coordinate that does not take part, and a column without any gives NaN.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

@@ -1,7 +1,5 @@
 """One sentence or two on what is known of the accuracy, and from what. No figure without the points it comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from aatri.adjustment.statistics.global_test import GlobalTest

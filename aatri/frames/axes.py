@@ -4,8 +4,6 @@ Chinese geodetic tables give X north, Y east, H: a left-handed order, `north,eas
 coordinates right-handed; covariances are reordered in rows and columns alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from aatri.arrays import Float

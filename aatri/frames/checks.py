@@ -1,7 +1,5 @@
 """What is wrong with a declared frame: an unknown code, axes that are not those of its CRS, figures out of range."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ latitude, longitude, height are in metres along north, east, up: there D is the 
 the ellipsoid along those axes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ initialisation files (`+init=`). Names of grids are looked up where PROJ has its
 refused wherever it stands.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import warnings

@@ -9,8 +9,6 @@ from 10 km below to 10 000 km above the ellipsoid. All works on complex numbers 
 Source: Bowring 1976, Survey Review 23; Torge, Geodesy.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -7,8 +7,6 @@ in B, and there is none of the rounding of a map's large coordinates, steps of 1
 x is less a reference. Works on complex numbers too.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,6 @@ A tangent frame says so by its crs, `+proj=topocentric ...`; in any other frame 
 height.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -1,7 +1,5 @@
 """A map for coordinates in latitude, longitude and height: the UTM zone of their middle, on their datum."""
 
-from __future__ import annotations
-
 from aatri.frames.conversion import Frame, crs_of
 
 SURE = 60

@@ -16,8 +16,6 @@ first frame of a block is geocentric, its axes are the same everywhere.
 `undulation_m` stands for a geoid grid that is missing: one number, whose slope is neglected.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any

@@ -13,8 +13,6 @@ The derivatives are split at u: the pose gives u and its derivatives, the camera
 Source: Kraus, Photogrammetry; docs/formulas.md 2.1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

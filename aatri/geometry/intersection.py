@@ -13,8 +13,6 @@ Many rays from X0 with unit directions u: the point nearest to all of them, sum 
 Source: docs/formulas.md 3.4; Hartley & Zisserman, Multiple View Geometry, ch. 12.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

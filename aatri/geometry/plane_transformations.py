@@ -17,8 +17,6 @@ What n marks leave open is a small correction K d in the photo system, K one of
 Source: Kraus, Photogrammetry 1, sec. 3.2; docs/formulas.md 2.2.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -15,8 +15,6 @@ Chosen are those that are known best independently of each other: by a QR decomp
 C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

@@ -18,8 +18,6 @@ Exponential map, logarithm and Jacobian hold for complex numbers too: derivative
 Source: Sola 2018, A micro Lie theory; Baeumker and Heimes 2001.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

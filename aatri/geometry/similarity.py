@@ -11,8 +11,6 @@ Derivatives belong to the unknowns (T, d, m) of the updates T <- T + dT, R <- ex
 Callers reduce both systems to their centroids, or the rotation about the origin and the shift are nearly dependent.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

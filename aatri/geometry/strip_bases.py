@@ -14,8 +14,6 @@ narrow strips; it is conformal then only where v = 0.
 Source: docs/formulas.md 4.2; lecture notes A603, A604 with errata E05, E06; Schut 1967.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

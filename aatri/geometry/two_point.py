@@ -11,8 +11,6 @@ handedness. With two points 1, 2 known in both, d their difference:
 Source: lecture notes A501, A607, erratum E14.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

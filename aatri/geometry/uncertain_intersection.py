@@ -9,8 +9,6 @@ tell nothing of poses, and each has the covariance that its own images give it.
 Source: Kraus, Photogrammetry; docs/formulas.md 3.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Directions: unit vectors and their tangents."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -3,8 +3,6 @@
 v = x - x_observed,    dv/dx = I
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.records import Records, whitener_of_covariances

@@ -7,8 +7,6 @@ records of one `Observed`, so that a thousand baselines are evaluated at once. A
 whole; one of several kinds is of the kind `correlated`. What is exact has no covariance. Source: docs/formulas.md 5.4.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ the height surface at the station, never to the Z axis of the frame. In a frame 
 32" over a kilometre.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

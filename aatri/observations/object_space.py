@@ -10,8 +10,6 @@ as if all were D long: it gives start values, never results.
 Source: the object-space error of Lu, Hager & Mjolsness 2000; Hong et al. 2016 for whole blocks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.records import Records

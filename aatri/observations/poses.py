@@ -4,8 +4,6 @@ A block is (X0, Y0, Z0, d1, d2, d3): the projection centre and the rotation incr
 R <- exp([d]x) R. How a finite step moves an image is a choice, as long as small ones are the same: see `retract_poses`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

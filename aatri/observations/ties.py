@@ -11,8 +11,6 @@ Ground points are eliminated by the adjustment. For k bodies of equal weight tha
 block (k-1)/k, mutual block -1/k, for any number of bodies (docs/formulas.md 4.3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar

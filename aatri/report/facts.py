@@ -7,8 +7,6 @@ Source of the statement: ASPRS Positional Accuracy Standards for Digital Geospat
 the root of the sum of the squares in X and Y, and 30 check points are asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

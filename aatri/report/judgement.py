@@ -4,8 +4,6 @@ The judgement says how the result agrees with what it never saw, whether its sta
 is wrong. It uses the figures of the last evaluation and the last adjustment, and none of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is to be looked at first, the worst first: failures, contradictions, what is wrong by name, lights, warnings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

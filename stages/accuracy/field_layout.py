@@ -8,8 +8,6 @@ of the block, so that a plan is checked before anything is built.
 Source: lecture notes on close range, 5.4 (A1508); see aatri/evaluation/field_layout.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import Block

@@ -11,8 +11,6 @@ models with y-parallaxes beyond 3 sigma are named. Beside it stand the single mo
 Coordinates are those of the adjustment's Cartesian frame. Source: see aatri/evaluation/set_ups.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into

@@ -1,7 +1,5 @@
 """What all readers of a block share: edits that are applied to it, and how much of it may be unusable."""
 
-from __future__ import annotations
-
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import REJECT_SHARE, screened
 from aatri.checks.limits import MAX_REJECT_SHARE

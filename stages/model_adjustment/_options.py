@@ -1,7 +1,5 @@
 """What the adjustments of models share: how they iterate, and what counts as wrong."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from aatri.plugin import Field, Options

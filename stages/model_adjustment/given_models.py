@@ -12,8 +12,6 @@ absolute_orientation/similarity, `start: centroids`.
 Source: Ackermann, Ebner & Klein 1970; Kraus, Photogrammetry; lecture notes A503, A801-A806.
 """
 
-from __future__ import annotations
-
 from aatri.adapters.strips.given_models import adjusted_given_models
 from aatri.adapters.strips.model_adjustment import ModelRules
 from aatri.artifacts.block import Block

@@ -1,7 +1,5 @@
 """From artifacts to a bundle adjustment: observations of all kinds, start values, what was rejected before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

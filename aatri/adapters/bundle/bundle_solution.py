@@ -1,7 +1,5 @@
 """From an adjusted bundle to a Solution."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

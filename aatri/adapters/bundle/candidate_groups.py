@@ -17,8 +17,6 @@ format. x and y are adjusted coordinates: measured ones have the errors of the r
 smaller would make these smaller too. With 10^6 image points and sigma_c / c of 10^-4 that is 100 sigma_c.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

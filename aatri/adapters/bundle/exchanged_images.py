@@ -5,8 +5,6 @@ metres of contradiction in a start would bend everything else. What the search f
 it comes back, follows from the adjustment without. A start that was made of the positions themselves says nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How many independent errors new points, check points and control left out of a bundle have, axis by axis."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.covariance.independent import independent_errors, independent_predictions

@@ -10,8 +10,6 @@ largest of all, and the test itself is made, of neighbourhoods of all sizes arou
 the other images: along one line of flight an error in one image looks like one in the next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

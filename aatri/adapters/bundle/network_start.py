@@ -1,7 +1,5 @@
 """The geodetic observations of a Block as the network from which approximate coordinates are found."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

@@ -1,7 +1,5 @@
 """Orders of elimination of a bundle: the textbook's half bandwidth, and what is found in this block."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figures

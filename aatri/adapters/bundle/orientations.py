@@ -1,7 +1,5 @@
 """Starting orientations a Block itself gives."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import geodesy_of

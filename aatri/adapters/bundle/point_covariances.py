@@ -1,7 +1,5 @@
 """Covariances between chosen points of an adjusted block, for comparisons of points with each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 

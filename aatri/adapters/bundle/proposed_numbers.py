@@ -1,7 +1,5 @@
 """Numbers that a search for gross errors proposes, as a table: exchanged ones, and such as fit another point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.solution import ProposedNumbers

@@ -1,7 +1,5 @@
 """Observations that nothing controls, as a table: of all kinds, from the covariances at hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.observation_tables import uncontrolled_table

@@ -1,7 +1,5 @@
 """Which observations of a block have a standard deviation in common, by what the tables say of them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Literal
 

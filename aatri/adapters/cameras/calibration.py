@@ -6,8 +6,6 @@ Additional parameters are written in their classical units; with the scale of th
 that an adjustment works with. They correct the nominal camera, which must be the same in both blocks.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

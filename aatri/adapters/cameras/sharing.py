@@ -7,8 +7,6 @@ image-variant, the latter block-invariant. Each part is a group of unknowns of i
 in the order of elimination, so that it fills nothing in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -9,8 +9,6 @@ covariances between units need a solve per unit; with more than `MOST` parameter
 share are found, and of each image with itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

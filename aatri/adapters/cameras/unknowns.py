@@ -5,8 +5,6 @@ in mm, weighted by one standard deviation around zero, or free. Parameters of a 
 block says (`sigmas` of block.yaml); their measurements must not have been corrected for distortion before.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.cameras.sharing import Sharing, camera_scale, units_of

@@ -7,8 +7,6 @@ that of the lacking coordinate times the distance from the origin over the radiu
 such coordinates as they are given, has none.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

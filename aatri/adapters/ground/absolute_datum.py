@@ -1,7 +1,5 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residuals, suspects and parameters of the absolute orientation, as tables of a Solution."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

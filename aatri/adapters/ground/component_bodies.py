@@ -1,7 +1,5 @@
 """Components of images as bodies, and what those on the ground tell of one that has too little of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ its image there. A ray that does not meet the others is left out, if it is clear
 remains must meet clearly better than both others. Which rays meet is then known better than from a single model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

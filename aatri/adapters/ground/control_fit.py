@@ -1,7 +1,5 @@
 """What a body on the ground says of its control: heights in another unit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.imported import read_at

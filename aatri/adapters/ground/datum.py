@@ -1,7 +1,5 @@
 """What the datum of a bundle rests on, where control and positions do not give it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

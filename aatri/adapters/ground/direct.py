@@ -1,7 +1,5 @@
 """Direct georeferencing of a block: orientations from positions and attitudes, points by intersection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

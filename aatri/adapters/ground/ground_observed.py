@@ -1,7 +1,5 @@
 """What a block observes of the ground, held against free bodies: every kind, as the bundle has it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

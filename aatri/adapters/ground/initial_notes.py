@@ -1,7 +1,5 @@
 """What an initial orientation has to say of what it leaves out."""
 
-from __future__ import annotations
-
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution

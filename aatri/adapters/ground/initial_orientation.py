@@ -1,7 +1,5 @@
 """Free components to the ground by all that is observed of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

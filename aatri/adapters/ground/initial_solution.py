@@ -1,7 +1,5 @@
 """The Solution of components on the ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What of control, positions, distances and attitudes fits an initial orientation: residuals, suspects and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether strips fit control and positions, and how well each of them does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ground-photogrammetric frame tp of a component, by the two of its control points that lie farthest apart."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import free_images

@@ -1,7 +1,5 @@
 """The fiducial marks of a block as arrays, one row per film image, and back to tables."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From interior orientations of the images to the artifact ImagePoints: what all variants share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.solution import stacked, suspect_rows

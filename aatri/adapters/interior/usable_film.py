@@ -1,7 +1,5 @@
 """Which film images can be used, by the fit of their fiducial marks, and what of the marks is suspect."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.interior.film_marks import FilmMarks

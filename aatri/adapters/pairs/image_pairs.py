@@ -1,7 +1,5 @@
 """Which images of a block are paired, and the points they share, as arrays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

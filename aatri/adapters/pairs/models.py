@@ -1,7 +1,5 @@
 """Models: relative orientations of pairs as tables, and Models as the graph of their pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

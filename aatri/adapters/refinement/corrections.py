@@ -1,7 +1,5 @@
 """Image points corrected: for distortion, refraction, earth curvature, in this order, or for anything else."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 What the block does not tell enough for is left out, and told with its size: these corrections are micrometres.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.refinement.heights import Stations

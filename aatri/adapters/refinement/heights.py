@@ -1,7 +1,5 @@
 """Heights of stations and terrain above sea level, and level axes, as far as block and orientations tell them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

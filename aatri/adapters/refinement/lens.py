@@ -1,7 +1,5 @@
 """Lens distortion of the cameras of a block."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

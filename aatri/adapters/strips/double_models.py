@@ -10,8 +10,6 @@ ends with a single one, and so does a pair of too few common points. Half as man
 Source: lecture notes A801, where the unit is a single or a double model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

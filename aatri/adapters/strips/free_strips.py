@@ -1,7 +1,5 @@
 """Joined models as the artifact Strips."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

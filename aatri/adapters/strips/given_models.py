@@ -5,8 +5,6 @@ components, none of them averaged for the adjustment that follows; a component i
 similarity, and from there all models are adjusted together. One model is an absolute orientation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adapters.strips import oriented_strips as pieces

@@ -1,7 +1,5 @@
 """Block adjustment with independent models: Models and initial orientations to bodies, these to a Solution."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Models as bodies of the block adjustment with independent models, and what is given of their ground."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

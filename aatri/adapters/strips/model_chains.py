@@ -1,7 +1,5 @@
 """Models of a block as chains of neighbours, and as the methods that join them want them."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Between artifacts and the methods that orient strips: strip points in, a Solution back out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Strip block adjustment: artifacts to strips on the ground, and adjusted strips to a Solution."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

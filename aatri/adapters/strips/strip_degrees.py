@@ -1,7 +1,5 @@
 """The highest degree of each strip's polynomial, as the user gives it: one for all, and others for single strips."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Adjusted strips in figures: counts as textbooks have them, tie residuals, what lies beyond control and ties."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

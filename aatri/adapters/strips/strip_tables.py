@@ -1,7 +1,5 @@
 """Transformations, residuals and suspects of the strip block adjustment, as tables of a Solution."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

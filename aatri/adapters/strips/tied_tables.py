@@ -1,7 +1,5 @@
 """Observations of tied bodies - strips, models, components - as tables of a Solution: every kind in the same way."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

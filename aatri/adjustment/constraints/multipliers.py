@@ -24,8 +24,6 @@ constraints hold from the first full step on; others up to the square of the las
 Source: Nocedal & Wright, Numerical Optimization, ch. 16 and 18; docs/formulas.md 6.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ c_0 what the adjustment without them would violate; covariances differ from the 
 is not held at the end is contradictory, and refused. Source: penalty method, Nocedal & Wright, ch. 17.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

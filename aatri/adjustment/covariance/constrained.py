@@ -5,8 +5,6 @@
 A record with Jacobian J loses J W (J W)'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 import numpy as np

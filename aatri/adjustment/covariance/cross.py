@@ -8,8 +8,6 @@ E_b the unit vectors of its scalars; that of many blocks with each other needs t
 Constraints and the inner constraints of a free datum take their share off, see `constrained` and `s_transformation`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

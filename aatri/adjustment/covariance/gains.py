@@ -11,8 +11,6 @@ Under exact constraints K loses W (J W)', see `constrained`; for a free datum se
 Source: Baarda 1968; Foerstner 1979.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

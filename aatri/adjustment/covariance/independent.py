@@ -12,8 +12,6 @@ vectors is right to at most sqrt(2/m).
 Source: Satterthwaite 1946 (effective degrees of freedom); Hutchinson 1989 (trace by random vectors).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -9,8 +9,6 @@ and its diagonal are the redundancy numbers. Of an inactive record R is the cova
 that of what the observation differs from it. Exact constraints reduce what was read off (`constrained_covariances`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

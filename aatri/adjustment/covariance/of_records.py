@@ -6,8 +6,6 @@ A record of kept unknowns alone lies in one front, and so does its covariance; t
 follows from the block's.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.covariance.gains import Gains, take_gains

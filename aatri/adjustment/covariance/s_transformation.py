@@ -18,8 +18,6 @@ become K_b - H_b M (J Z)'.
 Source: Baarda 1973, S-transformations and criterion matrices; docs/formulas.md 6.6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -16,8 +16,6 @@ unknowns held, the gain is less than the true one.
 Source: Rao 1948 (score test); Kraus, Photogrammetry, on systematic errors found in residuals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

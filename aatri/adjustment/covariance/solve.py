@@ -8,8 +8,6 @@ For a linear problem the state after the step is the solution, and the factor th
 linearised, covariances and tests are those of the linearisation; `departure` says how far it is from being linear.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -3,8 +3,6 @@
 Back substitution linearises the rays once more instead of keeping their Jacobians.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linearised observations as the kernels take them: rays in chunks, other records side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -6,8 +6,6 @@ U = L^-1 c, what is left of them for the kept unknowns x is
     A'(H - B L^-T U),     H'H - U'U,     H'v - U'y            summed over rays and blocks,  y = L^-1 B'v
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ Conjugate gradients leave nothing but the solution of the one right-hand side th
 asks `whole` first, or asks for a panel and is refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -4,8 +4,6 @@ SciPy's own wrappers copy a part of a matrix and keep other threads waiting; the
 to Cython by address, do neither. All matrices are float64 and column-major; `n` is the leading dimension.
 """
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

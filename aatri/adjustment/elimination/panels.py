@@ -7,8 +7,6 @@ operating system allows that, and is gone with the factor, after an error too. W
 for bit.
 """
 
-from __future__ import annotations
-
 import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Sequence

@@ -4,8 +4,6 @@ What the eliminated blocks leave, N = A'A - sum Y Y' and g, in the layout's colu
 to look at as a whole.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ the kept unknowns, N Z = R goes in two steps,
 The first step touches only blocks and fronts with a right-hand side below them; U'U = R'N^-1 R needs no more than it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 

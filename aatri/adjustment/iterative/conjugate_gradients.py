@@ -19,8 +19,6 @@ however accurate the solution, and close to it if it is very small.
 Source: Hestenes & Stiefel 1952; Golub & Meurant 1997, Matrices, moments and quadrature II (bound of the error).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

@@ -13,8 +13,6 @@ arrays of the result come on top.
 The limit is `memory_gb`, or a share of the machine's memory.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

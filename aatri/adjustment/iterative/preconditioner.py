@@ -12,8 +12,6 @@ into one piece after the other, with the rest of their unknowns left out.
 Source: Saad 2003, Iterative methods for sparse linear systems, ch. 14 (Schur complement, block Jacobi).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Ratios are dimensionless; what an unknown may be uncertain by in its own unit says `Unknowns.implausible`.
 """
 
-from __future__ import annotations
-
 OPEN = 1e12
 """Q_ii N_ii from which on an unknown is open: no digit that the observations give is left of it."""
 

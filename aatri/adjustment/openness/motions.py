@@ -8,8 +8,6 @@ echelon form (scale and rotations before shifts), name them. What is left of the
 Source: docs/formulas.md 7 (generators of the datum); Golub & Van Loan, Matrix Computations, 6.4.3 (common subspaces).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components

@@ -18,8 +18,6 @@ is a weakness of the whole: it is refused, and the combination named. A tenth of
 Source: Golub & Van Loan, Matrix Computations, 8.2 (subspace iteration).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.elimination.backsolve import solve_columns

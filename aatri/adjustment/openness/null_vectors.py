@@ -6,8 +6,6 @@ diagonal that it had before elimination;
 in larger ones the null vectors of the leading parts that end at vanishing pivots are found by back substitution.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.elimination import lapack

@@ -1,7 +1,5 @@
 """What is open, in words: the combinations of unknowns that a linearisation leaves without an answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -7,8 +7,6 @@ thousandth of what would be felt. Where accurate observations are enough to dete
 lose. Only observations between blocks are changed; that of one block does no harm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What to do about what is open: refuse it by name, or set blocks aside."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ large factor only the first is sure, those after it are rounding. A G takes one 
 numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

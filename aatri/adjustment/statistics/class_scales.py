@@ -17,8 +17,6 @@ see that they are too small.
 Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ least a quarter of the control, and one point beside the two, must lie that much
 orientations are wrong and not the control. Errors of a start that all points have in common exchange nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -15,8 +15,6 @@ times, and where its sigma0 is beyond 1.25.
 Source: Koch, Parameter Estimation and Hypothesis Testing, 4.2; Bonferroni's bound for the single ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -11,8 +11,6 @@ wrong, all are named, and all go or none.
 Source: Baarda 1968; Foerstner 1983, Reliability and discernability of extended Gauss-Markov models.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.statistics.attribution import SEPARABLE

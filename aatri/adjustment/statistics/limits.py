@@ -10,8 +10,6 @@ known so well that less could be told from chance. Whoever states a limit gets t
 Source: Baarda 1968 (single tests); Miller 1981, Simultaneous Statistical Inference (many).
 """
 
-from __future__ import annotations
-
 from scipy.special import ndtr, ndtri
 
 FALSE_ALARM = 0.01

@@ -15,8 +15,6 @@ Source: Jeffreys 1961, Theory of Probability, 5.7 (series of observations have n
 1989, Robust statistical modeling using the t distribution.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

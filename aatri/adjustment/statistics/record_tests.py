@@ -12,8 +12,6 @@ redundancy numbers, its trace is the record's share of the redundancy.
 Source: Baarda 1968; Foerstner 1980; docs/formulas.md 7.3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

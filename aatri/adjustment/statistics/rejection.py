@@ -11,8 +11,6 @@ The last record that ties a block of the neighbourhood to the `share` group stay
 tested by nothing; and a record without a test is never rejected for it (`stranded`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -19,8 +19,6 @@ Single blocks are moved by K L e_i nabla_i, with their gain K (`covariance.gains
 Source: Baarda 1968; Foerstner 1979, 1980; docs/formulas.md 7.3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

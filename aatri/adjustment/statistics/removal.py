@@ -12,8 +12,6 @@ significant alone.
 Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

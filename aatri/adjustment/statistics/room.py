@@ -10,8 +10,6 @@ the rest, single gross errors explain nothing: the kind is named, and all of it 
 Source: Rousseeuw and Leroy 1987 (half is the most that a fit can bear); Foerstner 1979 (redundancy of groups).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

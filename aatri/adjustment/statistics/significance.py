@@ -14,8 +14,6 @@ Fisher's; with sigma0 known these are the normal and the chi-square distribution
 Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry; Koch, Parameter Estimation, ch. 4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

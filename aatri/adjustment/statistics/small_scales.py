@@ -14,8 +14,6 @@ Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (
 1987 (the test of s at the end of its range).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import chdtri
 

@@ -8,8 +8,6 @@ degrees of freedom at the level of the limit of |w|.
 Source: Pope 1976, The statistics of residuals and the detection of outliers.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import ndtr, stdtrit
 

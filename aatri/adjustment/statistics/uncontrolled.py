@@ -11,8 +11,6 @@ the base is parallel to x) moves the point and shows nowhere, even where neither
 Source: Baarda 1968; Foerstner 1983 (whole observations instead of single coordinates).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

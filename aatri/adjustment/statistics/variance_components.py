@@ -22,8 +22,6 @@ worse.
 Source: Helmert 1907; Foerstner 1979 (variance components by redundancy); Paule & Mandel 1982 (added variance).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

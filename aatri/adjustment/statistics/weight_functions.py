@@ -15,8 +15,6 @@ Adjusted with the weights of the residuals before, again and again, the sum of r
 rho is concave in s^2. All but Huber's have more than one minimum: they need a start near the right one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal
 

@@ -9,8 +9,6 @@ An eliminated block that is determined at the start but no longer at a later ste
 runs away along nearly parallel rays): its steps are shortened from then on, it is reported, and it has no covariance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What an adjustment gives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One iteration: what it stands on, and how it goes to the next, by a step that is taken, damped or refused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

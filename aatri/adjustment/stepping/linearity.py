@@ -6,8 +6,6 @@ finite optimum are left out. Under a loss, whose weights change with the step, t
 Source: Cepek, GNU Gama, the test of the linearisation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ bound, where the cost bends again. Steps then grow to those of Newton's method, 
 Blocks that a loss leaves open are steadied one by one, see `open_blocks`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

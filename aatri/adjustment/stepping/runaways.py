@@ -15,8 +15,6 @@ Source: Golub & Pereyra 1973, The differentiation of pseudo-inverses and nonline
 variables separate; Okatani & Deguchi 2007, On the Wiberg algorithm for matrix factorization.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -8,8 +8,6 @@ fronts, in which bands are some forty vertices wide.
 Source: docs/formulas.md 4.4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

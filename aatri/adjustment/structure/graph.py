@@ -11,8 +11,6 @@ strips it is the band of the textbook, with a border the bordered band.
 Source: George 1973; Koenig 1931; docs/formulas.md 4.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

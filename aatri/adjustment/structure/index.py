@@ -5,8 +5,6 @@ that node's front. Its rays come in the order of elimination. A record of kept u
 first vertex it touches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

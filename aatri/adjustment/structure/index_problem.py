@@ -1,7 +1,5 @@
 """From unknowns and records to a problem with its index: graph, order, tree, places."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An adjustment problem with its index."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property

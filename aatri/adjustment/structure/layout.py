@@ -6,8 +6,6 @@ diagonal. A vertex of one scalar has a second, held column, and where nothing is
 its columns: a front of the tree has two rows at least, for an array of one element is row-major to the compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

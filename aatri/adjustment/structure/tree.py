@@ -4,8 +4,6 @@ A node's front holds its own vertices, eliminated there, and its boundary: later
 descendants' meet. The update of a node goes to its parent, whose front holds all of the node's boundary.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ are all inactive takes no part: it is held, its step is zero, and neither it nor
 block of another group with inactive records only is not determined, and so is one that no record touches at all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

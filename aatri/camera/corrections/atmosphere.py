@@ -27,8 +27,6 @@ and equations 33a, 33b; refractive index of dry air, 1 + 2.778e-4 at 15 degrees 
 law in plane layers, Kraus, Photogrammetry 1.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -18,8 +18,6 @@ heights of 10 km; rays of oriented images flatter than `FLATTEST_RAD` are not co
 Source: Manual of Photogrammetry (ASPRS); Kraus, Photogrammetry 1; Snell's law in plane layers, see `atmosphere`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -10,8 +10,6 @@ Programs that *apply* a distortion to the ideal coordinate have other signs and 
 Source: Brown 1966, 1971; photogrammetric sign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

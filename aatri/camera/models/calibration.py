@@ -13,8 +13,6 @@ otherwise; brown(q) is the correction of `aatri.camera.models.brown`. x0, y0 are
 moved from the nominal one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -6,8 +6,6 @@ normalised coordinates: the measured coordinate divided by c is the distorted on
 origin is the principal point; OpenCV's v axis points down, the photo's y axis up.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

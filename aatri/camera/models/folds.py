@@ -4,8 +4,6 @@ A map of the plane has not folded between the axis and a point as long as the de
 on the way. It is tested at all points, and all along the way to the outermost ones, which pass where the others lie.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -14,8 +14,6 @@ are radial, so that the direction of v does not matter.
 Source: OpenCV documentation, calib3d; Kannala & Brandt 2006; Agarwal et al. 2010.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

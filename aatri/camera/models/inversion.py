@@ -5,8 +5,6 @@ u_d = f(u). Here f(u) = u_d is solved, u <- u - F^-1 (f(u) - u_d) with the deriv
 only if f has not folded between the axis and it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -20,8 +20,6 @@ d xy/du (n, 2, 3) and d xy/dparameters (n, 2, s).
 Source: Agarwal et al. 2010; OpenCV documentation, calib3d; Kannala & Brandt 2006.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

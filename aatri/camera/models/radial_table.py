@@ -4,8 +4,6 @@ Linear between the entries; 0 at the symmetry point; beyond the last entry its c
 symmetry point, and outwards is away from it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

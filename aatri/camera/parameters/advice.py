@@ -5,8 +5,6 @@ points): flat terrain and vertical images 0.999998, with crossed strips flown 20
 of the flying height 0.997, with images 15 degrees oblique 0.97, with observed projection centres of 5 cm 0.16.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 

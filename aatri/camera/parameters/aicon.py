@@ -14,8 +14,6 @@ coordinates, as in programs of that community: those of the projection, which is
 Source: Luhmann, Robson, Kyle, Harley, Close Range Photogrammetry, interior orientation; r0 as advised there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

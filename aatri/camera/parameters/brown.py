@@ -23,8 +23,6 @@ Source: Brown 1971 and 1976; lecture notes of Wuhan University on bundle block a
 x = projection + dx.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

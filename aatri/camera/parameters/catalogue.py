@@ -1,7 +1,5 @@
 """Parameter sets by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -18,8 +18,6 @@ The form with -a3 y in dx, often printed, is a misprint: it repeats half of a ro
 Source: Ebner 1976, Bildmessung und Luftbildwesen 44; Bauer & Mueller 1972.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -6,8 +6,6 @@ tilts) says nothing of the camera's quality; `shape_mm` is the field without it,
 makes fields of different sets comparable.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

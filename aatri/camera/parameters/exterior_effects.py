@@ -9,8 +9,6 @@ observed projection centres, crossed flights at two heights or a weight. Columns
 points, scaled to unit length.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

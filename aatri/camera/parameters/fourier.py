@@ -13,8 +13,6 @@ Names: `cx1-1` is the cosine of (1, -1) in dx, `sy10` the sine of (1, 0) in dy.
 Source: Tang, Fritsch & Cramer 2012, New rigorous and flexible Fourier self-calibration models.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -19,8 +19,6 @@ towards the corners.
 Source: Gruen 1978; Tang, Cramer & Fritsch 2012, Application of Legendre polynomials in photogrammetric calibration.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -11,8 +11,6 @@ format. Parameters are then of comparable size, one standard deviation a priori 
 balanced. The classical value (K1 in mm^-2 ...) is the parameter times `classical_factors`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

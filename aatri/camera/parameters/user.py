@@ -10,8 +10,6 @@
 border of the image, the parameters then are lengths in mm. Reading the file is up to the caller.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -10,8 +10,6 @@ m_p^2 = m^2 - m_c^2. Where m_c is not below m, points are better than control by
 Source: lecture notes on close range of Wuhan University, 5.1 (A1503).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -18,8 +18,6 @@ sample's exporter wrote beside it, d(r) = -(k1 r^3 + k2 r^5), and the first valu
 Source: support.pix4d.com 203590305; geoin.dat's own remarks; the sample.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from pathlib import Path

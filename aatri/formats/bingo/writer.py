@@ -5,8 +5,6 @@ table of radii is not. BINGO's older versions have names of 15 signs: longer one
 `points.csv` says which is which. Control with three coordinates is written; its orientations are not (`itera.dat`).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

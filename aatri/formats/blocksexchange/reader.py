@@ -11,8 +11,6 @@ is in one system: control in another one is refused.
 Source: Bentley, CC Orientations (BlocksExchange) format description.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Cameras are photogroups with K1 K2 K3 P1 P2; control and check points keep their
 (one for east and north), tie points their coordinates and image points, not their names.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as ET
 

@@ -16,8 +16,6 @@ name, the order of p1 and p2, and the unit, a power of the focal length. A furth
 Sources: docs/formats.md names the manual of each program.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple

@@ -7,8 +7,6 @@ of the image is not touched. The largest distance over the grid is the misfit; b
 twentieth of a pixel is what good targets are measured with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

@@ -6,8 +6,6 @@ other sign, and cos 4(h + a) scatters, unless the lines run along the axes of th
 the same but for small angles, and as start values one is as good as the other.
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np

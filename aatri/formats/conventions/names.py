@@ -11,8 +11,6 @@ Points take steps 1 and 4 alone: their ids have no folder and no extension. A st
 choice: where two names of a file become equal, neither is matched by that step, and the conflict is told with both.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ A principal point that a program counts from elsewhere than the image centre bec
 up, by the same matrix as an image point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -12,8 +12,6 @@ program does what; each row has been tried by projecting a point (tests/formats/
 Sources: the programs' manuals, named in docs/formats.md.
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np

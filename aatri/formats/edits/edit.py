@@ -8,8 +8,6 @@
 `value` is what was measured when the edit was proposed: an edit whose observation has another value by now is refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 ACTIONS = ("switch_off", "renumber", "exchange", "reweight")

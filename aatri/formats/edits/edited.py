@@ -1,7 +1,5 @@
 """A block with edits applied, one after the other; what they no longer fit is refused by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

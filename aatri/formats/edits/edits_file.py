@@ -5,8 +5,6 @@ edits:
   - {do: exchange, kind: control, point: P1, to: P2}
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable

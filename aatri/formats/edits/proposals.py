@@ -1,7 +1,5 @@
 """Edits that an adjustment proposes: what it left out, numbers it found exchanged or wrong, weights that do not fit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.block import Block

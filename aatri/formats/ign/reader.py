@@ -10,8 +10,6 @@ heights. Say so by `vertical`, or by `geoid` with the grid file.
 Source: IGNF/Borea, documentation and data set.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aatri.codes import CONTROL

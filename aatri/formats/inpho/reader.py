@@ -14,8 +14,6 @@ of film are published nowhere: they are told, not read.
 Source: readers and writers of such files in public; no description of the format is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

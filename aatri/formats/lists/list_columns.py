@@ -13,8 +13,6 @@ Sources: ArcGIS Reality documentation, coordinate system conventions (omega-phi-
 the programs named on the page of formats.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import NamedTuple

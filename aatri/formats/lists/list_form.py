@@ -1,7 +1,5 @@
 """How the lines of a list are read: what separates the cells, where its header is, and what is said above it."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path

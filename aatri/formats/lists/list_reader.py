@@ -10,8 +10,6 @@ looks straight down at pitch 0, its upper edge ahead, yaw clockwise from north. 
 is held against them: it must be R or R'. Positions and attitudes are observed where they have standard deviations.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

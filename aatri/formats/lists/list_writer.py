@@ -8,8 +8,6 @@ Numbers have all their digits. Standard deviations `sX` ... of orientations are 
 positions of a block without one.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

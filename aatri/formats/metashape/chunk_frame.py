@@ -5,8 +5,6 @@ local reference into that. Poses, positions and markers are given out in one fra
 heights, or the UTM zone where it is in degrees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -11,8 +11,6 @@ middle.
 Source: documents of versions 1.2, 1.4 and 2.0; Agisoft Metashape user manual.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

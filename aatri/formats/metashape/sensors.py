@@ -9,8 +9,6 @@
 Source: Agisoft Metashape user manual, appendix on camera models.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

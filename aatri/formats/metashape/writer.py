@@ -5,8 +5,6 @@ points is told. Control and check points are markers with their references, enab
 points and their image points have no place in these files. Observed positions are references of the cameras.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as ET
 

@@ -8,8 +8,6 @@ Columns AxeI AxeJ AxeK are the axes of the camera in the ground. `Sigma2` of a m
 Source: MMVII documentation, chapter on serialization; the same block in both versions (tests).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -5,8 +5,6 @@ first and as its columns in MMVII, and the projection centre. Image coordinates 
 of the principal point, is the upper left corner.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

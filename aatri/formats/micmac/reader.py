@@ -1,7 +1,5 @@
 """Reading of files of MicMac: an orientation folder, files of measured and of ground points, or a project with all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

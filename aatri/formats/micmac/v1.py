@@ -9,8 +9,6 @@ refused by name.
 Source: MicMac documentation, chapters on the camera models and on ParamApero; reference pairs of the files themselves.
 """
 
-from __future__ import annotations
-
 from pathlib import PureWindowsPath
 
 import numpy as np

@@ -7,8 +7,6 @@
 The forms are those of `v1`. Control that is exact has the Incertitude `EXACT_M`, for zero means nothing there.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as ET
 

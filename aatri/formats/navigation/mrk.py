@@ -11,8 +11,6 @@ An exposure is of the image beside the file whose name ends with `_` and its num
 Source: DJI, Matrice 4 series user manual; lines of a flight with a Zenmuse P1, whose XMP agrees to the millimetre.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -11,8 +11,6 @@ image centre, y up. Images are called by `list.txt` (or `*.list.txt`), else by t
 Source: Snavely, Bundler v0.4 user's manual.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

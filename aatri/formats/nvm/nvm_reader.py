@@ -11,8 +11,6 @@ down. r corrects the measurement: (1 + r |m|^2) m = (X/Z, Y/Z) with m in units o
 Source: VisualSFM documentation, ccwu.me/vsfm/doc.html; Wu et al. 2011, Multicore bundle adjustment.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Each image has a camera of its own: the focal length and r of its camera; coordi
 pixels as wide as high. Points are in the order of the block, their ids have no place.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

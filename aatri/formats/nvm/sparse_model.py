@@ -6,8 +6,6 @@ the size of its images. That is seen by coordinates of which none is negative; t
 points say that it is: the median of what image points differ from projections, to a half pixel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -8,8 +8,6 @@
 The formulas are those of `conventions.lens`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.formats.conventions.lens import FORMS, Lens

@@ -6,8 +6,6 @@ an altitude is plan control. Altitudes are taken as ellipsoidal heights of WGS 8
 Source: OpenSfM documentation, Using ground control points.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -14,8 +14,6 @@ true north: start values. Accuracies are standard deviations, m; NaN is not know
 Sources: OpenDroneMap documentation, Ground control points; Image geolocation files. OpenSfM documentation, gcp.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

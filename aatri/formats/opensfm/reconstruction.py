@@ -10,8 +10,6 @@ are start values; free models are not in one frame, so that only the largest is.
 Source: OpenSfM documentation, Geometric Models; Dataset Structure, reconstruction file format.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

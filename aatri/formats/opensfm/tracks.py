@@ -7,8 +7,6 @@ Version 1 has no segmentation and instance, files without a first line (version 
 image centre, y down, divided by max(width, height): pixels need the camera, which is in reconstruction.json.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -6,8 +6,6 @@ has no reference, and its control no coordinates there. Rays of control and chec
 ground_control_points.json, all others in tracks.csv. The forms are those of the readers.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

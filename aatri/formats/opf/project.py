@@ -10,8 +10,6 @@ shift is east, north, up of the base, in metres if its scale is 1.
 Source: the specification, github.com/Pix4D/opf-spec, versions 1.x.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple

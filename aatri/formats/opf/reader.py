@@ -8,8 +8,6 @@ camera is called as its URI; the accuracy of a mark is taken as a standard devia
 Source: the specification, github.com/Pix4D/opf-spec, versions 1.x.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

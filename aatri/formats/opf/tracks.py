@@ -9,8 +9,6 @@ Accessors lead through buffer views to binary files beside the document. What is
 Source: the specification, github.com/Pix4D/opf-spec; Khronos Group, glTF 2.0 specification, section 3.6.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

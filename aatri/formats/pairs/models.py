@@ -8,8 +8,6 @@ place, direction and scale. Points with the same name in several models are the 
 are those of pair files (`ground_lines`).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aatri.artifacts.block import Block

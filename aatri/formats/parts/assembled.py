@@ -4,8 +4,6 @@ All are brought into one frame (`one_frame`), joined by names (`joined`), and ge
 deviations, and what of the cameras is unknown. Images get their order in the sources as sequence where none has one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

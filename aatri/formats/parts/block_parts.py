@@ -13,8 +13,6 @@ A standard deviation that the file does not state is left out or NaN; `assembled
 `position_use` and `angle_use` say that they were observed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a source may not say, whatever its format: an id twice in a list, a latitude beyond the pole."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 N is interpolated by PROJ (`vgridshift`) in the very file that is named: nothing is looked up, fetched or guessed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

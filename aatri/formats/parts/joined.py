@@ -10,8 +10,6 @@ The first source that has images says which there are; what others say of images
 Names that match nothing are left out, by a warning. Every row keeps its file and line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A Block that is there already as a source beside others: its tables by ids again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

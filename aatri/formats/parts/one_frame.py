@@ -12,8 +12,6 @@ the normal for a map. So meridian convergence is in R, which names of angles alo
 A free model (`LOCAL`) has no place in another frame: its start values are left out, which is told.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 References to other tables are ids here, not rows; `file` counts in the files of all sources together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

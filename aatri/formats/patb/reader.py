@@ -10,8 +10,6 @@ lines of the flight do (`conventions.matrix_sense`), or the user (`maps`). They 
 Source: PCI Geomatics, support document 204186705.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

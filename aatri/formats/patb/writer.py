@@ -10,8 +10,6 @@ none, `photos.csv` says which is which.
 Source: PCI Geomatics, support document 204186705; "PATB convention" in support.pix4d.com 202559089.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -11,8 +11,6 @@ compared with it. Images of equal interior orientation are of one camera.
 Source: support.pix4d.com, articles 202977149 (internal, external parameters) and 202559089; matrices of 168 images.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 A new format is a `Format` in its own room, and a line here.
 """
 
-from __future__ import annotations
-
 from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS

@@ -1,7 +1,5 @@
 """The one way out: an oriented block as files of a format, and what the format has no place for."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

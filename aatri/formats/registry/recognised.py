@@ -4,8 +4,6 @@ A folder is looked at as a whole; each of its files that no format of the whole 
 of its folders, so that a project of several programs comes out as several sources.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path

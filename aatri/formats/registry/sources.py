@@ -1,7 +1,5 @@
 """Reading of a source: its format is recognised or named, and what was said of it is applied."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

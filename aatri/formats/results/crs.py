@@ -1,7 +1,5 @@
 """The coordinate system beside a model whose own form has no place for it: `crs.txt`, a line a fact."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aatri.artifacts.block import Block

@@ -1,7 +1,5 @@
 """What is common to all exports: their options, their files, and what of a block they had no place for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The ground-photogrammetric frame tp that an absolute orientation has told of, as a transformation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.solution import StripTransformations

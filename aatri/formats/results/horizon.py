@@ -4,8 +4,6 @@ A block of a map that is moved into a Cartesian frame loses what maps distort; i
 the map then fall elsewhere, by as much as is told.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

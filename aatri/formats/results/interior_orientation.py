@@ -1,7 +1,5 @@
 """Interior orientations of a Solution: absolute values, their covariance, and the convention they are told in."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -15,8 +15,6 @@ photo coordinates less what the principal point has moved. Rays are then those t
 image and a solved point, and were not rejected.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple

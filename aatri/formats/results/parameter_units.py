@@ -1,7 +1,5 @@
 """Units of the parameters in a Solution, for headers and reports."""
 
-from __future__ import annotations
-
 from aatri.artifacts.solution import Solution
 from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.parameter_set import ParameterSet

@@ -5,8 +5,6 @@ those of single images; all else keeps its order. A covariance is shown as stand
 and kappa. What is not determined is None.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

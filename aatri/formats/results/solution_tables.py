@@ -12,8 +12,6 @@ applied to them. An empty cell is not determined or not known, never 0. Numbers 
 the same bits. A text that a spreadsheet would take for a formula is prefixed by an apostrophe.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Mapping
 from pathlib import Path

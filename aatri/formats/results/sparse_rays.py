@@ -1,7 +1,5 @@
 """Rays and cameras for programs whose cameras have one focal length and the principal point in the image centre."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -19,8 +19,6 @@ is not stated. An image is called by its `.ipf`. Points that are not used or not
 Sources: DOI-USGS/plio (reader and samples with their contents); SOCET SET user's manual.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

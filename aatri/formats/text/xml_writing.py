@@ -1,7 +1,5 @@
 """XML made of nested elements, indented; numbers with all their digits."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 

@@ -9,8 +9,6 @@ instruments, targets and antennas above their points. The three rows of a baseli
 see `correlated`. Source: docs/formulas.md 5.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

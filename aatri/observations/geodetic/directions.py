@@ -8,8 +8,6 @@ places in the map. What reduces a direction to the ellipsoid is below a hundredt
 Source: docs/formulas.md 5.4.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -7,8 +7,6 @@ addition constant a, both free unless the options hold them. A slope distance th
 one; those reduced to the map or the ellipsoid are in `reduced`. Source: Kraus, Photogrammetry; docs/formulas.md 5.4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

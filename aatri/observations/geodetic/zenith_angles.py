@@ -8,8 +8,6 @@ falls away by s / 2R. A local frame knows no Earth: neither is applied, and the 
 Source: Torge & Mueller, Geodesy; docs/formulas.md 5.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

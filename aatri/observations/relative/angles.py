@@ -9,8 +9,6 @@ most across u at the start. Residuals are angles: no area or length scales them.
 180 degrees. Source: docs/formulas.md 5.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -7,8 +7,6 @@
 Source: docs/formulas.md 5.5.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.unknowns import State

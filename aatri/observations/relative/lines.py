@@ -10,8 +10,6 @@ residuals across the line have rank 2 whatever its direction, unlike the determi
 one for lines across the X axis. Source: docs/formulas.md 5.5.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -6,8 +6,6 @@
 Source: docs/formulas.md 5.5.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

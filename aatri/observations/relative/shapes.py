@@ -8,8 +8,6 @@ residual is the distance of a point from the shape. Source: lecture notes on clo
 docs/formulas.md 5.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ positions of 10 cm work together (adjusting.tied_adjustment). What is wrong is f
 Start: see `datum_start`. What the observations leave open is found beforehand and named (datum_analysis).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

@@ -7,8 +7,6 @@
 The frame and unit of a component are those of the strip with most points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

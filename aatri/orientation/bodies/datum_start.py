@@ -16,8 +16,6 @@ and the end of least cost counts. Where asked for, two places known in plan, the
 instead (the frame tp, geometry.two_point).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -18,8 +18,6 @@ errors are left. Where strips agree better than the standard deviations of their
 stages before have told of their image points: here that is a note.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

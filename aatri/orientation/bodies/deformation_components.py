@@ -12,8 +12,6 @@ phi = (y'y - z'g) / f, by maximum likelihood of the residuals.
 Source: Foerstner 1979, as adjustment.statistics.variance_components; Harville 1977 (phi).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

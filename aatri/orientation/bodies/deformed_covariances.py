@@ -17,8 +17,6 @@ covariance is given.
 Source: collocation with the filter of another adjustment: Moritz 1980, Advanced Physical Geodesy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

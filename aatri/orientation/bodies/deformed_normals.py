@@ -9,8 +9,6 @@ so that only scalar functions are summed; coefficients and causes are linear in 
 control contribute nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ Both are judged with equal weights of all strips' points and control held, so th
 plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

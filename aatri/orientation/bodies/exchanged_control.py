@@ -10,8 +10,6 @@ Where few points are known in full the others, distances, attitudes, positions t
 squares are compared likewise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations

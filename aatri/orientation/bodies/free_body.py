@@ -11,8 +11,6 @@ kind of observation (`observations.kinds`) that touches points and images observ
 Source: docs/formulas.md 5.6; Sola 2018 for J.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -15,8 +15,6 @@ deviations. An f beyond 2 or below 1/2 is certain: no principal distance to be c
 affinity of heights in Kraus, Photogrammetry, deformation of models.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

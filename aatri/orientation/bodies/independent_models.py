@@ -10,8 +10,6 @@ plan_height: the classical iteration (PAT-M), plan with the height held and heig
 Source: Ackermann, Ebner & Klein 1970, PAT-M; Ebner 1972; docs/formulas.md 4.5.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied, snooping_of

@@ -1,7 +1,5 @@
 """Control that fits a body only mirrored, or with two numbers exchanged."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

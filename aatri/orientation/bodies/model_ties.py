@@ -13,8 +13,6 @@ Without latent unknowns the centres have a standard deviation of their own, the 
 Source: Ackermann, Ebner & Klein 1970 (independent models); docs/formulas.md 4.5; lecture notes A801-A805, erratum E15.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

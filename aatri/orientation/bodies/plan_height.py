@@ -19,8 +19,6 @@ Source: Ackermann, Ebner & Klein 1970, PAT-M; Hestenes and Stiefel 1952; Axelsso
 preconditioner); docs/formulas.md 4.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -6,8 +6,6 @@ x are the points brought to the ground approximately; x_o is linear in the coeff
 (`geometry.strip_bases`; the usual ones, second degree with 15 coefficients, have a compiled lane).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

@@ -6,8 +6,6 @@ with the seven unknowns of geometry.similarity per strip; x are coordinates in t
 own. Covariances turn with the strip: s^2 R C R'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

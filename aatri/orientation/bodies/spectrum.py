@@ -1,7 +1,5 @@
 """Eigenvalues and eigenvectors of the covariances of points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

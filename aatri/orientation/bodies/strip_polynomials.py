@@ -9,8 +9,6 @@ number of strips are weighted rightly, the standard deviation of the strips' poi
 linear. The degree falls to what control and ties determine (determined_degrees).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -18,8 +18,6 @@ variances that fall with the fourth (h) and the second (w) power of the degree. 
 Source: Vermeir 1954; Ackermann 1965 (errors of joints add up twice); aatri/orientation/bodies/deformation.py.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -12,8 +12,6 @@ brought the strips to the ground: M is then fitted to all of their points.
 Source: error propagation of the two adjustments of absolute orientation (docs/methods/absolute_orientation.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -9,8 +9,6 @@ observations are constraints. Coordinates are reduced to an origin near the bloc
 Source: Kraus, Photogrammetry; docs/formulas.md 4.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ bundle then. There are no standard deviations: those of the halves leave out wha
 Source: lecture notes A908 (two-class approximation); docs/formulas.md 4.5.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

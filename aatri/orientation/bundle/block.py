@@ -8,8 +8,6 @@ changes, and so for a plane, line ... whose points are fewer than its unknowns. 
 take part if an observation ties them to something else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

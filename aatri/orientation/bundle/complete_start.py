@@ -6,8 +6,6 @@ points agree with it more than by chance (`resection.start`). Both are repeated 
 that see too few known points start from an orientation that is offered, if their rays meet those of other images there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

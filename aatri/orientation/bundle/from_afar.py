@@ -8,8 +8,6 @@ to the same. What still does not fit is oriented by resection to the points that
 with images turned over is none: over flat ground their residuals are as small as the right ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

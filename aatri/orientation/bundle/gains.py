@@ -3,8 +3,6 @@
 One more way down the tree, with the gains of all records; for a free datum they are carried over to inner constraints.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.covariance.gains import Gains

@@ -1,7 +1,5 @@
 """What images have in common: camera, strip, flight; errors and standard deviations may be common to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aatri.arrays import Float, Int, Text

@@ -5,8 +5,6 @@ each its own way, and a cylinder fitted to them may be another one, through poin
 observations alone give points that are right, to which every shape is fitted anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -14,8 +14,6 @@ Where no standard deviations were asked for, C_pp of these parameters alone is f
 same; conjugate gradients have no factor, all is counted, and a note says so.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Sets of additional parameters are tested against zero, a-posteriori sigma0 and its redundancy applied.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -12,8 +12,6 @@ nothing of the rest, and are in the covariance already. They are no redundancy e
 Source: Kraus, Photogrammetry 1, resection and intersection; docs/formulas.md 3.4, 3.7.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A record is taken back where its test, of the prediction from everything else (`
 within a limit. So it is with every kind of observation: each record predicts itself.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations

@@ -1,7 +1,5 @@
 """An adjusted block: poses, points and parameters with their covariances, and the observations held against them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

@@ -3,8 +3,6 @@
 Another round follows where additional parameters are to go that are not worth keeping.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """How far from the images the points lie that they see: of the whole block, and of each image."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

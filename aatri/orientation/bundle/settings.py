@@ -1,7 +1,5 @@
 """How a bundle is to be adjusted: stated once, by the options of the stage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

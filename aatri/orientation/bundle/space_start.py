@@ -5,8 +5,6 @@ points behind it is turned over: mirrored on the plane of its points, with u = R
 same image points, exactly where the ground is flat.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

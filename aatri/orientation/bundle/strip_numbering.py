@@ -14,8 +14,6 @@ keep their own places, and widen the band.
 Source: lecture notes of Wuhan University on bundle block adjustment; docs/formulas.md 4.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

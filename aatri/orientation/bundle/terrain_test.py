@@ -16,8 +16,6 @@ A point with more rays is doubtful only where it also lies off by `FAR` of the f
 Source: Kraus, Photogrammetry, on filtering points against a local surface; docs/methods/gross_errors.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

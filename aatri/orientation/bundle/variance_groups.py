@@ -4,8 +4,6 @@ The block is adjusted, each group gets the factor sqrt(v'P v / r) on its standar
 with them, until no factor moves by more than `SAME`. See `adjustment.statistics.variance_components`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

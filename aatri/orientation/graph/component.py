@@ -4,8 +4,6 @@ Image points only; seven scalars of the poses are held, which changes no residua
 (`triangulation`), at first widely, after the bundle by the spread that it leaves. Huber's loss throughout.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

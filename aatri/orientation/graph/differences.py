@@ -11,8 +11,6 @@ Rotations, logarithms of scales and positions of images are all of this form.
 Source: Chatterjee & Govindu, PAMI 40 (2018) 958; Holland & Welsch 1977.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components

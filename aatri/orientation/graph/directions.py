@@ -13,8 +13,6 @@ Source: Zhuang, Cheong & Lee, Baseline desensitizing in translation averaging (B
 & Schoenberger, Global structure-from-motion revisited (GLOMAP), ECCV 2024.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.adjustment.loss import Huber

@@ -4,8 +4,6 @@ The origin is the first image's projection centre, the second image the next one
 to all sides, as in an orbit, have no mean direction: then the axes are those of the first image.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

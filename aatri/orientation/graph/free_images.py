@@ -9,8 +9,6 @@
 Source: Moulon, Monasse & Marlet, ICCV 2013; Pan et al., ECCV 2024; see the modules named.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

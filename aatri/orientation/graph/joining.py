@@ -5,8 +5,6 @@ images these give all but the scale, and the distances of a few common points fr
 again. What stays apart is listed. Images in no component that see enough known points are resected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ Then from the directions of rays, v = d (X - c), d >= 0 (`directions`), with the
 many that each image is held on all sides, not all of them.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

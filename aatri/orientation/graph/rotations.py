@@ -12,8 +12,6 @@ pair is as good as the share of its triangles that close; one without triangles 
 Source: Chatterjee & Govindu, ICCV 2013 and PAMI 40 (2018) 958; Zach, Klopschitz & Pollefeys, CVPR 2010 (cycles).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree

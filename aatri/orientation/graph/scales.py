@@ -12,8 +12,6 @@ components.
 Source: Cui & Tan, Global structure-from-motion by similarity averaging, ICCV 2015.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ left out and the point intersected again, as long as two rays remain that meet a
 tested once more in the end. A point behind an image is off by more than any limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

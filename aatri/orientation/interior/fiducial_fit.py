@@ -18,8 +18,6 @@ rejected only where it is the one that explains the residuals, and where a redun
 Source: Kraus, Photogrammetry 1, sec. 3.2; Baarda 1968 for the test.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

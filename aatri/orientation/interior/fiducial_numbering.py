@@ -11,8 +11,6 @@ every rotation is in order; what is not:
   mirroring, each mark with its nearest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

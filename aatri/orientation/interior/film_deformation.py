@@ -10,8 +10,6 @@ that of the scales. The film itself, A^-1 = Q (sx, k; 0, sy), has grown by sx al
 leans by the angle k / sy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

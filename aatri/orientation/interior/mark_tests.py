@@ -8,8 +8,6 @@ canonical correlation of R_i^-1/2 R_ij R_j^-1/2 is near 1.
 Source: Baarda 1968; Foerstner 1983 for the separability of two errors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

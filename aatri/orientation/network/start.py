@@ -10,8 +10,6 @@ height differences and zenith angles, coordinates along coordinate differences.
 Source: Kahmen & Faig, Surveying, ch. 8; docs/methods/networks.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

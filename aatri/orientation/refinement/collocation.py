@@ -20,8 +20,6 @@ Source: Kraus & Mikhail 1972, Linear least-squares interpolation; Moritz 1972; M
 aerial triangulation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ Good to a per cent or so of the flying height: enough for refraction and earth c
 than a tenth of c tell nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

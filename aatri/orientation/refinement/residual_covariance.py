@@ -13,8 +13,6 @@ signal.
 Source: Kraus & Mikhail 1972, Linear least-squares interpolation; Moritz 1980, Advanced Physical Geodesy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -16,8 +16,6 @@ projection centre and in the unit of this model; the right image gives the rest 
 Source: lecture notes A401, A403.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

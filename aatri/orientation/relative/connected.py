@@ -16,8 +16,6 @@ connection points, nearly all of which lie across the strip, strengthen the orie
 Source: docs/formulas.md 3.5; errata E08 (the scale's column belongs to the whole base, in P and in Q).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

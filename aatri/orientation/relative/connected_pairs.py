@@ -1,7 +1,5 @@
 """Pairs connected along their strips: each model with its scale in units of the model before as an unknown."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@
 Source: Hofmann 1953, Wunderlich 1941 (gefaehrliche Flaechen); Kraus, Photogrammetry 1, relative orientation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float

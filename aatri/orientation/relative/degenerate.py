@@ -6,8 +6,6 @@ Nearly all pairs are clearly free of these (`plain_pairs`, all at once); the oth
 Source: docs/formulas.md 3.3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

@@ -9,8 +9,6 @@ along d (R <- exp([d]x) R) and t (b <- b + T t), step by step as it is computed.
 Source: docs/formulas.md 3.1, 3.4; geometry/intersection.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -19,8 +19,6 @@ of one follow from those of the other by their derivatives. With the increments 
 Source: docs/formulas.md 3.2, 3.3 (the notes' continuous and single-pair methods).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

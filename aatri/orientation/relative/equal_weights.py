@@ -15,8 +15,6 @@ rigorous solution and with the points that it did not reject.
 Source: docs/formulas.md 3.2; errata E08, E09 (exact derivatives instead of the small-angle coefficients).
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -11,8 +11,6 @@ explains the images there is no base, but the rotation is known.
 Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Longuet-Higgins, Proc. R. Soc. B 227 (1986) 399.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ film error does to a y-parallax is taken up by the orientation. Two models of on
 covariances are those of each alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

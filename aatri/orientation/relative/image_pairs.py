@@ -1,7 +1,5 @@
 """Pairs of images with the points that they have in common."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ rejected for them comes back, and the covariances of the models are those that t
 Standard deviations that are too large reject nothing that is right, and stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

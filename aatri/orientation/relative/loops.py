@@ -5,8 +5,6 @@ adjusted again. A solution is good where enough points fit and few lie behind: n
 best of all starts counts, that with most points and of these the one with the least squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -16,8 +16,6 @@ nothing else; and whether the left or the right image point is wrong cannot be t
 Source: docs/formulas.md 3.2; Mikhail, Bethel & McGlone, Introduction to Modern Photogrammetry, 5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ down by Huber weights at `HUBER` standard deviations of the image's own spread; 
 Source: Kraus, Photogrammetry; docs/formulas.md 3.7.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ columns with the known c, made orthogonal.
 Source: Abdel-Aziz and Karara 1971; Hartley and Zisserman, Multiple View Geometry, 7.1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -17,8 +17,6 @@ Symbols: a, b, c the sides opposite P1, P2, P3; alpha, beta, gamma the angles be
 Source: Grunert 1841, in the form of Haralick, Lee, Ottenberg and Noelle 1994; Moisan and Stival 2004 (a contrario).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -10,8 +10,6 @@ A point of several models is the mean of its positions, weighted by the inverse 
 Source: Kraus, Photogrammetry, strips; docs/formulas.md 3.6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

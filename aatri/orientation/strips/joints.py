@@ -17,8 +17,6 @@ in threads (`kernels.joints`; observation equations in `kernels.log_scale`).
 Source: docs/formulas.md 3.5 (of the textbook k = (Z2a - Bza) / Z1b, the mean of three points).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Errors of relative orientations as unknowns of unit variance, and how the points of a model move with them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

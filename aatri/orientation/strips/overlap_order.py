@@ -10,8 +10,6 @@ whose image comes first in the block.
 Source: photogrammetric practice.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array

@@ -13,8 +13,6 @@ another. The turn about the row of connection points is weak: it rests on their 
 Source: docs/formulas.md 3.6 (the notes' connection of independent models, A407).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@ Only a record that leaves some other of its kind all but untested can be taken f
 tests gain_j = rho^2 gain_i, and leaving i out takes rho^2 of j's redundancy. The others are clear without that.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -4,8 +4,6 @@ The standard deviations are those of `scaling`, estimated again until they stay,
 residuals that gross errors have smeared tell nothing of them, nor of the tails (`adjustment.statistics.long_tails`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

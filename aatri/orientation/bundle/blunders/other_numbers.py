@@ -10,8 +10,6 @@ an image of area A, and the box of the bound, give the chance n (4 bound_x bound
 and the fit must be the only one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

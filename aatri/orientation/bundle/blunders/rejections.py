@@ -1,7 +1,5 @@
 """What a search decides at each step: which records go, of a point by all that touch it, within the room."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

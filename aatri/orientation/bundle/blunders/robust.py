@@ -5,8 +5,6 @@ other weight functions, of the record's largest component, which have several mi
 adjustment takes the weights of the residuals before, until they stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

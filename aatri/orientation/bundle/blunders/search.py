@@ -19,8 +19,6 @@ deviations that are too small: only what stands out by the tau test too goes.
 Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

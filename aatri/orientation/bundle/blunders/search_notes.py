@@ -1,7 +1,5 @@
 """What the search for gross errors has to say: at observations, points, images and control."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ control points, or observed positions of two images, a, b are swapped if the blo
 b at those of a.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Tests of the records of a bundle: the largest |w| of each, of predictions where it is rejected."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -4,8 +4,6 @@ Single observations are then tested against a model that has what is wrong with 
 stead. Image points take p as a set of additional parameters, all other kinds as one more term.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

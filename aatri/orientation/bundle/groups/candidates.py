@@ -1,7 +1,5 @@
 """Candidate groups: what observations of one kind may have in common, unit by unit, as derivatives of residuals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A group: observations that are wrong together, how, and what that does."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -11,8 +11,6 @@ named too. Where single observations are tested as well, the group must gain mor
 most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@
    limit are left out, all of them, where the block is determined without; every other group is kept, all of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
