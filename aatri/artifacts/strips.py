@@ -75,6 +75,36 @@ class Gaps(Table):
 
 
 @dataclass(frozen=True, eq=False)
+class StripScales(Table):
+    """Scale of each strip by its control: extent on the ground over extent in the strip."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    control_points: Int = column("i4", doc="of three known coordinates; two are needed")
+    metres: Float = column("f8", unit="m", doc="length of the first base on the ground", optional=True)
+    scale_number: Float = column("f8", doc="of its images: median", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageScales(Table):
+    """Scale numbers of the images of the strips that have a scale."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    image: Int = column("i4", doc="row in images", refers="images")
+    scale_number: Float = column("f8", doc="median distance of its points along its axis, over c", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPoints(Table):
+    """Points of every model in its strip, those of several models in each of them: none are averaged."""
+
+    strip: Int = column("i4", doc="row in strips", refers="strips")
+    model: Text = column("str", doc="id of the model: left-right")
+    point: Int = column("i4", doc="row in points", refers="points")
+    xyz: Float = column("f8", 3, unit="first base", doc="coordinates in the strip frame")
+    xyz_m: Float = column("f8", 3, unit="m", doc="the same by the scale of the strip; NaN without one", optional=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Strips(Artifact):
     """Free strips."""
 
@@ -90,6 +120,9 @@ class Strips(Artifact):
     discrepancies: Discrepancies = table()
     gaps: Gaps = table()
     suspects: Suspects = table()
+    scales: StripScales | None = table(default=None)
+    image_scales: ImageScales | None = table(default=None)
+    placed_points: PlacedPoints | None = table(default=None)
     uncontrolled: Uncontrolled | None = table(
         default=None,
         doc="along the base, of points in one model of their strip; image points in no model; connection "

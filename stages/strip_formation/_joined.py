@@ -31,6 +31,11 @@ class JoiningOptions(Options):
     min_connection_points: int = Field(
         2, ge=1, description="models with fewer usable common points are not joined: the strip is split there"
     )
+    models_apart: bool = Field(
+        False,
+        description="scales of strips and images by control, coordinates in metres, and the points of every model in "
+        "its strip, none averaged",
+    )
     scale_jump: float = Field(2.0, gt=1, description="a scale factor above this, or below its inverse, is reported")
 
 
@@ -88,13 +93,28 @@ def joined(
     joints = method(table, transfers)
     chains, breaks = chains_of(runs, _open_joints(models, joints, options.min_connection_points))
     gaps += [*breaks, *images_left_alone(block, chains)]
-    strips = strips_of(block, models, table, joints, chains, gaps)
+    strips = strips_of(block, models, table, joints, chains, gaps, apart=options.models_apart)
     made = strips.strips.id.tolist()
     turned = turns_round(table, joints)
     findings = findings_of_joints(block, models, joints, chains, gaps, turned, options.scale_jump, limit)
     counted = Note("note", f"{len(made)} free strips", tuple(made))
+    report(_scale_notes(strips), context)
     report([*findings, counted, *findings_of(block, strips, "strip_formation")], context)
     return strips
+
+
+def _scale_notes(strips: Strips) -> list[Note]:
+    """Scales by control; strips without."""
+    if strips.scales is None:
+        return []
+    s, ids = strips.scales, strips.strips.id
+    known = np.isfinite(s.metres)
+    texts = [f"{ids[k]} 1 : {s.scale_number[k]:.0f} (base {s.metres[k]:.1f} m)" for k in np.flatnonzero(known)]
+    notes = [Note("note", "scales of strips by control", tuple(texts))] if texts else []
+    if not known.all():
+        text = "strips with fewer than two control points of three known coordinates have no scale"
+        notes.append(Note("warning", text, tuple(ids[~known].tolist())))
+    return notes
 
 
 def _commonest(models: Models) -> str:

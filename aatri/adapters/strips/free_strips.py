@@ -6,6 +6,7 @@ import numpy as np
 
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips.model_chains import Chain, Gap, active_rows
+from aatri.adapters.strips.models_in_strips import with_models_apart
 from aatri.adapters.uncontrolled_before import seen_by_one, still_in_no_model, unchecked
 from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
@@ -33,9 +34,16 @@ def free_strip_ids(block: Block, chains: Sequence[Chain]) -> list[str]:
 
 
 def strips_of(
-    block: Block, models: Models, table: ModelTable, joints: JointTable, chains: Sequence[Chain], gaps: Sequence[Gap]
+    block: Block,
+    models: Models,
+    table: ModelTable,
+    joints: JointTable,
+    chains: Sequence[Chain],
+    gaps: Sequence[Gap],
+    *,
+    apart: bool = False,
 ) -> Strips:
-    """Strips of chains and their geometry."""
+    """Strips of chains and their geometry; `apart`: with their scale in metres and the points of every model."""
     formed = form_strips(table, joints, [(chain.models, chain.joints) for chain in chains])
     used = np.array([k for chain in chains for k in chain.joints], dtype=np.int64)
     of_row = np.full(len(joints.first), -1)
@@ -43,7 +51,7 @@ def strips_of(
     joint = of_row[joints.of_row()]
     rows = np.flatnonzero(joint >= 0)
     rows = rows[np.argsort(joint[rows], kind="stable")]
-    return Strips(
+    made = Strips(
         images=models.images,
         points=models.points,
         strips=FreeStrips(id=np.array(free_strip_ids(block, chains), dtype=np.str_)),
@@ -72,6 +80,7 @@ def strips_of(
         suspects=stacked([models.suspects, _suspects(block, models, table, joints, rows[~joints.active[rows]])]),
         uncontrolled=_uncontrolled(block, models, formed, joints, chains),
     )
+    return with_models_apart(made, block, models, table, formed, chains) if apart else made
 
 
 def _joints(joints: JointTable, chains: Sequence[Chain], used: Int) -> Joints:
