@@ -12,6 +12,10 @@ from aatri.progress import Reporter
 if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
 
+PHOTOGRAPHS = (".jpg", ".jpeg", ".xmp", ".tif", ".tiff", ".dng")
+"""Endings of files that have a packet; it is looked for by its content."""
+SOME = 5
+"""So many photographs of a folder are looked at."""
 PAGE = "docs/formats.md#dji-mrk"
 _MRK = re.compile(r"\s*[0-9]+\s+[0-9.]+\s+\[[0-9]+\]\s.*,\s*Lat\s.*,\s*Lon\s.*,\s*Ellh\s.*,\s*Q\s*$")
 
@@ -22,6 +26,25 @@ def _read_mrk(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     return read_mrk(path, reading.crs, reporter)
 
 
+def _read_xmp(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+    from aatri.formats.navigation.xmp import read_xmp
+
+    return read_xmp(path, reporter)
+
+
+def _xmp(view: FileView) -> str:
+    if not view.is_folder:
+        is_one = view.path.suffix.lower() in PHOTOGRAPHS and "drone-dji:" in view.head and "<x:xmpmeta" in view.head
+        return "an XMP packet with drone-dji" if is_one else ""
+    names = [name for name in view.names if name.lower().endswith(PHOTOGRAPHS)][:SOME]
+    return next((f"{name}, {seen}" for name in names if (seen := _xmp(view.of(name)))), "")
+
+
+def _photographs(view: FileView) -> list[Path]:
+    names = [name for name in view.names if name.lower().endswith(PHOTOGRAPHS)]
+    return [view.path / name for name in names] if view.is_folder else [view.path]
+
+
 def _mrk(view: FileView) -> str:
     return "lines with Lat, Lon, Ellh, Q" if view.lines and all(map(_MRK.match, view.lines[:5])) else ""
 
@@ -30,4 +53,10 @@ MRK = Format(
     "dji_mrk", "DJI MRK", _mrk, "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
     carries=("positions", "standard deviations", "frame"),
     drops=("attitudes", "image points", "control", "cameras"), page=PAGE, read=_read_mrk,
+)  # fmt: skip
+XMP = Format(
+    "dji_xmp", "DJI photographs (XMP)", _xmp, "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
+    carries=("positions", "start orientations", "standard deviations", "frame"),
+    drops=("image points", "control", "cameras", "distortion"), page="docs/formats.md#dji-xmp",
+    read=_read_xmp, files_of=_photographs,
 )  # fmt: skip

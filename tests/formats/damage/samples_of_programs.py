@@ -23,6 +23,7 @@ from tests.formats.damage.texts import (
 )
 from tests.formats.metashape.test_metashape import local as local_chunk
 from tests.formats.navigation.test_navigation import MRK
+from tests.formats.navigation.test_xmp import PACKET
 from tests.formats.nvm.test_sparse_models import BUNDLER, NVM
 from tests.formats.opf.made_project import NAMES
 from tests.formats.pix4d.test_pix4d import HEAD, IMAGE
@@ -187,6 +188,16 @@ OF_PROGRAMS = {
         (",2.5\n", "\n"),
         ("b.jpg", "a.jpg"),
         ("1.5,2.5\nb", "1.5,6000.5\nb"),
+    ),
+    "dji_xmp": GoodSample(
+        {"a.xmp": PACKET},
+        "a.xmp",
+        'Altitude="+[88.125]"',
+        "DJI Meta Data",
+        ("drone-dji:GpsLatitude", "drone-dji:Breite"),
+        ('drone-dji:AbsoluteAltitude="+88.125"', ""),
+        ("drone-dji:GpsLongitude", "drone-dji:GpsLatitude"),
+        ("+31.5", "+3490000.5"),
     ),
     "patb": GoodSample(
         {"block.ori": ORI},
