@@ -36,7 +36,7 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, Candidates, Cause
+from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 
@@ -159,7 +159,9 @@ def _of_image_points(
     )
     if cameras:
         yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, causes)
-    yield from _units(place, "strip", images.strip, image, rows, H, (*causes, Cause("camera", tuple(range(6)))))
+    causes = (*causes, Cause("camera", tuple(range(6))))
+    for units in _units(place, "strip", images.strip, image, rows, H, causes):
+        yield replace(units, typical=np.ones(len(units.units), dtype=bool))
 
 
 def _of_images(
@@ -167,17 +169,20 @@ def _of_images(
 ) -> Iterator[Candidates]:
     """Affinity of single images, as film shrinks; c and principal point of one are those of its orientation.
 
-    Tested are those with the largest gain were all unknowns held, g'(H'H)^-1 g, which the true one is not below.
+    Tested are those with the largest gain were all unknowns held, g'(H'H)^-1 g, which the true one is not below, and
+    some that are chosen evenly of all.
     """
     count, whitened = len(image_ids), H * whitener[:, :, None]
     N, g = np.zeros((count, 2, 2)), np.zeros((count, 2))
     np.add.at(N, image, np.einsum("nmi,nmj->nij", whitened, whitened))
     np.add.at(g, image, np.einsum("nmi,nm->ni", whitened, v))
     bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
-    largest = np.isin(image, np.argsort(-bound, kind="stable")[:MOST_IMAGES])
-    causes, names = (Cause("affinity", (0, 1)),), np.asarray(image_ids)
-    for units in _units(place, IMAGE, names, image[largest], rows[largest], H[largest], causes):
-        yield replace(units, tests=int((bound > 0).sum()))
+    seen, names = np.flatnonzero(bound > 0), np.asarray(image_ids)
+    typical = seen[np.unique(np.linspace(0, len(seen) - 1, min(MOST_TYPICAL, len(seen))).astype(int))]
+    tested = np.isin(image, np.concatenate([np.argsort(-bound, kind="stable")[:MOST_IMAGES], typical]))
+    causes = (Cause("affinity", (0, 1)),)
+    for units in _units(place, IMAGE, names, image[tested], rows[tested], H[tested], causes):
+        yield replace(units, tests=len(seen), typical=np.isin(units.units, names[typical]))
 
 
 def _corner_mm(images: ImageGroups, rays: ImagePointRows) -> Float:

@@ -13,10 +13,11 @@ the other images: along one line of flight an error in one image looks like one 
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import chdtri
 
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, Cause
+from aatri.orientation.bundle.groups.candidates import MOST_TYPICAL, NEIGHBOURHOOD, Candidates, Cause, dispersion_of
 
 SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
 """Points of a neighbourhood."""
@@ -61,18 +62,31 @@ def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Itera
     seen = np.isin(np.arange(len(given.point_ids)), point[np.concatenate([some for _, some in worst])])[point]
     candidates = np.flatnonzero(seen)
     windows = [
-        (j, there)
+        (j, there, size)
         for _, some in worst
         for size in SIZES
         if size <= len(some)
         for j, there in _elsewhere(image, point, candidates, some[:size])
     ]
-    chosen = rows[np.concatenate([some for _, some in windows])]
-    names = np.array([f"point {given.point_ids[point[some[0]]]} in image {given.image_ids[k]}" for k, some in windows])
-    unit = np.repeat(np.arange(len(windows)), [len(some) for _, some in windows])
+    chosen = rows[np.concatenate([some for _, some, _ in windows])]
+    names = [f"point {given.point_ids[point[some[0]]]} in image {given.image_ids[k]}" for k, some, _ in windows]
+    unit = np.repeat(np.arange(len(windows)), [len(some) for _, some, _ in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     tests = sum(len(some) * _most(len(some)) for some in searched)
-    yield Candidates(place, NEIGHBOURHOOD, names, chosen, unit, H, (Cause("shift", (0, 1)),), True, tests, LEAST_LEFT)
+    of_size = _dispersions(xy_mm, v, [order[last[k] - count[k] : last[k]] for k in np.flatnonzero(count)])
+    yield Candidates(
+        place,
+        NEIGHBOURHOOD,
+        np.array(names),
+        chosen,
+        unit,
+        H,
+        (Cause("shift", (0, 1)),),
+        removable=True,
+        tests=tests,
+        least_left=LEAST_LEFT,
+        dispersion=np.array([of_size[size] for _, _, size in windows]),
+    )
 
 
 def _elsewhere(image: Int, point: Int, candidates: Int, some: Int) -> Iterator[tuple[int, Int]]:
@@ -92,10 +106,25 @@ def _most(points: int) -> int:
 
 def _largest(xy_mm: Float, v: Float, centres: Int) -> tuple[float, Int]:
     """The largest bound around some points of an image, and the points near the one where it is, by distance."""
+    near, bound = _bounds(xy_mm, v, centres)
+    of_point = bound[:, [size - 1 for size in SIZES if size <= near.shape[1]]].max(axis=1)
+    return float(of_point.max()), near[of_point.argmax()]
+
+
+def _bounds(xy_mm: Float, v: Float, centres: Int) -> tuple[Int, Float]:
+    """Points near some points of an image, by distance, and the bounds of as many of them, (n, most) both."""
     from scipy.spatial import cKDTree  # slow to import
 
     near = np.asarray(cKDTree(xy_mm).query(xy_mm[centres], k=_most(len(xy_mm)))[1], dtype=np.int64)
     total = np.cumsum(v[near], axis=1)
-    bound = (total**2).sum(axis=2) / np.arange(1, near.shape[1] + 1)
-    of_point = bound[:, [size - 1 for size in SIZES if size <= near.shape[1]]].max(axis=1)
-    return float(of_point.max()), near[of_point.argmax()]
+    return near, (total**2).sum(axis=2) / np.arange(1, near.shape[1] + 1)
+
+
+def _dispersions(xy_mm: Float, v: Float, of_images: list[Int]) -> dict[int, float]:
+    """What neighbourhoods of each size have in common over the block, in images that are chosen evenly of all."""
+    large = [some for some in of_images if _most(len(some)) >= SIZES[0]]
+    chosen = [large[k] for k in np.unique(np.linspace(0, len(large) - 1, min(MOST_TYPICAL, len(large))).astype(int))]
+    bounds = [_bounds(xy_mm[some], v[some], np.arange(len(some)))[1] for some in chosen]
+    squares = {size: [b[:, size - 1] for b in bounds if b.shape[1] >= size] for size in SIZES}
+    variance = float(np.median(np.concatenate([v[some].ravel() for some in chosen]) ** 2)) / float(chdtri(1.0, 0.5))
+    return {size: dispersion_of(np.concatenate(of), 2, variance) if of else 1.0 for size, of in squares.items()}

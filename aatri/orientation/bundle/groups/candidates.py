@@ -3,7 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from aatri.arrays import Float, Int, Text
+import numpy as np
+from scipy.special import chdtri
+
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 
@@ -12,6 +15,12 @@ ALL = "all"
 
 IMAGE = "image"
 """The unit of the points of one image."""
+
+ENOUGH = 10
+"""Units from which on most of them are right, and tell what units have in common without being wrong."""
+
+MOST_TYPICAL = 24
+"""Images that tell what images and their neighbourhoods have in common where nothing is wrong with them."""
 
 NEIGHBOURHOOD = "neighbourhood"
 """What units of image points near each other are."""
@@ -48,6 +57,11 @@ class Candidates:
     least_left : float
         Share of an effect on a unit, of what the ground points leave of it, that the images leave at least: units that
         could not be significant by it need not be solved for. 0: not known.
+    typical : (u,) bool, optional
+        Units that were chosen without regard to their residuals: where all of these have something in common that the
+        model does not know, one is wrong that has more.
+    dispersion : (u,) float64, optional
+        The same where it is known: how many times the squares of units like these are those of chance.
     """
 
     place: int
@@ -60,6 +74,24 @@ class Candidates:
     removable: bool = False
     tests: int = 0
     least_left: float = 0.0
+    typical: Bool | None = None
+    dispersion: Float | None = None
+
+
+def dispersion_of(gains: Float, degrees: int, variance: float = 1.0) -> float:
+    """How many times the gains of units are those of chance, chi-square times a variance; at least 1.
+
+    The median knows nothing of the units that are wrong; that of fewer than `ENOUGH` says nothing.
+
+    Parameters
+    ----------
+    gains : (n,) float64
+        Of units of the whole block, chosen without regard to their residuals.
+    degrees : int
+    variance : float
+    """
+    chance = variance * float(chdtri(degrees, 0.5)) if len(gains) >= ENOUGH and degrees > 0 else 0.0
+    return max(1.0, float(np.median(gains)) / chance) if chance > 0 else 1.0
 
 
 CandidatesOf = Callable[[BundleInput, BundleResult], Iterator[Candidates]]

@@ -25,7 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause
+from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
 
@@ -125,6 +125,7 @@ def _significant(
     for cause in candidates.causes:
         gain, rank = scores.gains(cause.columns)
         gain /= _variance(adjusted, gain, rank)
+        gain /= _dispersion(candidates, gain, rank)
         for unit in np.flatnonzero((rank > 0) & (gain > chdtri(np.maximum(rank, 1), alarm))).tolist():
             yield _Significant(candidates, unit, cause, scores.joint(unit, cause.columns), float(gain[unit]), alarm)
 
@@ -133,6 +134,14 @@ def _variance(adjusted: Adjusted, gain: Float, rank: Int) -> Float:
     """Of unit weight with the parameters, at least 1."""
     left, W = adjusted.redundancy - rank, adjusted.cost
     return np.maximum(1.0, np.where(left > 0, (W - gain) / np.maximum(left, 1), W / adjusted.redundancy))
+
+
+def _dispersion(candidates: Candidates, gain: Float, rank: Int) -> Float:
+    """How many times the gains of units like each are those of chance, (u,)."""
+    if candidates.dispersion is not None:
+        return candidates.dispersion
+    common = 1.0 if candidates.typical is None else dispersion_of(gain[candidates.typical], int(rank.max(initial=0)))
+    return np.full(len(gain), common)
 
 
 def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant) -> Group:
