@@ -16,10 +16,17 @@ LIMIT = limit_of_tests(N)
 
 @pytest.mark.parametrize("freedom", [5.0, 8.0])
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.5])
-def test_the_limit_is_that_of_the_distribution(freedom: float, scale: float) -> None:
+def test_the_limit_is_that_of_the_longest_tail_that_the_residuals_allow(freedom: float, scale: float) -> None:
     tail = tail_of(np.abs(scale * stats.t(freedom).ppf(LEVELS)), LIMIT * scale)
-    assert tail.freedom == pytest.approx(freedom, rel=0.15)
-    assert tail.limit == pytest.approx(scale * stats.t(freedom).isf(BEYOND / 2), rel=0.1)
+    assert 0.75 * freedom <= tail.freedom <= 1.05 * freedom
+    limit = scale * stats.t(freedom).isf(BEYOND / 2)
+    assert 0.97 * limit <= tail.limit <= 1.35 * limit
+
+
+def test_few_normal_residuals_allow_a_tail_and_many_do_not() -> None:
+    levels = (np.arange(400) + 0.5) / 400
+    limit = limit_of_tests(400)
+    assert limit < tail_of(np.abs(stats.norm.ppf(levels)), limit).limit < 1.5 * limit
 
 
 def test_normal_errors_have_the_limit_that_counts_the_tests() -> None:
