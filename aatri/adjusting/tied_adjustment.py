@@ -18,7 +18,7 @@ from aatri.adjusting.uncontrolled_ties import uncontrolled_observations
 from aatri.adjusting.weighted_means import weighted_means
 from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.limits import limit_of_tests
-from aatri.adjustment.statistics.rejection import Pool, Snooping, pool_of, room_left
+from aatri.adjustment.statistics.rejection import Pool, Snooping, overfull, pool_of, room_left
 from aatri.adjustment.statistics.room import room_of
 from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
 from aatri.adjustment.unknowns import State
@@ -159,9 +159,8 @@ def adjust_tied(
     found = search(solve, begin, rule, pool, wrong, added=deformed)
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
-    crowded = np.unique(pool.source[found.above & ~pool.carrier])
-    crowded = crowded[room_left(rule, full, found.active)[crowded] <= 0] if room else crowded[:0]
-    if (np.isin(pool.source, crowded) & begin & ~found.active).any():
+    crowded, back = overfull(rule, full, found.above & ~pool.carrier, found.active, begin)
+    if room and back.any():
         room[0][crowded], last = 0, found.solved
         found = search(lambda a, use, tau_m: solve(a or last, use, tau_m), begin, rule, pool, wrong, added=deformed)
     return _result(found)

@@ -153,3 +153,19 @@ def room_left(rule: Snooping, pool: Pool, active: Bool) -> Int:
     if room is None:
         room = np.ceil(rule.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
     return np.asarray(room - np.bincount(pool.source[~active & pool.counted], minlength=n))
+
+
+def overfull(rule: Snooping, pool: Pool, above: Bool, active: Bool, began: Bool) -> tuple[Bool, Bool]:
+    """Sources of which more disagrees than there is room for, (sources,); what is to come back of them, all, (n,).
+
+    Parameters
+    ----------
+    above : (n,) bool
+        Records beyond the limit though no more of theirs may go.
+    active, began : (n,) bool
+        Records in use, and those of the beginning.
+    """
+    left = room_left(rule, pool, active)
+    full = (left <= 0) & (np.bincount(pool.source[above & active], minlength=len(left)) > 0)
+    back = full[pool.source] & began & ~active
+    return full & (np.bincount(pool.source[back], minlength=len(left)) > 0), back

@@ -6,6 +6,7 @@ Test: sigma0 of kinds only where the search has not estimated standard deviation
 
 from aatri.checks.after.correlations import high_correlations
 from aatri.checks.after.error_budget import error_budget
+from aatri.checks.after.few_rays import points_of_few_rays
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
@@ -51,6 +52,7 @@ def findings_after(
         *done.notes,
         *result.notes,
         *left_out(given, result),
+        *points_of_few_rays(result),
         *sigma0(result, max_sigma0, done.scale),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(given, result),

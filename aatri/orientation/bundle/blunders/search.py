@@ -24,7 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics import search as statistics
-from aatri.adjustment.statistics.rejection import room_left
+from aatri.adjustment.statistics.rejection import overfull, room_left
 from aatri.adjustment.statistics.room import room_of
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
@@ -161,22 +161,14 @@ class _Search(FittedSigmas):
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
                 first, active = tried, use
                 continue
-            back = self._overfull(above, use)
+            began = self.began & self.pool.counted
+            full, back = overfull(self.snooping, self.pool, above & ~self.at_doubtful, use, began)
+            assert self.pool.room is not None
+            self.pool.room[full] = 0  # all of the kind come back, and nothing goes again
             back = back if back.any() else self._at_lost_points(tried, use)
             if not back.any():
                 return tried, use, swapped
             first, active = tried, use | back
-
-    def _overfull(self, above: Bool, use: Bool) -> Bool:
-        """What is to come back of kinds of which more is wrong than there is room for: all, and nothing goes again."""
-        assert self.pool.room is not None
-        back, left = np.zeros_like(use), room_left(self.snooping, self.pool, use)
-        for kind, part in enumerate(self.all.parts):
-            mine = self.began[part] & ~use[part] & self.pool.counted[part]
-            if left[kind] <= 0 and mine.any() and (above & ~self.at_doubtful)[part].any():
-                self.pool.room[kind] = 0
-                back[part] = mine
-        return back
 
     def _at_lost_points(self, tried: TestedBlock, use: Bool) -> Bool:
         """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
