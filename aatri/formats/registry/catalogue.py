@@ -5,6 +5,7 @@ A new format is a `Format` in its own room, and a line here.
 
 from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
+from aatri.formats.gis.declaration import GEOJSON, GEOPACKAGE
 from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS
 from aatri.formats.inpho.declaration import INPHO
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
@@ -54,5 +55,7 @@ FORMATS: tuple[Format, ...] = (
     DBAT,
     PAIRS,
     BAL,
+    GEOPACKAGE,
+    GEOJSON,
 )
 """All formats."""
