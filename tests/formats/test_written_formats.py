@@ -132,7 +132,7 @@ def seen_px(xyz: Any, position: Any, R: Any, distortion: dict[str, float]) -> np
 
 def joined(block: Block, folder: Path, declared: Format, frame: Frame) -> Block:
     """What was read, with cameras, image points and orientations of the made block where the format has none."""
-    parts = read_all([folder], Reading(), SILENT)[1]
+    parts = read_all([folder], Reading(maps="ground_from_image"), SILENT)[1]
     rest = parts_of(block, "made")
     rest.files = [Path("made")]
     rest.frame, rest.ground_points = None, rest.ground_points if not {*declared.written} & HAVE_POINTS else {}
