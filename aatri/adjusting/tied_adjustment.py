@@ -249,7 +249,7 @@ def _counted(problem: TiedProblem, used: Bool) -> tuple[Bool, int]:
             (first, b) for o, first in zip(problem.observed, problem.edges) for g, b in o.records.touches if g == group
         ]
         if touched:
-            free = next(u.free for u in problem.index.unknowns if u.name == group)
+            free = next(u.free for u in problem.unknowns if u.name == group)
             mine = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])
             often = np.bincount(mine, minlength=len(free))
             for first, b in touched:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components, tie_whitener, typical_variance, whitener_beside
+from aatri.adjustment.covariance.dense import is_small
 from aatri.adjustment.records import Records, keys_of
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -20,7 +21,7 @@ from aatri.observations.ties import BODY
 
 @dataclass(frozen=True)
 class TiedProblem:
-    """Ties and what is observed of the ground, with the index of their adjustment.
+    """Ties and what is observed of the ground, with their unknowns.
 
     Attributes
     ----------
@@ -29,7 +30,7 @@ class TiedProblem:
         Of ground points, of images, and of the bodies themselves.
     priors : tuple of Observed
         Of the bodies' unknowns: they are not tested.
-    index : IndexedProblem
+    unknowns : tuple of Unknowns
     start : State
     what : str
         For messages.
@@ -38,7 +39,7 @@ class TiedProblem:
     ties: tuple[Observed, ...]
     ground: tuple[Observed, ...]
     priors: tuple[Observed, ...]
-    index: IndexedProblem
+    unknowns: tuple[Unknowns, ...]
     start: State
     what: str
 
@@ -47,15 +48,31 @@ class TiedProblem:
         """All that is tested: ties, then what is observed of the ground."""
         return (*self.ties, *self.ground)
 
-    @property
-    def records(self) -> tuple[Records, ...]:
-        """Of the same."""
-        return self.index.records[: len(self.observed)]
+    @cached_property
+    def all_records(self) -> tuple[Records, ...]:
+        """Of all that is adjusted: what is tested, then the priors."""
+        every = [o.records for o in (*self.observed, *self.priors)]
+        return tuple(replace(r, whitener=full_whitener(r.whitener)) for r in every)
 
     @property
+    def records(self) -> tuple[Records, ...]:
+        """Of what is tested."""
+        return self.all_records[: len(self.observed)]
+
+    @cached_property
     def keys(self) -> tuple[str, ...]:
         """Names of the same, each once."""
-        return keys_of(self.index.records)[: len(self.observed)]
+        return keys_of(self.all_records)[: len(self.observed)]
+
+    @cached_property
+    def is_small(self) -> bool:
+        """Whether whole matrices are the quicker way to adjust it."""
+        return is_small(self.unknowns, self.all_records)
+
+    @cached_property
+    def index(self) -> IndexedProblem:
+        """What a factorisation by fronts needs."""
+        return prepare(self.unknowns, self.all_records)
 
     @cached_property
     def edges(self) -> list[int]:
@@ -156,9 +173,7 @@ def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, I
     tied = np.zeros((len(start[POINT]), 3), dtype=bool)
     tied[np.concatenate([np.zeros(0, dtype=np.int32), *touched[POINT]])] = True
     unknowns.append(Unknowns(POINT, tied, ("X", "Y", "Z"), ids[POINT], add_step, eliminated=True))
-    every = [o.records for o in (*ties, *ground, *priors)]
-    records = [replace(r, whitener=full_whitener(r.whitener)) for r in every]
-    return TiedProblem(ties, ground, priors, prepare(unknowns, records), {**start, **values}, what)
+    return TiedProblem(ties, ground, priors, tuple(unknowns), {**start, **values}, what)
 
 
 def is_coordinates(o: Observed) -> bool:

@@ -8,7 +8,8 @@ Rejected observations stay in the index and are predicted by the others. Points 
 part: what is observed of them counts for nothing, and has no test.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,9 +17,11 @@ import numpy as np
 
 from aatri.adjusting.added_variance import typical_variance
 from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
+from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.variance_components import common_sigma
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
@@ -40,7 +43,7 @@ class TiedSolution:
     Attributes
     ----------
     problem : TiedProblem
-    solved : LinearSolution
+    solved : LinearSolution or DenseSolution
     whiteners : tuple of (n, m, m) float64
         Kind by kind.
     spread : Spread
@@ -55,7 +58,7 @@ class TiedSolution:
     """
 
     problem: TiedProblem
-    solved: LinearSolution
+    solved: LinearSolution | DenseSolution
     whiteners: tuple[Float, ...]
     spread: Spread
     tau_m: float
@@ -182,18 +185,18 @@ def solve_tied(
     ConvergenceError
         If the iteration does not converge.
     """
-    spread, index = problem.spread(state), problem.index
-    if before is not None and before.tau_m == tau_m and before.spread.values is spread.values:
-        index, whiteners = before.solved.problem, before.whiteners  # with what was put in order for them
-    else:
-        whiteners = problem.whiteners(spread, tau_m)
+    spread = problem.spread(state)
+    same = before is not None and before.tau_m == tau_m and before.spread.values is spread.values
+    whiteners = before.whiteners if before is not None and same else problem.whiteners(spread, tau_m)
     held = problem.held(use)
-    weights = problem.weights(use & held, whiteners)
+    solved_before = before.solved if before is not None and same else None
+    ordered = solved_before.problem if isinstance(solved_before, LinearSolution) else None
+    step = _step(problem, use & held, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
     done = before.iterations if before else 0
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
-            solved = solve(index, full, weights)
+            solved = step(full)
         except (GeometryError, ConvergenceError) as error:
             raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if solved.departure <= LINEAR:
@@ -204,3 +207,19 @@ def solve_tied(
         remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "
         "and whether X and Y of the control are exchanged or left-handed against the observed positions",
     )
+
+
+def _step(
+    problem: TiedProblem, use: Bool, whiteners: Sequence[Float], ordered: IndexedProblem | None
+) -> Callable[[State], LinearSolution | DenseSolution]:
+    """One step from a state: as whole matrices where the problem is small and determined, else by fronts."""
+    weights = problem.weights(use, whiteners)
+    weighted = zip(problem.records, np.split(use, problem.edges[1:-1]), whiteners)
+    changed = [replace(r, active=active, whitener=whitener) for r, active, whitener in weighted]
+    records = (*changed, *problem.all_records[len(changed) :])
+
+    def step(state: State) -> LinearSolution | DenseSolution:
+        dense = solve_dense(problem.unknowns, records, state) if problem.is_small else None
+        return dense or solve(ordered or problem.index, state, weights)
+
+    return step

@@ -62,7 +62,7 @@ def plan_and_height(problem: TiedProblem, use: Bool) -> tuple[ModelPoses, int]:
         If the rounds do not converge.
     """
     models: ModelPoses = problem.start[BODY]
-    free, rounds = problem.index.unknowns[0].free, 0
+    free, rounds = problem.unknowns[0].free, 0
     plan, height = (np.flatnonzero((free & part).ravel()) for part in (PLAN, HEIGHT))
     for _ in range(LINEARISATIONS):
         state = {**problem.start, BODY: models}
