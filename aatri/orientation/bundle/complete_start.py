@@ -8,7 +8,7 @@ that see too few known points start from an orientation that is offered, if thei
 
 import numpy as np
 
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
@@ -55,24 +55,62 @@ def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
     if not tried.any():
         return poses
     poses_tried = _with(poses, tried, offered)
-    use = np.flatnonzero(rays.active & _oriented(poses_tried)[rays.image])
+    both = _pairs(rays, np.flatnonzero(rays.active & _oriented(poses_tried)[rays.image]))
+    both = both[tried[rays.image[both]].any(axis=1)]
+    met = _meeting(rays, poses_tried, both).repeat(2, axis=0)
+    both = both.ravel()
+    fits = (_off_mm(rays, poses_tried, both, met) <= WIDE_RAD * rays.c_mm[both]).reshape(-1, 2).all(axis=1).repeat(2)
+    of_all, count = (np.bincount(rays.image[np.unique(some)], minlength=n) for some in (both, both[fits]))
+    return _with(poses, tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), offered)
+
+
+def _pairs(rays: ImagePointRows, use: Int) -> Int:
+    """Rays of the same point, each with `MOST_PARTNERS` others, (k, 2)."""
     use = use[np.argsort(rays.point[use], kind="stable")]
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for step in range(1, MOST_PARTNERS + 1):
         rows = np.flatnonzero(rays.point[use[step:]] == rays.point[use[:-step]])
         pairs.append(np.column_stack([use[rows], use[rows + step]]))
-    both = np.concatenate(pairs)
-    both = both[tried[rays.image[both]].any(axis=1)].ravel()
-    number = np.repeat(np.arange(len(both) // 2), 2)
-    R, X0 = poses_tried.ground_from_image[rays.image[both]], poses_tried.position_m[rays.image[both]]
-    direction = np.einsum("nij,nj->ni", R, np.column_stack([rays.xy_mm[both], -rays.c_mm[both]]))
-    met = intersect_rays(X0, direction, number, len(both) // 2)[number]
-    u = in_image_axes(X0, R, met)
+    return np.concatenate(pairs)
+
+
+def _meeting(rays: ImagePointRows, poses: Poses, pairs: Int) -> Float:
+    """Where the rays of each pair meet, (k, 3), m."""
+    both, image = pairs.ravel(), rays.image[pairs.ravel()]
+    looking = np.column_stack([rays.xy_mm[both], -rays.c_mm[both]])
+    direction = np.einsum("nij,nj->ni", poses.ground_from_image[image], looking)
+    return intersect_rays(poses.position_m[image], direction, np.repeat(np.arange(len(pairs)), 2), len(pairs))
+
+
+def _off_mm(rays: ImagePointRows, poses: Poses, rows: Int, xyz_m: Float) -> Float:
+    """How far from rays places are in the image, (n,); infinite behind it."""
+    image = rays.image[rows]
+    u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m)
     ahead = u[:, 2] < 0
-    far = np.linalg.norm(project(np.where(ahead[:, None], u, -1.0), rays.c_mm[both]) - rays.xy_mm[both], axis=1)
-    fits = (ahead & (far <= WIDE_RAD * rays.c_mm[both])).reshape(-1, 2).all(axis=1).repeat(2)
-    of_all, count = (np.bincount(rays.image[np.unique(some)], minlength=n) for some in (both, both[fits]))
-    return _with(poses, tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), offered)
+    off = np.linalg.norm(project(np.where(ahead[:, None], u, -1.0), rays.c_mm[rows]) - rays.xy_mm[rows], axis=1)
+    return np.where(ahead, off, np.inf)
+
+
+def where_most_meet(rays: ImagePointRows, poses: Poses, points: Int, n_points: int) -> Float:
+    """Points where two of their rays meet that more than half of all agree with best, (n_points, 3), m; others NaN.
+
+    Source: Rousseeuw 1984, Least median of squares regression.
+    """
+    pairs = _pairs(rays, np.flatnonzero(rays.active & np.isin(rays.point, points) & _oriented(poses)[rays.image]))
+    met, of_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
+    seen = np.unique(pairs)
+    seen = seen[np.argsort(rays.point[seen], kind="stable")]
+    first, last = (np.searchsorted(rays.point[seen], of_point, side) for side in ("left", "right"))
+    count = last - first
+    pair = np.repeat(np.arange(len(pairs)), count)
+    row = seen[np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count) + first[pair]]
+    off = _off_mm(rays, poses, row, met[pair])
+    order = np.lexsort((off, pair))
+    median = off[order[np.cumsum(count) - count + count // 2]] if len(pairs) else np.zeros(0)
+    best = np.lexsort((-median, of_point))  # the last of each point is kept
+    xyz_m = np.full((n_points, 3), np.nan)
+    xyz_m[of_point[best]] = np.where(np.isfinite(median[best])[:, None], met[best], np.nan)
+    return xyz_m
 
 
 def _with(poses: Poses, some: Bool, others: Poses) -> Poses:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,3 +80,19 @@ def test_a_suspect_without_a_row_or_of_another_table_rejects_no_image_point(tmp_
     assert len(rows_of(found, "image_point")) == len(OF.image)
     found = bundle(block, points, start(OF, block, suspected("model_tie", [3])))
     assert len(rows_of(found, "image_point")) == len(OF.image)
+
+
+def test_right_rays_come_back_to_a_point_that_was_left_with_a_wrong_one(tmp_path: Path) -> None:
+    """Of three rays a right one was rejected: the wrong one and the other right one meet far away."""
+    rows = np.flatnonzero(OF.point == 11)
+    measured = OF.xy_mm.copy()
+    wrong = rows[0]
+    measured[wrong] += [30.0, 1.0]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    begin = start(OF, block, suspected("image_point", rows[1:-1].tolist()))
+    xyz_m = begin.points.xyz_m.copy()
+    xyz_m[points.measurements.point[wrong]] = np.nan
+    found = bundle(block, points, replace(begin, points=replace(begin.points, xyz_m=xyz_m)))
+    used = found.residuals.row[rows_of(found, "image_point")]
+    assert np.isin(rows, used).tolist() == [False, *[True] * (len(rows) - 1)]
+    assert_is_the_block(found, OF)

@@ -26,7 +26,7 @@ import numpy as np
 from aatri.adjustment.statistics import search as statistics
 from aatri.adjustment.statistics.rejection import overfull, room_left
 from aatri.adjustment.statistics.room import room_of
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
@@ -40,7 +40,7 @@ from aatri.orientation.bundle.blunders.search_notes import SearchOutcome, findin
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, known_covariance, tests_of
-from aatri.orientation.bundle.complete_start import intersected
+from aatri.orientation.bundle.complete_start import where_most_meet
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import Round, keys_of, with_readmission
 
@@ -177,13 +177,20 @@ class _Search(FittedSigmas):
         points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
         if rays is None or not len(points):
             return np.zeros_like(use)
-        xyz = result.adjusted.state[POINT].copy()
-        xyz[points] = np.nan
-        rays, poses = replace(rays, active=result.image_adjusted[rays.image]), result.adjusted.state[POSE]
-        xyz = intersected(rays, poses, xyz)
+        xyz, poses = self._where_most_meet(result, points), result.adjusted.state[POSE]
+        rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
         nothing, tails = np.zeros(len(points), dtype=bool), HARMLESS * tried.tails
         wrong = self.wrong_at_points(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
         return out & self.of_points(well_intersected(rays, poses, xyz, points)) & ~wrong
+
+    def _where_most_meet(self, result: BundleResult, points: Int) -> Float:
+        """The points of a result, some of them where most of their rays meet: a wrong ray may have drawn them away."""
+        xyz, rays = result.adjusted.state[POINT].copy(), self.given.rays
+        if rays is not None:
+            rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
+            met = where_most_meet(rays, result.adjusted.state[POSE], points, len(xyz))
+            xyz = np.where(np.isfinite(met), met, xyz)
+        return xyz
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
@@ -215,7 +222,8 @@ class _Search(FittedSigmas):
         self.given = from_result(self.given, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        out = self.wrong_at_points(result, points, np.zeros(len(points), dtype=bool), active, test, tails, move=True)
+        xyz, nothing = self._where_most_meet(result, points), np.zeros(len(points), dtype=bool)
+        out = self.wrong_at_points(result, points, nothing, active, test, tails, move=True, xyz_m=xyz)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
