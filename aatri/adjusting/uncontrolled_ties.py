@@ -14,7 +14,8 @@ Source: Foerstner 1980, 1983 (a redundancy number of 0.01 is the limit of what i
 import numpy as np
 
 from aatri.adjusting.tied_problem import is_coordinates
-from aatri.adjusting.tied_solution import WEAK, TiedSolution
+from aatri.adjusting.tied_solution import TiedSolution
+from aatri.adjustment.statistics.uncontrolled import uncontrolled_directions
 from aatri.arrays import Bool, Float, Int
 
 
@@ -36,30 +37,13 @@ def uncontrolled_observations(solved: TiedSolution, among: Bool) -> tuple[Int, F
         Of length 1; zero where not observed.
     """
     problem, edges = solved.problem, solved.problem.edges
-    R, T, rows = list[Float](), list[Float](), list[Int]()
-    for o, first, tests, whitener in zip(problem.observed, edges, solved.tests, solved.whiteners):
-        if is_coordinates(o):
-            mine = np.flatnonzero(among[first : first + len(o)])
-            R.append(tests.redundancy[mine])
-            T.append(whitener[mine])
-            rows.append(first + mine)
-    some = np.concatenate(rows)
-    return _smallest(some, solved, np.concatenate(R), np.concatenate(T), problem.components[some])
-
-
-def _smallest(rows: Int, solved: TiedSolution, R: Float, T: Float, given: Bool) -> tuple[Int, Float, Float]:
+    each = zip(problem.observed, edges, solved.tests, solved.whiteners)
+    parts = [
+        (first, tests.redundancy, T, among[first : first + len(o)]) for o, first, tests, T in each if is_coordinates(o)
+    ]
+    rows = np.concatenate([first + np.flatnonzero(active) for first, _, _, active in parts])
+    R = np.concatenate([redundancy[active] for _, redundancy, _, active in parts])
+    T = np.concatenate([whitener[active] for _, _, whitener, active in parts])
     M = solved.variance_with_body[rows][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
-    M = np.where(given[:, :, None] & given[:, None, :], 0.5 * (M + M.swapaxes(1, 2)), np.eye(3))
-    doubtful = np.flatnonzero(np.isfinite(M).all(axis=(1, 2)) & ~(_bound(M) > WEAK**-2))
-    values, vectors = np.linalg.eigh(M[doubtful])
-    found = values[:, 0] < WEAK**-2
-    direction = vectors[found, :, 0]
-    largest = np.take_along_axis(direction, np.abs(direction).argmax(axis=1)[:, None], axis=1)
-    return rows[doubtful[found]], np.maximum(values[found, 0], 0.0), direction * np.where(largest < 0, -1.0, 1.0)
-
-
-def _bound(M: Float) -> Float:
-    """Of matrices without negative eigenvalues the smallest is at least det / (trace / 2)^2: most need no more."""
-    trace = np.einsum("nii->n", M)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(4 * np.linalg.det(M) / trace**2)
+    weak, least, direction = uncontrolled_directions(M, problem.components[rows], np.ones((len(rows), 3)))
+    return rows[weak], np.maximum(least, 0.0), direction

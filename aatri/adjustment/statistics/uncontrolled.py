@@ -44,11 +44,12 @@ def uncontrolled_directions(
     """
     known = np.asarray(observed.any(axis=1) & np.isfinite(redundancy).all(axis=(1, 2)))
     candidates = np.flatnonzero(known)
-    candidates = candidates[_may_be_below(redundancy[candidates], observed[candidates], below)]
-    m, used = redundancy.shape[1], observed[candidates]
-    both = used[:, :, None] & used[:, None, :]
-    R = np.where(both, redundancy[candidates], np.eye(m))
-    values, vectors = np.linalg.eigh(0.5 * (R + R.swapaxes(1, 2)))
+    used = observed[candidates]
+    R = np.where(used[:, :, None] & used[:, None, :], redundancy[candidates], np.eye(redundancy.shape[1]))
+    R = 0.5 * (R + R.swapaxes(1, 2))
+    doubtful = ~(_least_bound(R) > below)
+    candidates = candidates[doubtful]
+    values, vectors = np.linalg.eigh(R[doubtful])
     found = values[:, 0] < below
     rows = candidates[found]
     direction = np.where(observed[rows], vectors[found, :, 0], 0.0)
@@ -58,12 +59,15 @@ def uncontrolled_directions(
     return rows, values[found, 0], direction / (np.where(largest < 0, -1.0, 1.0) * length)[:, None]
 
 
-def _may_be_below(R: Float, observed: Bool, below: float) -> Bool:
-    """A cheap bound for the many records that are well controlled: of two components (a - t)(b - t) > c^2."""
-    if R.shape[1] != 2 or not observed.all():
-        return np.ones(len(R), dtype=bool)
-    a, b, c = R[:, 0, 0] - below, R[:, 1, 1] - below, 0.5 * (R[:, 0, 1] + R[:, 1, 0])
-    return np.asarray(~((a > 0) & (b > 0) & (a * b > c * c)))
+def _least_bound(R: Float) -> Float:
+    """The smallest eigenvalue of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1).
+
+    That is enough for the many records that are well controlled.
+    """
+    m, trace = R.shape[1], np.einsum("nii->n", R)
+    det = R[:, 0, 0] * R[:, 1, 1] - R[:, 0, 1] ** 2 if m == 2 else np.linalg.det(R)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(det * ((m - 1) / trace) ** (m - 1))
 
 
 def _in_units(direction: Float, whitener: Float, observed: Bool) -> Float:
