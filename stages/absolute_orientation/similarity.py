@@ -27,7 +27,8 @@ from dataclasses import replace
 from typing import Literal
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import Joining, StripsOfBlock, absolute_solution, orient_strips
+from aatri.adapters.ground.absolute_orientation import Joining, StripsOfBlock, orient_strips
+from aatri.adapters.ground.absolute_solution import absolute_solution
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.tp_frame import tp_rows
 from aatri.adapters.solution import check_same_block, stacked

@@ -1,6 +1,7 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from aatri.adapters.strips.tied_tables import not_rejected
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
@@ -19,9 +21,12 @@ from aatri.observations.image_points import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationRules
-from aatri.orientation.bodies.components import TIE_LIMIT, Component
+from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio
-from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.free_body import FreeBody, levelled
+
+LEVEL_RAD = 0.1
+"""By how much the images of a strip are tilted in the mean, where nothing else tells; from steeper ones none begins."""
 
 
 def oriented_part(
@@ -47,6 +52,32 @@ def oriented_part(
     by_rays = control_by_rays(component, body, control_of(ground.block).point, rays, TIE_LIMIT)
     result, notes = oriented_by(ground, by_rays.body, rules, what, begin=begin)
     return OrientedPart(what, by_rays, result), notes
+
+
+def levelled_part(
+    ground: GroundObserved,
+    strips: Strips,
+    rays: ImagePointRows,
+    free: FreeBlock,
+    component: Component,
+    what: str,
+    rules: OrientationRules,
+) -> OrientedPart | None:
+    """A component that nothing but its turn about a line is open of, as images look down; None if more is open.
+
+    Too few points to join it by hold it to other components all the same: the bundle takes them up. Without any it
+    stays open.
+    """
+    shared = np.concatenate([np.zeros(0, np.int64), *(c.point for c in free.components if c is not component)])
+    if not np.isin(component.point, shared).any():
+        return None
+    image = free_images(strips, component)[2]
+    looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
+    level = replace(ground, beside=(*ground.beside, looking_down))
+    try:
+        return oriented_part(level, strips, rays, component, what, rules)[0]
+    except (ConvergenceError, GeometryError):
+        return None
 
 
 def _body(block: Block, strips: Strips, component: Component) -> FreeBody:

@@ -9,21 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground import absolute_tables as tables
-from aatri.adapters.ground.absolute_datum import free_images, oriented_part
+from aatri.adapters.ground.absolute_datum import levelled_part, oriented_part
 from aatri.adapters.ground.absolute_tables import OrientedPart
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
-from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import components_of, names_of, tests_of
+from aatri.adapters.strips.tied_tables import names_of
 from aatri.adjustment.threads import thread_control
 from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import compose, transform
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_points import ImagePointRows
@@ -67,6 +63,8 @@ class Joining:
         Strips that are taken by themselves.
     aside : tuple of int
         Strips that are left out.
+    level : bool
+        What is open of a component by its turn about a line alone begins level.
     """
 
     tie_limit: float
@@ -75,6 +73,7 @@ class Joining:
     every_component: bool
     apart: tuple[int, ...] = ()
     aside: tuple[int, ...] = ()
+    level: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,14 +107,29 @@ def orient_strips(of: StripsOfBlock, joining: Joining, *, max_sigma0: float | No
     ConvergenceError
         If an adjustment does not converge, or its result does not fit.
     """
-    oriented = _oriented(of, joining)
     try:
-        return oriented.with_notes(fit_notes(of.strips, oriented.parts, max_sigma0))
+        oriented = _oriented(of, joining)
+    except GeometryError:
+        if (level := _levelled(of, joining)) is None:
+            raise
+        return level
+    try:
+        fitting = oriented.with_notes(fit_notes(of.strips, oriented.parts, max_sigma0))
     except ConvergenceError:
         without = None if max_sigma0 is not None else _without_misfits(of, joining, oriented)
         if without is None:
             raise
         return without
+    if oriented.strips < len(of.strips.strips) and (level := _levelled(of, joining)) is not None:
+        return level if level.strips > oriented.strips else fitting
+    return fitting
+
+
+def _levelled(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+    """The same, and components of which nothing but a turn about a line is open, level; None where none is so."""
+    level = None if joining.every_component else _tried(of, replace(joining, level=True))
+    notes = None if level is None else _fitting(of, level)
+    return None if level is None or notes is None else level.with_notes(notes)
 
 
 def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStrips) -> OrientedStrips | None:
@@ -206,8 +220,12 @@ def _joined_and_oriented(
         try:
             part, more = oriented_part(of.ground, strips, of.rays, component, what, rules)
         except GeometryError as error:
-            failed.append(error)
-            continue
+            begun = (of.ground, strips, of.rays, free, component, what, rules)
+            level = levelled_part(*begun) if joining.level else None
+            if level is None:
+                failed.append(error)
+                continue
+            part, more = level, [Note("warning", f"{error.what}; levelled: the bundle has to tell")]
         parts.append(part)
         notes += [*more, *height_notes(of.ground.block, part.result, what), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
@@ -247,46 +265,3 @@ def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
     if len(failed) < len(free.components):
         remedies.append("or set `components: largest` to orient the rest")
     return GeometryError("; ".join(texts), remedy="; ".join(remedies))
-
-
-def absolute_solution(
-    oriented: OrientedStrips, image_points: ImagePoints, method: str, *, tests: bool = False
-) -> tuple[Solution, list[Note]]:
-    """The Solution of oriented components, and which images are left out."""
-    block, strips, parts = oriented.of.block, oriented.of.strips, oriented.parts
-    origin_m = oriented.of.ground.origin_m
-    position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
-    points = np.full((len(block.points), 3), np.nan)
-    transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [tables.carried(block, strips, oriented.of.rays, parts)]
-    for part in parts:
-        to_ground, component = part.result.ground_from_body, part.component
-        centres, rotations, image = free_images(strips, component)
-        position[image] = transform(to_ground, centres) + origin_m
-        rotation[image] = to_ground.rotation @ rotations
-        points[component.point] = transform(to_ground, component.xyz) + origin_m
-        for strip, pose in zip(component.strips, component.component_from_strip):
-            name = str(strips.strips.id[strip])
-            transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), origin_m))
-        parameters += tables.precisions(strips, part)
-        residuals += tables.residual_tables(part)
-        suspects += tables.suspect_tables(strips, part)
-    counts, sigma0 = tables.pooled(parts)
-    uncontrolled = tables.uncontrolled_tables(block, strips, parts)
-    solution = pieces.solution_of(
-        block,
-        image_points,
-        pieces.Placed(position, rotation, points),
-        method=method,
-        counts=counts,
-        sigma0=sigma0,
-        iterations=sum(tied.iterations for part in parts for _, tied in part.adjusted()),
-        transformations=stacked(transformations),
-        parameters=stacked(parameters),
-        residuals=stacked(residuals),
-        suspects=stacked(suspects),
-        uncontrolled=uncontrolled,
-        tests=stacked([tests_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
-        components=stacked([components_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
-    )
-    return solution, pieces.left_out(block, np.isfinite(position).all(1))

@@ -21,7 +21,7 @@ from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation
+from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.geometry.vectors import finite_rows
@@ -29,6 +29,8 @@ from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION
 from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
+
+LEVELLED = "levelled"
 
 WIDEST = 3
 """Components of a record, at most, that takes part; those of many that are correlated are for the bundle."""
@@ -197,6 +199,21 @@ def _rotation_ties(image: Int, rotation: Float, sigma_rad: float, names: Text) -
     records = Records(COMPONENT_ROTATION, touches, evaluate, np.full((n, 3), 1.0 / sigma_rad), np.ones(n, dtype=bool))
     about = ("rotation about X", "rotation about Y", "rotation about Z")
     return Observed(records, np.full(n, -1), named(names), "rad", components=about)
+
+
+def levelled(image: Int, sigma_rad: float, names: Text) -> Observed:
+    """That images look down, as what is known of them beforehand: v = (R e)_xy with e the camera's axis, (n, 2)."""
+
+    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+        axis = state[POSE].ground_from_image[image[some]][:, :, 2]
+        by_image = np.zeros((len(some), 2, 6))
+        by_image[:, :, 3:] = -skew(axis)[:, :2]
+        return axis[:, :2], (by_image,)
+
+    n = len(image)
+    touches, whitener = ((POSE, image.astype(np.int32)),), np.full((n, 2), 1.0 / sigma_rad)
+    records = Records(LEVELLED, touches, evaluate, whitener, np.ones(n, dtype=bool))
+    return Observed(records, np.full(n, -1), named(names), "rad", components=("level X", "level Y"))
 
 
 def observed_rotations(kind: str, image: Int, rotation: Float, sigma_rad: float, names: Text) -> Observed:

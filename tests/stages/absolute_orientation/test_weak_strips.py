@@ -11,6 +11,8 @@ import pytest
 
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
+from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
@@ -102,4 +104,37 @@ def test_a_bent_strip_is_left_out_by_name() -> None:
 def test_where_many_strips_do_not_fit_it_is_another_cause() -> None:
     block, points, strips = bent_block([0, 1, 3])
     with pytest.raises(ConvergenceError, match="strips and control do not fit each other"):
+        similarity(block, strips, points)
+
+
+def apart(common: int) -> tuple[Any, Any, Any]:
+    """Two strips, each with positions of three images nearly on a line, that share `common` points and no control."""
+    block = simulated(3, flight={"strips": 2, "images_per_strip": 5}, known={"full": 0}, gnss={"observed": True})
+    m, e, strip = block.image_points, block.exterior, block.images.strip
+    first, second = (np.unique(m.point[strip[m.image] == k]) for k in (0, 1))
+    shared = np.intersect1d(first, second)
+    gone = np.isin(m.point, shared[common:]) & (strip[m.image] == 1)
+    some = np.concatenate([np.flatnonzero(strip[e.image] == k)[[0, 2, 4]] for k in (0, 1)])
+    block = replace(block, image_points=replace(m, active=m.active & ~gone), exterior=e.take(some))
+    points = affine(block)
+    return block, points, scale_transfer(block, dependent(block, points))
+
+
+def test_strips_whose_positions_leave_a_turn_open_begin_level_and_hold_each_other_in_the_bundle() -> None:
+    block, points, strips = apart(2)
+    told = Told()
+    initial = similarity(block, strips, points, context=told)
+    assert initial.images.oriented.all()
+    assert sum("levelled: the bundle has to tell" in text for text in told.warnings) == 2
+    off = initial.images.position_m - block.true_images.position_m
+    assert np.abs(off).max() < 0.02 * np.ptp(block.true_images.position_m[:, 0])
+    done = bundle(block, points, initial)
+    off = np.linalg.norm(done.images.position_m - block.true_images.position_m, axis=1)
+    sigma = np.sqrt(np.einsum("nii->n", done.images.covariance[:, :3, :3]))
+    assert (off < 4 * sigma).all()
+
+
+def test_strips_without_a_common_point_stay_open() -> None:
+    block, points, strips = apart(0)
+    with pytest.raises(GeometryError, match="rotation about the line"):
         similarity(block, strips, points)
