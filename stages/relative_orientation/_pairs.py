@@ -1,5 +1,6 @@
 """What the variants share: options, the pairs of the strips, and what becomes of their orientations."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -11,16 +12,19 @@ from aatri.adapters.pairs.models import models_of, refuse_misfits, with_elements
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
+from aatri.geometry.coplanarity import RayPairs
 from aatri.notes import Note, tell
 from aatri.orientation.relative.connected_pairs import classical_model_points
 from aatri.orientation.relative.equal_weights import Equation, with_equal_weights
 from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.image_scale import limit_of, with_sigmas
+from aatri.orientation.relative.orientations import RelativeOrientations
 from aatri.orientation.relative.pairs import oriented_by, relative_orientations
 from aatri.plugin import Context, Field, InputPath, Options
 
@@ -37,14 +41,14 @@ class PairOptions(Options):
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
     max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+    orientation_points: InputPath | None = Field(
+        None, description="file of the names of the points that orient; the others are intersected; null: all orient"
+    )
 
 
 class ClassicalOptions(PairOptions):
     """Options of the relative orientation of single pairs."""
 
-    orientation_points: InputPath | None = Field(
-        None, description="file of the names of the points that orient; the others are intersected; null: all orient"
-    )
     equation: Equation = Field(
         "rigorous",
         description="rigorous weights; or equal weights of the y-parallax q of the model, or of the determinant",
@@ -71,6 +75,16 @@ def pairs_of_strips(block: Block, image_points: ImagePoints, context: Context) -
     return pairs_of(block, image_points, images)
 
 
+def by_orientation_points(
+    block: Block, pairs: ImagePairs, options: PairOptions, orient: Callable[[RayPairs, Int], RelativeOrientations]
+) -> tuple[Bool, RelativeOrientations]:
+    """Which points orient, (n,), all or those named, and the orientations by them; the others are intersected."""
+    if options.orientation_points is None:
+        return np.ones(len(pairs.point), dtype=bool), orient(pairs.rays, pairs.start)
+    orients = named_points(options.orientation_points, block.points.id)[pairs.point]
+    return orients, oriented_by(pairs, orients, limit_of(pairs.rays, options.snooping_limit), orient)
+
+
 def oriented(
     block: Block, image_points: ImagePoints, frame: str, options: ClassicalOptions, context: Context
 ) -> Models:
@@ -84,11 +98,7 @@ def oriented(
         min_points=options.min_points,
         reporter=context,
     )
-    if options.orientation_points is None:
-        orients, orientations = np.ones(len(pairs.point), dtype=bool), orient(pairs.rays, pairs.start)
-    else:
-        orients = named_points(options.orientation_points, block.points.id)[pairs.point]
-        orientations = oriented_by(pairs, orients, limit_of(pairs.rays, options.snooping_limit), orient)
+    orients, orientations = by_orientation_points(block, pairs, options, orient)
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
     if options.equation != "rigorous" and orientations.formed.any():
         with_equal_weights(pairs, orientations, options.equation, frame, orients)

@@ -16,6 +16,7 @@ Source: docs/formulas.md 3.5, errata E08; see aatri/orientation/relative/connect
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 from aatri.adapters.pairs.image_pairs import pair_names
@@ -31,7 +32,7 @@ from aatri.orientation.relative.image_scale import limit_of, with_sigmas
 from aatri.orientation.relative.pairs import relative_orientations
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._pairs import PairOptions, checked_image_points, pairs_of_strips
+from ._pairs import PairOptions, by_orientation_points, checked_image_points, pairs_of_strips
 
 
 class ConnectedOptions(PairOptions):
@@ -55,17 +56,17 @@ def connected(
     """Orient the consecutive images of every strip, each model connected with the one before."""
     image_points = checked_image_points(block, image_points, context)
     pairs = pairs_of_strips(block, image_points, context)
-    orientations = relative_orientations(
-        pairs.rays,
-        pairs.start,
+    orient = partial(
+        relative_orientations,
         snooping_limit=options.snooping_limit,
         max_iterations=options.max_iterations,
         min_points=options.min_points,
         reporter=context,
     )
+    orients, orientations = by_orientation_points(block, pairs, options, orient)
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
     refuse_misfits(orientations, options.max_sigma0)
-    connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit))
+    connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit), orients)
     if options.coordinates == "coefficients":
         orientations.xyz[:] = classical_model_points(pairs, orientations, connections)
     notes = []

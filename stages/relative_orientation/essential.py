@@ -20,16 +20,19 @@ from typing import Literal
 
 from aatri.adapters.pairs.image_pairs import neighbouring_images, overlapping_images, pairs_of
 from aatri.adapters.pairs.models import essential_models, refuse_misfits, with_elements
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
-from aatri.orientation.relative.essential import SAMPLES, essential_orientations
+from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.essential import SAMPLES, EssentialOrientations, essential_orientations
 from aatri.orientation.relative.image_scale import with_sigmas
+from aatri.orientation.relative.orientations import RelativeOrientations
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._pairs import PairOptions, checked_image_points
+from ._pairs import PairOptions, by_orientation_points, checked_image_points
 
 
 class EssentialOptions(PairOptions):
@@ -56,15 +59,24 @@ def essential(
     by_strips = options.pairs == "strips" or (options.pairs == "auto" and len(block.strips) > 0)
     images = neighbouring_images(block) if by_strips else overlapping_images(block, image_points, options.min_common)[0]
     pairs = pairs_of(block, image_points, images)
-    made = essential_orientations(
-        pairs.rays,
-        pairs.start,
-        snooping_limit=options.snooping_limit,
-        max_iterations=options.max_iterations,
-        min_points=options.min_points,
-        max_samples=options.max_samples,
-        reporter=context,
-    )
+    made: EssentialOrientations | None = None
+
+    def orient(rays: RayPairs, start: Int) -> RelativeOrientations:
+        nonlocal made
+        made = essential_orientations(
+            rays,
+            start,
+            snooping_limit=options.snooping_limit,
+            max_iterations=options.max_iterations,
+            min_points=options.min_points,
+            max_samples=options.max_samples,
+            reporter=context,
+        )
+        return made.orientations
+
+    _, orientations = by_orientation_points(block, pairs, options, orient)
+    assert made is not None
+    made = replace(made, orientations=orientations)
     refuse_misfits(made.orientations, options.max_sigma0)
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.orientations.scale))
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")

@@ -84,7 +84,7 @@ def _writes(name: str) -> Callable[[OrientedBlock, Path, Writing, Reporter], Non
             from aatri.formats.wucaps.writer import write_wucaps
             from aatri.notes import tell
 
-            tell(write_wucaps(oriented.block, folder, oriented.image_points), reporter)
+            tell(write_wucaps(oriented.block, folder, oriented.image_points, oriented.solution), reporter)
         elif name == "bal":
             from aatri.formats.bal.writer import write_bal_problem
 

@@ -8,6 +8,7 @@ Whitespace-separated text, GBK or ASCII, `-99` ends a list. Names of the files i
 - PRECKI ground points: id, X north, Y east, H in m
 - PRECPI roles: `full plan height`, the numbers of full, plan-only and height-only control points; their ids; ids that
   follow are check points
+- PRENPI, if there is one: non-photogrammetric observations, see `observations`
 """
 
 from collections.abc import Callable
@@ -19,11 +20,13 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.formats.wucaps.ends import ends
+from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
+from aatri.formats.wucaps.observations import Columns, observations
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
-END = ("-99", "-99.0")
 T = TypeVar("T")
 
 
@@ -74,7 +77,7 @@ class GroundPoint:
 
 @dataclass(frozen=True)
 class WucapsFiles:
-    """What the four files say. Roles are per east, north, up; `paths` are in the order of `NAMES`."""
+    """What the files say. Roles are per east, north, up; `paths` are in the order of `NAMES`, then PRENPI if any."""
 
     paths: list[Path]
     camera: Camera
@@ -84,6 +87,8 @@ class WucapsFiles:
     stated: list[StatedStrip]
     ground: dict[str, GroundPoint]
     roles: dict[str, list[int]]
+    exterior: Columns
+    geodetic: Columns
 
 
 def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
@@ -103,12 +108,18 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
     images = _collected(lambda: _image_coordinates(entries[1]), problems)
     ground = _collected(lambda: _ground(entries[2]), problems)
     roles = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
+    observed: tuple[Columns, Columns] | None = {}, {}
+    beside = [p for p in folder.iterdir() if p.is_file() and p.stem.upper() == OBSERVATIONS]
+    if beside:
+        paths.append(_find(folder, OBSERVATIONS))
+        observed = _collected(lambda: observations(word_lines(paths[-1], reporter, blanks="\x1a")), problems)
     raise_all(problems)
+    assert observed is not None
     assert camera is not None
     assert images is not None
     assert ground is not None
     assert roles is not None
-    return WucapsFiles(paths, camera, *images, ground, roles)
+    return WucapsFiles(paths, camera, *images, ground, roles, *observed)
 
 
 def _collected(read: Callable[[], T], problems: list[AatriError]) -> T | None:
@@ -147,7 +158,7 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
         raise lens.error("distortion parameters, whose meaning is not known", "convert to a block folder")
     fiducials, first = dict[str, tuple[float, float]](), dict[str, TextLine]()
     for k in range(3, len(entries)):
-        if _ends(entries[k]):
+        if ends(entries[k]):
             break
         row = entries[k].of_width(3, "fiducial x y")
         fiducials[row.once(row.words[0], first, "fiducial")] = row.number(1), row.number(2)
@@ -169,7 +180,7 @@ def _image_coordinates(
     for entry in entries:
         try:
             if photo and len(entry.words) == 3:
-                if _ends(entry):
+                if ends(entry):
                     photo = ""
                 else:
                     measured.append(MeasuredPoint(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
@@ -183,11 +194,11 @@ def _image_coordinates(
                 numbers.append(entry.words[0])
                 stated.append(StatedStrip(entry.count(1), entry.number(2), entry))
                 last = False
-            elif len(entry.words) == 2 and numbers and not _ends(entry):
+            elif len(entry.words) == 2 and numbers and not ends(entry):
                 photo, last = entry.words[0].removeprefix("-"), entry.words[0].startswith("-")
                 entry.once(photo, first, "photo", "give each photo its own number")
                 photos.append(WucapsPhoto(photo, len(numbers) - 1, len(photos) + 1, entry))
-            elif not _ends(entry):
+            elif not ends(entry):
                 raise entry.error(
                     f"{len(entry.words)} words, but a strip or photo should begin here",
                     "a strip is `strip count scale 0`, a photo `photo 0`",
@@ -206,7 +217,7 @@ def _ground(entries: list[TextLine]) -> dict[str, GroundPoint]:
     ground, first = dict[str, GroundPoint](), dict[str, TextLine]()
     problems: list[AatriError] = []
     for entry in entries:
-        if _ends(entry):
+        if ends(entry):
             break
         try:
             north, east, up = entry.of_width(4, "id X Y H").numbers(1)
@@ -221,7 +232,7 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
     """PRECPI: role of east, north, up by id."""
     head = _of_width(entries, 0, 3, path, "numbers of full, plan-only and height-only control points")
     full, plan, height = (head.count(k) for k in range(3))
-    named = [entry for entry in entries[1:] if not _ends(entry)]
+    named = [entry for entry in entries[1:] if not ends(entry)]
     if len(named) < full + plan + height:
         raise head.error(
             f"{full + plan + height} control points announced, {len(named)} ids follow", "mend the numbers"
@@ -251,7 +262,3 @@ def _of_width(entries: list[TextLine], k: int, width: int, path: Path, what: str
     if k >= len(entries):
         raise InputError(f"ends before the line of {what}", where=str(path), remedy="complete the file")
     return entries[k].of_width(width, what)
-
-
-def _ends(entry: TextLine) -> bool:
-    return entry.words[0] in END

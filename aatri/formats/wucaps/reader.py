@@ -83,4 +83,6 @@ def read_wucaps(
             "role": [files.roles.get(p, [NO_ROLE] * 3) for p in names],
             "at": [files.ground[p].entry for p in names],
         },
+        exterior=files.exterior or None,
+        geodetic=files.geodetic or None,
     )

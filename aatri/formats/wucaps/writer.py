@@ -15,8 +15,12 @@ import numpy as np
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, InputError, ResourceError, raise_all
-from aatri.formats.wucaps.files import END
+from aatri.formats.wucaps.ends import END
+from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
+from aatri.formats.wucaps.observations import observation_lines
+from aatri.formats.wucaps.result_files import result_lines
 from aatri.ids import shown
 from aatri.notes import Note
 
@@ -27,8 +31,10 @@ SCALE_UNKNOWN = 0
 _LAST = "-99 0 0"
 
 
-def write_wucaps(block: Block, folder: Path, image_points: ImagePoints | None = None) -> list[Note]:
-    """Write the four files.
+def write_wucaps(
+    block: Block, folder: Path, image_points: ImagePoints | None = None, solution: Solution | None = None
+) -> list[Note]:
+    """Write the files: four, that of non-photogrammetric observations where there are any, results of a solution.
 
     Parameters
     ----------
@@ -37,6 +43,8 @@ def write_wucaps(block: Block, folder: Path, image_points: ImagePoints | None = 
         Made if it is not there.
     image_points : ImagePoints, optional
         Corrected photo coordinates; None: as measured.
+    solution : Solution, optional
+        Orientations, points and residuals, in files beside.
 
     Returns
     -------
@@ -59,13 +67,18 @@ def write_wucaps(block: Block, folder: Path, image_points: ImagePoints | None = 
         "PRECKI": _ground(block),
         "PRECPI": _roles(block),
     }
+    observed, lost = observation_lines(block)
+    if observed:
+        texts[OBSERVATIONS] = [*observed, "-99"]
+    if solution is not None:
+        texts |= result_lines(solution)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, lines in texts.items():
             (folder / f"{name}.DAT").write_text("\n".join(lines) + "\n", encoding="ascii", newline="\r\n")
     except OSError as error:
         raise ResourceError(f"cannot write: {error.strerror}", where=str(folder), remedy="another place") from error
-    return _left_out(block, used)
+    return [*lost, *_left_out(block, used)]
 
 
 def _refuse(block: Block, *, corrected: bool) -> None:
@@ -190,13 +203,8 @@ def _left_out(block: Block, used: Bool) -> list[Note]:
         warn("0 stands for coordinates that are not known, of plan or height control", block.points.id[g.point[filled]])
     if not used.all():
         warn(f"{int((~used).sum())} image points that are not used are not written")
-    for what, table in (
-        ("positions and attitudes", block.exterior),
-        ("geodetic observations", block.geodetic),
-        ("relative control", block.relative_control),
-    ):
-        if table is not None and len(table):
-            warn(f"{what} have no place in WuCAPS files and are not written")
+    if len(block.relative_control):
+        warn("relative control has no place in WuCAPS files and is not written")
     if block.frames.crs[0] != "local":
         warn(f"the coordinate system {block.frames.crs[0]} is not written")
     return notes

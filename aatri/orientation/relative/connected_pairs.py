@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.orientation.relative.classical_points import classical_points, connection_points
 from aatri.orientation.relative.connected import Before, Connected, connected_orientation
 from aatri.orientation.relative.image_pairs import ImagePairs
@@ -30,7 +30,7 @@ class Connection:
 
 
 def connected_pairs(
-    pairs: ImagePairs, orientations: RelativeOrientations, limit: float
+    pairs: ImagePairs, orientations: RelativeOrientations, limit: float, orients: Bool | None = None
 ) -> tuple[tuple[Connection, ...], tuple[int, ...]]:
     """Connect pairs with those that end where they begin, and put the connected orientations in their place.
 
@@ -42,6 +42,8 @@ def connected_pairs(
         Changed.
     limit : float
         A connection point with a larger test statistic is rejected.
+    orients : (n,) bool, optional
+        Points that orient beside those that connect; None: all.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def connected_pairs(
         before = ends_at.get(left)
         if before is None or not (orientations.formed[pair] and orientations.formed[before]):
             continue
-        connection = _connected(pairs, orientations, before, pair, limit)
+        connection = _connected(pairs, orientations, before, pair, limit, orients)
         if connection is None:
             loose.append(pair)
         else:
@@ -64,7 +66,7 @@ def connected_pairs(
 
 
 def _connected(
-    pairs: ImagePairs, orientations: RelativeOrientations, before: int, pair: int, limit: float
+    pairs: ImagePairs, orientations: RelativeOrientations, before: int, pair: int, limit: float, orients: Bool | None
 ) -> Connection | None:
     a, b = (slice(int(pairs.start[k]), int(pairs.start[k + 1])) for k in (before, pair))
     common, at_a, at_b = np.intersect1d(pairs.point[a], pairs.point[b], return_indices=True)
@@ -75,9 +77,11 @@ def _connected(
     )
     common, at_a, at_b = common[good], at_a[good], at_b[good]
     rays = pairs.rays.take(np.arange(b.start, b.stop))
+    takes_part = np.ones(b.stop - b.start, dtype=bool) if orients is None else orients[b].copy()
+    takes_part[at_b] = True
     one = connected_orientation(
         rays,
-        orientations.active[b],
+        orientations.active[b] & takes_part,
         orientations.left_from_right[pair],
         orientations.base[pair],
         Before(
