@@ -75,15 +75,15 @@ class Stage:
         """
         from aatri.formats.results.readable import readable
 
-        found = readable(self.artifact, table)
-        columns = dict(zip(found.head, found.columns))
+        shown = readable(self.artifact, table)
+        columns = dict(zip(shown.head, shown.columns))
         try:
             import pandas
         except ImportError:
             pass
         else:
             frame = pandas.DataFrame(columns)
-            frame.attrs["units"] = {name: unit for name, unit in zip(found.head, found.units) if unit}
+            frame.attrs["units"] = {name: unit for name, unit in zip(shown.head, shown.units) if unit}
             return frame
         try:
             import polars
@@ -137,12 +137,12 @@ def open_run(path: str | Path) -> Run:
     from aatri.cli.arguments.locate import find_run
     from aatri.pipeline.store import run_folder as store
 
-    found = find_run(Path(path))
+    located = find_run(Path(path))
     return Run(
-        found.folder,
+        located.folder,
         [
-            Stage(str(e["stage"]), str(e["use"]), found.folder, store.current_record(found.folder, str(e["stage"])))
-            for e in found.stages
+            Stage(str(e["stage"]), str(e["use"]), located.folder, store.current_record(located.folder, str(e["stage"])))
+            for e in located.stages
         ],
     )
 

@@ -145,13 +145,13 @@ class StageCard:
         stated = self.uses(options) if callable(self.uses) else self.uses
         if isinstance(stated, str):
             raise PluginError(f"uses is the text {stated!r}", where=self.name, remedy=f"write uses=({stated!r},)")
-        known = frozenset(name for port in self.ports for name in port.kind.offered_names())
+        offered = frozenset(name for port in self.ports for name in port.kind.offered_names())
         for name in stated:
-            if not is_known(name, known):
+            if not is_known(name, offered):
                 raise PluginError(
-                    f"uses {name!r}, which no port offers{did_you_mean(name, known)}",
+                    f"uses {name!r}, which no port offers{did_you_mean(name, offered)}",
                     where=self.name,
-                    remedy=f"its ports offer {', '.join(sorted(known)) or 'nothing'}",
+                    remedy=f"its ports offer {', '.join(sorted(offered)) or 'nothing'}",
                 )
         return tuple(sorted(set(stated)))
 

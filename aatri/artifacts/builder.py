@@ -205,10 +205,10 @@ class _Ids:
 
     def rows(self, values: npt.ArrayLike, columns: Columns) -> Int:
         """Rows in canonical order of some ids, or of rows in the order of the reader."""
-        given = np.asarray(values)
-        if given.dtype.kind in "iu":
-            return np.asarray(self._row_of_local[given])
-        ids = _texts_in(given)
+        named = np.asarray(values)
+        if named.dtype.kind in "iu":
+            return np.asarray(self._row_of_local[named])
+        ids = _texts_in(named)
         rows = np.searchsorted(self.sorted, ids)
         unknown = np.ones(len(ids), bool)
         if len(self.sorted):
@@ -220,7 +220,7 @@ class _Ids:
                 where=_place(columns, at, self._paths),
                 remedy="give it, or mend the id",
             )
-        return np.asarray(rows.astype(np.int32) if given.ndim else rows[0])
+        return np.asarray(rows.astype(np.int32) if named.ndim else rows[0])
 
 
 def _texts_in(values: npt.ArrayLike) -> Text:
@@ -260,8 +260,8 @@ def _with_rows(columns: Columns, **references: _Ids) -> dict[str, Any]:
 def _strip_rows(images: Columns, strip_ids: Text) -> dict[str, Any]:
     if "strip" not in images:
         return {}
-    given = _texts_in(images["strip"])
-    rows = np.where(given != "", np.searchsorted(strip_ids, given), -1)
+    strips = _texts_in(images["strip"])
+    rows = np.where(strips != "", np.searchsorted(strip_ids, strips), -1)
     return {"strip": rows if np.ndim(images["strip"]) else rows[0]}
 
 

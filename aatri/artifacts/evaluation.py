@@ -171,7 +171,7 @@ class Evaluation(Artifact):
     def metrics(self) -> dict[str, float | int | None]:
         """All figures; counts as integers. Those of the independent check are None where it has not been made."""
         values = zip(self.figures.name, self.figures.value)
-        known = {
+        figures = {
             str(n): int(v)
             if str(n).endswith(("_points", "_parameters", "_degrees", "models", "images", "_observations"))
             else _plain(float(v))
@@ -179,8 +179,8 @@ class Evaluation(Artifact):
         }
         others = (self.displacements, self.parameter_changes, self.layout_points)
         if any(other is not None for other in others):
-            return known
-        return known | {name: None for name in _OF_THE_CHECK if name not in known}
+            return figures
+        return figures | {name: None for name in _OF_THE_CHECK if name not in figures}
 
 
 _OF_THE_CHECK = tuple(f"check_{figure}_{axis}_m" for figure in ("rmse", "bias", "max") for axis in "xyz")

@@ -54,8 +54,8 @@ def _observed_attitudes(block: Block) -> Bool:
 
 
 def _approximate_in_part(use: Int, values: Float) -> Bool:
-    known = np.isfinite(values)
-    return np.asarray((use != OBSERVED_VALUE) & known.any(axis=1) & ~known.all(axis=1))
+    finite = np.isfinite(values)
+    return np.asarray((use != OBSERVED_VALUE) & finite.any(axis=1) & ~finite.all(axis=1))
 
 
 def _control(block: Block) -> Bool:
@@ -271,13 +271,13 @@ def _offer(
 
 def _where(block: Block, table: str, rows: Bool) -> str:
     """`file:line` of the first row that was imported, or the camera."""
-    held = getattr(block, table)
+    rows_of_table = getattr(block, table)
     first = int(np.flatnonzero(rows)[0])
     if table in ("cameras", "camera_parameters"):
-        return f"camera {block.cameras.id[first if table == 'cameras' else held.camera[first]]}"
-    if not hasattr(held, "file") or held.file[first] < 0:
+        return f"camera {block.cameras.id[first if table == 'cameras' else rows_of_table.camera[first]]}"
+    if not hasattr(rows_of_table, "file") or rows_of_table.file[first] < 0:
         return ""
-    return f"{block.files.path[held.file[first]]}:{held.line[first]}"
+    return f"{block.files.path[rows_of_table.file[first]]}:{rows_of_table.line[first]}"
 
 
 def _joined(a: Text, b: Text | str) -> Text:

@@ -268,19 +268,19 @@ class Solution(Artifact):
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""
-        found = np.isfinite(self.points.xyz_m)  # of a network without images a height, or a place, is all there is
-        known: dict[str, float] = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
+        determined = np.isfinite(self.points.xyz_m)  # of a network without images a height, or a place, is all there is
+        optional: dict[str, float] = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
         if not np.isnan(self.sigma0_redundancy):
-            known["sigma0_redundancy"] = self.sigma0_redundancy
+            optional["sigma0_redundancy"] = self.sigma0_redundancy
         return {
             "images": int(self.images.oriented.sum()),
-            "points": int((found.all(axis=1) if len(self.images) else found.any(axis=1)).sum()),
+            "points": int((determined.all(axis=1) if len(self.images) else determined.any(axis=1)).sum()),
             "image_points": int(self.images.image_points.sum()),
             "observations": self.observations,
             "unknowns": self.unknowns,
             "redundancy": self.redundancy,
             "sigma0": None if np.isnan(self.sigma0) else self.sigma0,
-            **known,
+            **optional,
             "iterations": self.iterations,
             "suspects": len(self.suspects),
             "contradictions": self.contradictions,
@@ -293,6 +293,6 @@ def _image_errors(fields: ErrorFields | None) -> dict[str, float]:
     if fields is None or not len(fields):
         return {}
     length = np.linalg.norm(fields.error_um, axis=1)
-    mine = [length[fields.object == name] for name in np.unique(fields.object)]
-    return {"image_error_rms_um": max(float(np.sqrt((e**2).mean())) for e in mine),
+    lengths = [length[fields.object == name] for name in np.unique(fields.object)]
+    return {"image_error_rms_um": max(float(np.sqrt((e**2).mean())) for e in lengths),
             "image_error_max_um": float(length.max())}  # fmt: skip

@@ -72,14 +72,14 @@ def _strong(solution: Solution) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
         r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
     pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
-    found = [
+    lines = [
         f"{p.object[c.first[k]]}: {p.name[c.first[k]]} and {p.name[c.second[k]]}{_of(p, c.first[k], c.second[k])} "
         f"correlate by {r[k]:.3f}"
         for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")][:MOST_ROWS].tolist()
     ]
     if len(pairs) > MOST_ROWS:
-        found.append(f"{len(pairs) - MOST_ROWS} more correlations of {STRONG} and more")
-    return found
+        lines.append(f"{len(pairs) - MOST_ROWS} more correlations of {STRONG} and more")
+    return lines
 
 
 def _of(p: Parameters, first: int, second: int) -> str:

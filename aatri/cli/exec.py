@@ -35,8 +35,8 @@ def exec_(
 
     share_cores(1)
     run = in_folder(run)
-    given = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-    opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(given)
+    request = Request(str(run), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+    opened = open_run(run, local_plugins=local_plugins) if run.is_dir() else open_request(request)
     select(opened.nodes, only=[stage])
     settings = RunSettings(
         Selection(forced=frozenset({stage} if force else ())),

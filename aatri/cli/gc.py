@@ -23,12 +23,12 @@ def gc(
     from aatri.pipeline.store.gc import garbage, remove
     from aatri.pipeline.store.lock import locked
 
-    found = find_run(run)
+    located = find_run(run)
     now = datetime.datetime.now(datetime.UTC)
-    with locked(found.folder, "aatri gc", enabled=not dry_run):
-        results = garbage(found.folder, keep, older, now)
+    with locked(located.folder, "aatri gc", enabled=not dry_run):
+        results = garbage(located.folder, keep, older, now)
         if not dry_run:
-            remove(found.folder, results)
+            remove(located.folder, results)
     if json:
         say_json([{"stage": r.stage, "key": r.key, "ended": r.ended, "bytes": r.size} for r in results])
         return

@@ -20,11 +20,11 @@ def metrics(
     from aatri.pipeline.spec.gates import figures_of
     from aatri.pipeline.store import run_folder as store
 
-    found = find_run(run)
-    records = {entry["stage"]: store.current_record(found.folder, entry["stage"]) for entry in found.stages}
+    located = find_run(run)
+    records = {entry["stage"]: store.current_record(located.folder, entry["stage"]) for entry in located.stages}
     values = {name: figures_of(record) for name, record in records.items() if record is not None}
     if not values:
-        raise ArtifactError("has not been run", where=str(found.folder), remedy="aatri run")
+        raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
     if json:
         say_json(values)
         return

@@ -13,7 +13,7 @@ def report(
     from aatri.errors import ArtifactError
     from aatri.report.page import write_report
 
-    found = find_run(run)
-    if not found.overview:
-        raise ArtifactError("has not been run", where=str(found.folder), remedy="aatri run")
-    say(str(write_report(found.folder)))
+    located = find_run(run)
+    if not located.overview:
+        raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
+    say(str(write_report(located.folder)))

@@ -99,8 +99,8 @@ def run(
             background=not dry_run,
         )
     else:
-        given = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-        opened = open_request(Request(str(pipeline), *given), quiet=quiet or json, background=not dry_run)
+        changes = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+        opened = open_request(Request(str(pipeline), *changes), quiet=quiet or json, background=not dry_run)
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
     if dry_run:
         from aatri.cli.plan_table import plain_plan, say_plan

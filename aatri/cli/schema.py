@@ -217,13 +217,13 @@ def _column_schema(column: Column) -> dict[str, Any]:
         item["minimum"] = -1 if column.optional else 0
     for length in reversed(column.shape):
         item = {"type": "array", "items": item, "minItems": length, "maxItems": length}
-    told = {"x-unit": column.unit, "x-refers": column.refers}
+    about = {"x-unit": column.unit, "x-refers": column.refers}
     return {
         "type": "array",
         "items": item,
         "description": column.doc,
         "x-dtype": column.dtype,
-        **{key: text for key, text in told.items() if text},
+        **{key: text for key, text in about.items() if text},
         **({} if column.digest else {"x-provenance": True}),
     }
 

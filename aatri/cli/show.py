@@ -46,10 +46,10 @@ def show(
     say(f"{header['kind']}  {path}")
     say()
     say_table(("attribute", "value"), [[name, str(value)] for name, value in header["attributes"].items()])
-    for name, held in header["tables"].items():
+    for name, contents in header["tables"].items():
         say()
-        say(f"{name}: {held['rows']} rows. {held['description']}")
-        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in held["columns"].items()]
+        say(f"{name}: {contents['rows']} rows. {contents['description']}")
+        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in contents["columns"].items()]
         say_table(("  column", "shape", "unit", "description"), rows)
     say()
     _say_provenance(record)
@@ -109,7 +109,9 @@ def _say_provenance(record: dict[str, Any] | None) -> None:
     if record is None:
         say("no record beside the file: its origin is not known")
         return
-    inputs = [f"{port} = {given['stage']} ({given['content_digest'][:12]})" for port, given in record["inputs"].items()]
+    inputs = [
+        f"{port} = {source['stage']} ({source['content_digest'][:12]})" for port, source in record["inputs"].items()
+    ]
     options = [f"{name} = {value}" for name, value in record["options"].items()]
     rows = [
         ["made by", f"{record['plugin']} version {record['version']}, stage {record['stage']}, key {record['key']}"],

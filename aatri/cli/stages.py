@@ -76,15 +76,17 @@ def _say_roles(listed: dict[str, Any]) -> None:
             say(f"{role}: (broken) {about['broken']}")
             continue
         say(f"{role}: {', '.join(about['ports']) or 'nothing'} -> {about['kind']}")
-        rows = [(f"  {name}", _line(told)) for name, told in about["variants"].items()] or [("  (none)", "")]
+        rows = [(f"  {name}", _line(variant)) for name, variant in about["variants"].items()] or [("  (none)", "")]
         width = max(len(name) for name, _ in rows)
         for name, line in rows:
             say(f"{name.ljust(width)}  {line}".rstrip())
 
 
-def _line(told: dict[str, Any]) -> str:
+def _line(variant: dict[str, Any]) -> str:
     """First line of the documentation; before it where the variant comes from, if it is not built in."""
-    return str(told["about"]) if told["source"] in ("", "built-in") else f"[{told['place']}] {told['about']}"
+    return (
+        str(variant["about"]) if variant["source"] in ("", "built-in") else f"[{variant['place']}] {variant['about']}"
+    )
 
 
 def _described(card: StageCard) -> dict[str, Any]:

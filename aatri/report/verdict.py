@@ -136,15 +136,15 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
     if evaluation is None:
         return []
     d = evaluation.differences
-    mine = np.flatnonzero(d.kind == "check")
+    checks = np.flatnonzero(d.kind == "check")
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.fmax.reduce(
-            np.where(d.sigma_m[mine] > 0, np.abs(d.difference_m[mine]) / d.sigma_m[mine], np.nan), axis=1
+            np.where(d.sigma_m[checks] > 0, np.abs(d.difference_m[checks]) / d.sigma_m[checks], np.nan), axis=1
         )
-    far = mine[np.nan_to_num(size) > FAR_SIGMAS]
+    far = checks[np.nan_to_num(size) > FAR_SIGMAS]
     if not len(far):
         return []
-    size = dict(zip(mine.tolist(), size.tolist()))
+    size = dict(zip(checks.tolist(), size.tolist()))
     worst = sorted(far.tolist(), key=lambda k: -size[k])
     largest = [float(np.nanmax(np.abs(d.difference_m[k]))) for k in worst]
     named = [f"{d.point[k]} ({number(size[k])} sigma, {metres(m)} m)" for k, m in zip(worst, largest)]
@@ -153,24 +153,26 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:
     """Whether the errors at check points are those that the standard deviations say."""
-    title, known = "Check against theory", numbers_of(figures)
+    title, numbers = "Check against theory", numbers_of(figures)
     points = {
-        f"check_independent_{axis}": known["check_points"] for axis in "xyz" if f"check_theory_ratio_{axis}" in known
+        f"check_independent_{axis}": numbers["check_points"]
+        for axis in "xyz"
+        if f"check_theory_ratio_{axis}" in numbers
     }
     if not points:
         return Light(title, NONE, "no theoretical standard deviations at check points")
-    beyond = outside_expected(points | known, "check")
+    beyond = outside_expected(points | numbers, "check")
     return Light(title, LOOK, " ".join(beyond)) if beyond else Light(title, GOOD, "as the standard deviations say")
 
 
 def _truth(figures: Mapping[str, float | int | None]) -> Light:
-    title, known = "Truth against theory", numbers_of(figures)
-    ratios = {axis: known[name] for axis in "xyz" if (name := f"truth_over_theory_{axis}") in known}
+    title, numbers = "Truth against theory", numbers_of(figures)
+    ratios = {axis: numbers[name] for axis in "xyz" if (name := f"truth_over_theory_{axis}") in numbers}
     count = f"{number(figures['truth_points'])} new points"
     if not ratios:
         return Light(title, NONE, f"{count}, no theoretical standard deviations")
     words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in ratios.items())} at {count} (simulated)"
-    beyond = outside_expected(known, "new")
+    beyond = outside_expected(numbers, "new")
     return Light(title, LOOK if beyond else GOOD, " ".join([words, *beyond]))
 
 

@@ -153,8 +153,8 @@ class Artifact:
 
     def _summary(self) -> str:
         scalars = [f"{name} {getattr(self, name)!r}" for name in attributes_of(type(self))]
-        held = {name: getattr(self, name) for name in tables_of(type(self))}
-        counts = [f"{len(rows)} {name}" for name, rows in held.items() if rows is not None and len(rows)]
+        tables = {name: getattr(self, name) for name in tables_of(type(self))}
+        counts = [f"{len(rows)} {name}" for name, rows in tables.items() if rows is not None and len(rows)]
         return f"<{self.kind}: {', '.join([*scalars, *counts])}>"
 
     def __post_init__(self) -> None:
@@ -247,12 +247,12 @@ def tables_of(cls: type[Artifact]) -> dict[str, type[Table]]:
     import typing
 
     hints = typing.get_type_hints(cls)
-    found = {}
+    tables = {}
     for f in dataclasses.fields(cls):
         if "table" in f.metadata:
             kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
-            found[f.name] = kinds[0]
-    return found
+            tables[f.name] = kinds[0]
+    return tables
 
 
 def is_optional(cls: type[Artifact], name: str) -> bool:

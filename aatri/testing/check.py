@@ -126,8 +126,8 @@ def examine_stage(
     except PluginError as error:
         return Report(name, (Check("contract", str(error)),))
     chosen, wrong = _options(card, options)
-    told = wrong or _undescribed(card) or _unwritable(chosen)
-    checks = [Check("contract"), Check("method", _method(card)), Check("options", told)]
+    faults = wrong or _undescribed(card) or _unwritable(chosen)
+    checks = [Check("contract"), Check("method", _method(card)), Check("options", faults)]
     checks += [] if wrong else [Check("uses", _uses(card, chosen))]
     if not wrong:
         checks += _behaviour(card, examples, chosen, defaults=options is None)
@@ -205,14 +205,14 @@ def _behaviour(
     for example, inputs in examples.items():
         used = {port.name: inputs[port.name] for port in card.ports}
         first = call(card, used, options)
-        found = [*first.manners.items()]
+        results = [*first.manners.items()]
         if isinstance(first.error, (InputError, GeometryError)):
             refusals.append(f"{example}: {first.error}")
         elif first.error is not None:
-            found.append(("runs", f"{type(first.error).__name__}: {first.error}"))
+            results.append(("runs", f"{type(first.error).__name__}: {first.error}"))
         else:
-            found += _compared(card, example, used, options, first, defaults=defaults)
-        for name, text in found:
+            results += _compared(card, example, used, options, first, defaults=defaults)
+        for name, text in results:
             breaches.setdefault(name, []).extend([f"{example}: {text}"] if text else [])
     taken = breaches.setdefault("runs", [])
     if len(refusals) == len(examples):

@@ -139,8 +139,8 @@ def _made(name: str, example: str) -> Artifact:
         return example_block(example)
     variant, ports = _CHAIN[name]
     card = find_stages().card(variant)
-    given: dict[str, Any] = {port: _made(source, example) for port, source in ports.items()}
+    arguments: dict[str, Any] = {port: _made(source, example) for port, source in ports.items()}
     if name in _OPTIONS:
         assert card.options is not None
-        given["options"] = card.options.model_validate(_OPTIONS[name])
-    return card.function(**given)
+        arguments["options"] = card.options.model_validate(_OPTIONS[name])
+    return card.function(**arguments)

@@ -73,14 +73,14 @@ def call(card: StageCard, inputs: Mapping[str, Artifact], options: Options | Non
                 raised = error
         files = sorted(path.name for path in Path(folder).iterdir())
     changed = [port for port, value in inputs.items() if content_digest(value) != content_digest(handed[port])]
-    told = [f"it printed {line!r}" for line in printed.getvalue().splitlines()[:3]]
-    told += [f"{w.category.__name__} at {Path(w.filename).name}:{w.lineno}: {w.message}" for w in warned[:3]]
+    noise = [f"it printed {line!r}" for line in printed.getvalue().splitlines()[:3]]
+    noise += [f"{w.category.__name__} at {Path(w.filename).name}:{w.lineno}: {w.message}" for w in warned[:3]]
     return Outcome(
         artifact,
         raised,
         {
             "inputs": f"it changed {', '.join(changed)}" if changed else "",
-            "quiet": "; ".join(told),
+            "quiet": "; ".join(noise),
             "context": "; ".join(recorder.faults[:3]),
             "files": f"it wrote {', '.join(files)}" if files else "",
         },

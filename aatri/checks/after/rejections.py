@@ -76,10 +76,10 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
         Of the stages before.
     """
     control, r = control_of(block), solution.residuals
-    given = {"control": np.full((len(block.ground_points), 3), np.nan), "position": block.exterior.position_m}
-    given["control"][control.row] = np.where(control.given, control.xyz_m, np.nan)
+    coordinates = {"control": np.full((len(block.ground_points), 3), np.nan), "position": block.exterior.position_m}
+    coordinates["control"][control.row] = np.where(control.given, control.xyz_m, np.nan)
     findings = []
-    for kind, given_m in given.items():
+    for kind, given_m in coordinates.items():
         rows = np.flatnonzero((r.kind == kind) & (r.row >= 0) & ~r.active)
         X = given_m[r.row[rows]]
         pairs = exchanged_pairs(X + r.residual[rows], X, range(len(rows)))

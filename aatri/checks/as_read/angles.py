@@ -117,16 +117,16 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
         return None
     limit = UNFIT_OBSERVED if rays.observed else UNFIT_APPROXIMATE
     each = misfit_of_images(rays, pairs)
-    given, images = float(np.median(each)), np.unique(rays.image)
-    text = f"angles between rays to control points differ by {_percent(given)} from those measured in the images"
-    if given > limit:
+    as_given, images = float(np.median(each)), np.unique(rays.image)
+    text = f"angles between rays to control points differ by {_percent(as_given)} from those measured in the images"
+    if as_given > limit:
         cause, left = best_cause(rays, pairs)
-        if left < EXPLAINED_ANGLES * given and (left < FIT_OBSERVED or not rays.observed):
-            surely = given > CERTAIN_MISFIT or (rays.observed and not cause.estimated)
-            certain = left < CERTAINLY_EXPLAINED * given and surely
+        if left < EXPLAINED_ANGLES * as_given and (left < FIT_OBSERVED or not rays.observed):
+            surely = as_given > CERTAIN_MISFIT or (rays.observed and not cause.estimated)
+            certain = left < CERTAINLY_EXPLAINED * as_given and surely
             text = f"{text}; {cause.text}, by {_percent(left)}"
             return Contradiction(text, cause.remedy, cause.of, certain, images)
-        if given > NOTHING_FITS:
+        if as_given > NOTHING_FITS:
             text += ": positions, control and image points do not belong together"
             remedy = "check that the tables are of one project, ids of images and points, frames and units"
             return Contradiction(text, remedy, "position", rays.observed, images)

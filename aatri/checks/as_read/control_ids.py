@@ -33,10 +33,10 @@ def lost_control(block: Block) -> list[Finding]:
     lost = [row for row in named.tolist() if not is_used[ground.point[row]]]
     if not lost or not is_used.any():
         return []
-    given = set(ground.point[named].tolist())
+    with_coordinates = set(ground.point[named].tolist())
     measured: dict[str, str] = {}
     for point in np.flatnonzero(is_used).tolist():
-        if point not in given:
+        if point not in with_coordinates:
             measured.setdefault(_plain(str(block.points.id[point])), str(block.points.id[point]))
     ids = [str(block.points.id[ground.point[row]]) for row in lost]
     meant = {row: measured[_plain(name)] for row, name in zip(lost, ids) if _plain(name) in measured}

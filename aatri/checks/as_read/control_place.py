@@ -40,10 +40,10 @@ def control_off_the_block(block: Block) -> list[Finding]:
     position = np.full((len(block.images), 3), np.nan)
     position[block.exterior.image] = block.exterior.position_m
     ids = block.points.id[control.point].tolist()
-    given = np.where(control.given, control.xyz_m, np.nan)
+    xyz_m = np.where(control.given, control.xyz_m, np.nan)
     seen, image = number[points.point[rows]], points.image[rows]
     places = [read_at(block, block.ground_points, int(row)) for row in control.row]
-    return misplaced_control(ids, given, position, seen, image, places)
+    return misplaced_control(ids, xyz_m, position, seen, image, places)
 
 
 def misplaced_control(
@@ -83,10 +83,12 @@ def misplaced_control(
     together = _all_of_it(xyz_m, distance, extent, from_origin, places[rows[0]])
     if together is not None:
         return [together]
-    given = distance(xyz_m)
-    usual = np.array([np.median(np.delete(given, k)) if len(given) > 1 else np.inf for k in range(len(given))])
+    distances = distance(xyz_m)
+    usual = np.array(
+        [np.median(np.delete(distances, k)) if len(distances) > 1 else np.inf for k in range(len(distances))]
+    )
     changed = [distance(change.apply(xyz_m)) for change in IN_PLAN]
-    return _single(ids, rows, given, changed, usual, from_origin, places)
+    return _single(ids, rows, distances, changed, usual, from_origin, places)
 
 
 def _all_of_it(
@@ -116,7 +118,7 @@ def _all_of_it(
 def _single(
     ids: Sequence[str],
     rows: Int,
-    given: Float,
+    distances: Float,
     changed: Sequence[Float],
     usual: Float,
     from_origin: float,
@@ -124,8 +126,8 @@ def _single(
 ) -> list[Finding]:
     """Single points off the block; other units and zones prove something only far from the origin."""
     findings = []
-    for k in np.flatnonzero((given > FAR_CONTROL * usual) & (given > LEAST_FAR_M)).tolist():
-        text = f"{printable(ids[rows[k]])} lies {length(float(given[k]))} from the block"
+    for k in np.flatnonzero((distances > FAR_CONTROL * usual) & (distances > LEAST_FAR_M)).tolist():
+        text = f"{printable(ids[rows[k]])} lies {length(float(distances[k]))} from the block"
         far_away = from_origin > FAR_CONTROL * usual[k]
         near: list[tuple[float, Change]] = [
             (float(d[k]), change) for change, d in zip(IN_PLAN, changed) if change.moves_near or far_away
@@ -136,7 +138,7 @@ def _single(
             text, remedy = f"{text}; {best.text} it would lie inside", best.of_one
         else:
             text, remedy = f"{text}, the others {length(float(usual[k]))}", "check its coordinates and its id"
-            level = "error" if given[k] > MOST_SEEN_M > FAR_CONTROL * usual[k] else "warning"
+            level = "error" if distances[k] > MOST_SEEN_M > FAR_CONTROL * usual[k] else "warning"
         findings.append(Finding("control_place", level, text, remedy, where=places[rows[k]]))
     return findings
 
@@ -145,13 +147,13 @@ def _against_each_other(ids: Sequence[str], xyz: Float, rows: Int, places: Seque
     if len(rows) < 4:
         return []  # three others span an area
     changed = [change.apply(xyz)[rows, :2] for change in IN_PLAN]
-    given, usual, from_origin = (np.zeros(len(rows)) for _ in range(3))
+    distances, usual, from_origin = (np.zeros(len(rows)) for _ in range(3))
     off = np.zeros((len(changed), len(rows)))
     for k in range(len(rows)):
         others = xyz[np.delete(rows, k), :2]
         centre = np.median(others, axis=0)
         from_origin[k] = np.linalg.norm(centre)
         usual[k] = np.median(np.linalg.norm(others - centre, axis=1)) * 2
-        given[k] = np.linalg.norm(xyz[rows[k], :2] - centre)
+        distances[k] = np.linalg.norm(xyz[rows[k], :2] - centre)
         off[:, k] = [np.linalg.norm(xy[k] - centre) for xy in changed]
-    return _single(ids, rows, given, list(off), usual, float(np.median(from_origin)), places)
+    return _single(ids, rows, distances, list(off), usual, float(np.median(from_origin)), places)

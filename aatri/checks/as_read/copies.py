@@ -106,10 +106,12 @@ def _points_twice(block: Block) -> tuple[Block, list[Finding]]:
     if not len(a):
         return block, []
     seen = np.bincount(point, minlength=len(block.points))
-    given = np.zeros(len(block.points), dtype=bool)
-    given[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
+    is_control = np.zeros(len(block.points), dtype=bool)
+    is_control[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
     p, q = point[a], point[b]
-    first = (given[p] > given[q]) | ((given[p] == given[q]) & (seen[p] >= seen[q]))  # which of the two goes on
+    first = (is_control[p] > is_control[q]) | (
+        (is_control[p] == is_control[q]) & (seen[p] >= seen[q])
+    )  # which of the two goes on
     p, q, out = np.where(first, p, q), np.where(first, q, p), np.where(first, b, a)
     count = Counter(zip(p.tolist(), q.tolist()))
     copied = {int(rows[k]): (int(i), int(j)) for i, j, k in zip(p, q, out) if count[int(i), int(j)] >= LEAST_IMAGES}

@@ -23,8 +23,8 @@ MIRROR = np.array([1.0, -1.0])
 def mark_numbers(block: Block, marks: FilmMarks) -> list[Finding]:
     """What is wrong with the marks of film images as a whole, as far as there is a remedy."""
     size = np.einsum("nii->ni", marks.nominal)
-    given = (marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present)
-    upright, mirrored = (fit_fiducials("similarity", *given, size * way) for way in (np.ones(2), MIRROR))
+    measured = (marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present)
+    upright, mirrored = (fit_fiducials("similarity", *measured, size * way) for way in (np.ones(2), MIRROR))
     wrong = (_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image)))
     return [finding for finding in wrong if finding is not None]
 

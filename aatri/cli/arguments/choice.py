@@ -20,9 +20,9 @@ def one_of(names: type[Names]) -> Callable[[str], Names]:
     """
 
     def parse(text: str) -> Names:
-        known = [name.value for name in names]
-        if text not in known:
-            raise typer.BadParameter(f"{clipped(text)!r} is none of {', '.join(known)}{did_you_mean(text, known)}")
+        values = [name.value for name in names]
+        if text not in values:
+            raise typer.BadParameter(f"{clipped(text)!r} is none of {', '.join(values)}{did_you_mean(text, values)}")
         return names(text)
 
     return parse

@@ -44,8 +44,8 @@ def complete_run_stage(incomplete: str) -> list[str]:
     from aatri.cli.arguments.locate import find_run
 
     with contextlib.suppress(Exception):
-        found = find_run(Path(run) if run else None)
-        return _starting(incomplete, [f"{run}:{entry['stage']}" for entry in found.stages])
+        located = find_run(Path(run) if run else None)
+        return _starting(incomplete, [f"{run}:{entry['stage']}" for entry in located.stages])
     return []
 
 
@@ -58,9 +58,9 @@ def _spec(ctx: typer.Context) -> Spec | None:
     from aatri.cli.arguments.locate import DEFAULT, in_folder
     from aatri.pipeline.spec.pipeline_file import load_spec
 
-    given = ctx.params.get("pipeline") or ctx.params.get("run") or DEFAULT
+    named = ctx.params.get("pipeline") or ctx.params.get("run") or DEFAULT
     with contextlib.suppress(Exception):
-        path = in_folder(Path(given))
+        path = in_folder(Path(named))
         return load_spec(path if path.is_file() else DEFAULT)
     return None
 
@@ -68,13 +68,13 @@ def _spec(ctx: typer.Context) -> Spec | None:
 def _runs(incomplete: str) -> list[str]:
     """Folders with a run.json, and pipeline files, in the folder typed so far and one below it."""
     typed = incomplete.rpartition("/")[0]
-    found = []
+    runs = []
     with contextlib.suppress(OSError):
         entries = sorted(Path(typed or ".").iterdir())[:MOST]
         for entry in entries:
             if entry.is_dir():
                 below = sorted(entry.iterdir())[:MOST] if not (entry / "run.json").is_file() else [entry]
-                found += [str(folder) for folder in below if (folder / "run.json").is_file()]
+                runs += [str(folder) for folder in below if (folder / "run.json").is_file()]
             elif entry.suffix in (".yaml", ".yml") and entry.name.startswith("pipeline"):
-                found.append(str(entry))
-    return found
+                runs.append(str(entry))
+    return runs

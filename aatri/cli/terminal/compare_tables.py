@@ -33,13 +33,13 @@ def _say_accuracies(stage: str, runs: Sequence[Compared]) -> None:
     names = [n for n in _heads() if any(c and n in c for c in cells.values())]
     rows, same, first = [], [], cells[runs[0].name]
     for run in runs:
-        found = cells[run.name]
-        if found is None:
+        own = cells[run.name]
+        if own is None:
             rows.append([run.name, *("-" for _ in names), "-"])
-        elif run is not runs[0] and found == first:
+        elif run is not runs[0] and own == first:
             same.append(run.name)
         else:
-            rows.append([run.name, *(found.get(n, "-") for n in names), f"{seconds_until(run, stage):.2f}"])
+            rows.append([run.name, *(own.get(n, "-") for n in names), f"{seconds_until(run, stage):.2f}"])
     source = next(r.records[stage]["inputs"].get("solution", {}).get("stage", "") for r in runs if stage in r.records)
     head = (f"{stage}{f': of {source}' if source else ''}, RMS in mm", *names, "seconds")
     say_table(head, rows, (*names, "seconds"))
@@ -54,14 +54,14 @@ def _heads() -> list[str]:
 
 def _accuracies(metrics: Any) -> dict[str, str]:
     """Cells of a row: plan is the root of the mean square of X and Y."""
-    found = {}
+    accuracies = {}
     for group, pattern in _ACCURACY.items():
         x, y, z = (metrics.get(pattern.format(axis)) for axis in "xyz")
         if x is not None and y is not None:
-            found[f"{group} XY"] = f"{1e3 * ((x * x + y * y) / 2) ** 0.5:.1f}"
+            accuracies[f"{group} XY"] = f"{1e3 * ((x * x + y * y) / 2) ** 0.5:.1f}"
         if z is not None:
-            found[f"{group} Z"] = f"{1e3 * z:.1f}"
-    return found
+            accuracies[f"{group} Z"] = f"{1e3 * z:.1f}"
+    return accuracies
 
 
 def _say_axis(axis: Axis, first: Compared, judged: Sequence[str]) -> None:

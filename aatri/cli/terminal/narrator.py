@@ -81,8 +81,8 @@ class Narrator:
         if self._live is not None:
             self._live.planned(fresh, [d.stage for d in plan.stale], expected)
         if fresh and not self._quiet:
-            known = sum(expected.get(d.stage, 0.0) for d in plan.stale)
-            about = f", up to {known:.0f} s as before" if known >= 1 else ""
+            expected_s = sum(expected.get(d.stage, 0.0) for d in plan.stale)
+            about = f", up to {expected_s:.0f} s as before" if expected_s >= 1 else ""
             self._say(f"{fresh} of {len(plan.decisions)} stages are up to date; {len(plan.stale)} to do{about}")
 
     def started(self, stage: str, use: str, number: int, total: int) -> None:

@@ -21,19 +21,19 @@ def say_values(path: Path, kind: str, table: str, most: int | None, *, json: boo
 
     if kind not in KINDS:
         raise ArtifactError(f"an artifact of kind {kind!r}", where=str(path), remedy=f"kinds are {', '.join(KINDS)}")
-    found = readable(read(path, KINDS[kind]), table, most)
+    shown = readable(read(path, KINDS[kind]), table, most)
     if json:
-        units = {name: unit for name, unit in zip(found.head, found.units) if unit}
-        say_json({"table": table, "units": units, "rows": as_records(found), "left_off": found.left_off})
+        units = {name: unit for name, unit in zip(shown.head, shown.units) if unit}
+        say_json({"table": table, "units": units, "rows": as_records(shown), "left_off": shown.left_off})
         return
-    if not found.rows():
+    if not shown.rows():
         narrate(_NOTHING.get(table, f"{table}: no rows"))
         return
-    head = [f"{name} [{unit}]" if unit else name for name, unit in zip(found.head, found.units)]
-    numbers = [name for name, column in zip(head, found.columns) if any(isinstance(v, float | int) for v in column)]
-    say_table(head, [[_cell(value) for value in row] for row in found.rows()], numbers)
-    if found.left_off:
-        narrate(f"{found.left_off} more rows; --all prints them")
+    head = [f"{name} [{unit}]" if unit else name for name, unit in zip(shown.head, shown.units)]
+    numbers = [name for name, column in zip(head, shown.columns) if any(isinstance(v, float | int) for v in column)]
+    say_table(head, [[_cell(value) for value in row] for row in shown.rows()], numbers)
+    if shown.left_off:
+        narrate(f"{shown.left_off} more rows; --all prints them")
 
 
 _NOTHING = {

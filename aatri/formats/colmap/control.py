@@ -44,7 +44,7 @@ def with_control(
     columns, _ = ground_point_columns(source, source.table(control.name, GROUND_POINTS))
     raise_all(source.problems)
     columns["file"] = np.full(len(columns["line"]), len(paths))
-    given = {name: np.asarray(columns[name]) for name in start}
-    kept = ~np.isin(np.asarray(start["point"]), given["point"])
-    both = {name: np.concatenate([np.asarray(values)[kept], given[name]]) for name, values in start.items()}
+    columns_of = {name: np.asarray(columns[name]) for name in start}
+    kept = ~np.isin(np.asarray(start["point"]), columns_of["point"])
+    both = {name: np.concatenate([np.asarray(values)[kept], columns_of[name]]) for name, values in start.items()}
     return both, [*paths, control]

@@ -114,7 +114,7 @@ def _read(folder: Path, reporter: Reporter) -> ColmapModel:
 def _check(model: ColmapModel) -> None:
     """Numbers, references, names and camera models."""
     problems = _numbers_of_model(model)
-    known = {c.id for c in model.cameras}
+    cameras = {c.id for c in model.cameras}
     for camera in model.cameras:
         where = _place(model, CAMERAS, camera.line)
         if camera.model not in COLMAP:
@@ -128,7 +128,7 @@ def _check(model: ColmapModel) -> None:
     seen: dict[str, int] = {}
     for image in model.images:
         where = _place(model, IMAGES, image.line)
-        if image.camera not in known:
+        if image.camera not in cameras:
             what = f"image {image.id} names camera {image.camera}, which is not there"
             problems.append(InputError(what, where=where, remedy=EXPORT))
         if math.hypot(*image.quaternion) < 1.0 / LARGEST:

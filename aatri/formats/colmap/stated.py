@@ -20,8 +20,8 @@ _COUNT = re.compile(r"#\s*Number of (cameras|images|points):\s*([0-9]{1,15})\b")
 
 def stated_counts(lines: list[str]) -> dict[str, int]:
     """Numbers in the comments at the top of a text file, by what is counted."""
-    found = (_COUNT.match(line) for line in lines[:10])
-    return {match.group(1): int(match.group(2)) for match in found if match}
+    matches = (_COUNT.match(line) for line in lines[:10])
+    return {match.group(1): int(match.group(2)) for match in matches if match}
 
 
 def compare_count(path: Path, stated: dict[str, int], what: str, read: int, reporter: Reporter) -> None:
@@ -35,8 +35,8 @@ def compare_tracks(model: ColmapModel, reporter: Reporter) -> list[InputError]:
     track = model.track
     if not len(track):  # not every program writes them
         return []
-    known = np.array([image.id for image in model.images], dtype=np.int64)
-    here = np.isin(track[:, 1], known)
+    images = np.array([image.id for image in model.images], dtype=np.int64)
+    here = np.isin(track[:, 1], images)
     if len(away := np.unique(track[~here, 1])):
         reporter.warn(
             f"{model.paths[2]}: its tracks name {len(away)} images that are not in {model.paths[1].name}: "

@@ -125,10 +125,10 @@ def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, st
     rows, members = block.relative_control, block.relative_control_members
     lines = []
     for k in range(len(rows)):
-        mine = members.condition == k
+        own = members.condition == k
         item: dict[str, Any] = {"type": str(rows.type[k])}
-        for part in dict.fromkeys(members.part[mine].tolist()):
-            ids = members.id[mine & (members.part == part)].tolist()
+        for part in dict.fromkeys(members.part[own].tolist()):
+            ids = members.id[own & (members.part == part)].tolist()
             if part == "pairs":
                 item[part] = [ids[i : i + 2] for i in range(0, len(ids), 2)]
             else:

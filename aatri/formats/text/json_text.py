@@ -91,10 +91,10 @@ class JsonText:
         """The line of the value at these keys; of the last one on the way that exists."""
         at = 0
         for key in keys:
-            found = self._children(at).get(key)
-            if found is None:
+            place = self._children(at).get(key)
+            if place is None:
                 break
-            at = found
+            at = place
         return self._line_at(at)
 
     def lines(self, *keys: Key) -> dict[Key, int]:
@@ -148,22 +148,22 @@ class JsonText:
 
     def _children(self, at: int) -> dict[Key, int]:
         """Where the parts of the object or list at a place begin."""
-        text, found = self.text, dict[Key, int]()
+        text, places = self.text, dict[Key, int]()
         decode = json.JSONDecoder().raw_decode
         at = _next(text, at)
         if text[at] not in "[{":
-            return found
+            return places
         is_object, at = text[at] == "{", _next(text, at + 1)
         while text[at] not in "]}":
-            key: Key = len(found)
+            key: Key = len(places)
             if is_object:
                 key, at = scanstring(text, at + 1, True)
                 at = _next(text, _next(text, at) + 1)
-            found[key] = at
+            places[key] = at
             _, at = decode(text, at)
             at = _next(text, at)
             at = _next(text, at + 1) if text[at] == "," else at
-        return found
+        return places
 
 
 def _next(text: str, at: int) -> int:

@@ -93,14 +93,14 @@ class Catalogue:
             return None
         try:
             code = self._reader.code_of(origin.module, origin.file)
-            known = self._methods.get(self._entry(stage, code)) or self._methods.get(
+            entry = self._methods.get(self._entry(stage, code)) or self._methods.get(
                 self._entry(stage, code, spec.base)
             )
-            if not known or "uses" not in known or "needs" not in known:
+            if not entry or "uses" not in entry or "needs" not in entry:
                 return None
-            uses = known["uses"] if known["uses"] is None else tuple(known["uses"])
-            needs = tuple(Need.from_plain(need) for need in known["needs"])
-            return Prepared(from_plain(known["method"]), known["options"], known["files"], uses, code, needs)
+            uses = entry["uses"] if entry["uses"] is None else tuple(entry["uses"])
+            needs = tuple(Need.from_plain(need) for need in entry["needs"])
+            return Prepared(from_plain(entry["method"]), entry["options"], entry["files"], uses, code, needs)
         except (OSError, AttributeError, KeyError, TypeError, ValueError):
             return None  # no such file, or a damaged cache
 
@@ -157,12 +157,12 @@ class Catalogue:
     def codes(self, uses: Iterable[str]) -> list[Code]:
         """The code of stages, as far as it can be read without importing them."""
         origins = [self._found[use] for use in sorted(set(uses)) if use in self._found]
-        found = []
+        codes = []
         for origin in origins:
             if origin.file is not None:
                 with contextlib.suppress(OSError):
-                    found.append(self._reader.code_of(origin.module, origin.file))
-        return found
+                    codes.append(self._reader.code_of(origin.module, origin.file))
+        return codes
 
     def _entry(self, stage: StageSpec, code: Code, base: Path | None = None) -> str:
         """Name of an entry; `base` counts only where options name files."""
@@ -175,12 +175,12 @@ class Catalogue:
 
 def _origins(local: Path | None) -> dict[str, discovery.Origin]:
     """Where roles and variants come from; without those met twice, which the registry will complain of."""
-    found: dict[str, discovery.Origin] = {}
+    origins: dict[str, discovery.Origin] = {}
     doubtful = set()
     for one in [*discovery.built_in(), *discovery.installed(), *(discovery.in_project(local) if local else ())]:
         if not one.declared:
             continue
-        other = found.setdefault(one.name, one.origin)
+        other = origins.setdefault(one.name, one.origin)
         if not other.is_same(one.origin):
             doubtful.add(one.name)
-    return {name: origin for name, origin in found.items() if name not in doubtful}
+    return {name: origin for name, origin in origins.items() if name not in doubtful}

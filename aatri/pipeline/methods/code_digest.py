@@ -62,22 +62,22 @@ class CodeReader:
         """
         own, root = _own_root(module, path)
         roots = {**_BUILT_IN, own: root}
-        found: dict[str, str] = {}
+        files: dict[str, str] = {}
         digests: dict[str, str] = {}
         waiting = [(module, path)]
         while waiting:
             name, file = waiting.pop()
-            if name in found:
+            if name in files:
                 continue
             about = self._file(file)
-            found[name], digests[name] = str(file), about["digest"]
+            files[name], digests[name] = str(file), about["digest"]
             for level, imported in about["imports"]:
                 target = self._locate(_absolute(level, imported, name), root, roots)
-                if target is not None and target[0] not in found:
+                if target is not None and target[0] not in files:
                     waiting.append(target)
-        lines = "".join(f"{name} {digests[name]}\n" for name in sorted(found))
+        lines = "".join(f"{name} {digests[name]}\n" for name in sorted(files))
         whole = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
-        return Code(whole, dict(sorted(found.items())), {name: digests[name][:SHORT] for name in sorted(found)})
+        return Code(whole, dict(sorted(files.items())), {name: digests[name][:SHORT] for name in sorted(files)})
 
     def _file(self, path: Path) -> dict[str, Any]:
         if path not in self._files:

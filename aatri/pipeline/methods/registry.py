@@ -61,8 +61,10 @@ class Registry:
         role_name = name.partition("/")[0]
         role = self.role(role_name)
         if name not in self.variants:
-            known = self.variants_of(role_name)
-            hint = did_you_mean(name, known) or (f"; known are {', '.join(known)}" if known else "; the role has none")
+            variants = self.variants_of(role_name)
+            hint = did_you_mean(name, variants) or (
+                f"; known are {', '.join(variants)}" if variants else "; the role has none"
+            )
             raise PluginError(f"no stage {name!r}{hint}", remedy=f"see `aatri stages {role_name}`; {_OWN}")
         function = self.variants[name]()
         try:
@@ -91,11 +93,11 @@ def find_stages(local: Path | None = None) -> Registry:
     PluginError
         If a name is met twice, or is none that a role or variant can have.
     """
-    found = [*discovery.built_in(), *discovery.installed()]
+    declarations = [*discovery.built_in(), *discovery.installed()]
     if local is not None:
-        found += discovery.in_project(local)
+        declarations += discovery.in_project(local)
     kept: dict[str, Declaration] = {}
-    for one in sorted(found, key=lambda f: not f.declared):
+    for one in sorted(declarations, key=lambda f: not f.declared):
         if not one.declared and one.name in kept:
             continue  # a folder with variants of a role that is declared elsewhere
         other = kept.setdefault(one.name, one)
@@ -130,14 +132,14 @@ def contract(name: str, role: Role) -> str:
     return f"{name}({ports}) -> {role.kind.kind}"
 
 
-def _role_loader(found: Declaration, names: Iterable[str]) -> Callable[[], Role]:
+def _role_loader(declaration: Declaration, names: Iterable[str]) -> Callable[[], Role]:
     def load() -> Role:
-        declared = getattr(_imported(found.origin), found.origin.attribute, None)
+        declared = getattr(_imported(declaration.origin), declaration.origin.attribute, None)
         if not isinstance(declared, Role):
-            others = [n for n in names if "/" not in n and n != found.name]
+            others = [n for n in names if "/" not in n and n != declaration.name]
             raise PluginError(
-                f"declares no ROLE = Role(ports, kind){did_you_mean(found.name, others)}",
-                where=found.origin.where,
+                f"declares no ROLE = Role(ports, kind){did_you_mean(declaration.name, others)}",
+                where=declaration.origin.where,
                 remedy="name the folder like the role its variants belong to, or declare a new role",
             )
         return declared
@@ -145,17 +147,17 @@ def _role_loader(found: Declaration, names: Iterable[str]) -> Callable[[], Role]
     return load
 
 
-def _variant_loader(found: Declaration) -> Callable[[], Callable[..., Any]]:
+def _variant_loader(declaration: Declaration) -> Callable[[], Callable[..., Any]]:
     def load() -> Callable[..., Any]:
-        wanted = found.origin.attribute
-        module = _imported(found.origin)
+        wanted = declaration.origin.attribute
+        module = _imported(declaration.origin)
         function: Callable[..., Any] | None = getattr(module, wanted, None)
         if not inspect.isroutine(function):
             stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
             has = f"; it has {', '.join(stages)}" if stages else ""
             raise PluginError(
                 f"has no function {wanted}{has}",
-                where=found.origin.where,
+                where=declaration.origin.where,
                 remedy="the stage function is named like its file",
             )
         return function

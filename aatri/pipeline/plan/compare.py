@@ -77,8 +77,8 @@ def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
     """Methods and options that differ among the runs that made the stage: the name, the value in each or None."""
     rows = []
     for stage in _stages(runs):
-        given = [run.records.get(stage) for run in runs]
-        values = [None if r is None else {"use": r["plugin"], **flat(r["options"])} for r in given]
+        records = [run.records.get(stage) for run in runs]
+        values = [None if r is None else {"use": r["plugin"], **flat(r["options"])} for r in records]
         made = [each for each in values if each is not None]
         for name in dict.fromkeys(key for each in made for key in each):
             row = [None if each is None else each.get(name) for each in values]
@@ -143,13 +143,13 @@ def largest_difference(one: Path, other: Path) -> float:
             if not np.array_equal(values, b[name]):
                 return float("inf")
             continue
-        known = np.isfinite(values)  # a column may have no number at all
-        if not np.array_equal(known, np.isfinite(b[name])):
+        finite = np.isfinite(values)  # a column may have no number at all
+        if not np.array_equal(finite, np.isfinite(b[name])):
             return float("inf")
-        if not np.array_equal(values[~known], b[name][~known], equal_nan=True):
+        if not np.array_equal(values[~finite], b[name][~finite], equal_nan=True):
             return float("inf")
-        scale = np.abs(values[known]).max(initial=0.0)
-        gap = np.abs(values[known] - b[name][known]).max(initial=0.0)
+        scale = np.abs(values[finite]).max(initial=0.0)
+        gap = np.abs(values[finite] - b[name][finite]).max(initial=0.0)
         worst = max(worst, float(gap / scale) if scale > 0 else float("inf") if gap > 0 else 0.0)
     return worst
 

@@ -25,12 +25,12 @@ class Axis:
 def axes(runs: Sequence[Compared]) -> list[Axis]:
     """The runs after the first, grouped by the stages that they change, in the order of the first run's stages."""
     first = runs[0]
-    found: dict[tuple[str, ...], list[Compared]] = {}
+    runs_of: dict[tuple[str, ...], list[Compared]] = {}
     for run in runs[1:]:
-        found.setdefault(tuple(s for s in first.stages if _differs(first, run, s)), []).append(run)
+        runs_of.setdefault(tuple(s for s in first.stages if _differs(first, run, s)), []).append(run)
     place = {stage: k for k, stage in enumerate(first.stages)}
-    order = sorted(found, key=lambda stages: [place[s] for s in stages])
-    return [Axis(stages, tuple(found[stages])) for stages in order]
+    order = sorted(runs_of, key=lambda stages: [place[s] for s in stages])
+    return [Axis(stages, tuple(runs_of[stages])) for stages in order]
 
 
 def changed_settings(first: Compared, run: Compared, beside: Sequence[Compared] = ()) -> list[str]:
@@ -39,7 +39,7 @@ def changed_settings(first: Compared, run: Compared, beside: Sequence[Compared] 
     Where the method is another one, its options are not those of the first: listed are those that tell it from the
     runs beside it that use the same method.
     """
-    told = []
+    changes = []
     for stage in first.stages:
         one, other = _settings(first, stage), _settings(run, stage)
         if one is None or other is None:
@@ -47,11 +47,11 @@ def changed_settings(first: Compared, run: Compared, beside: Sequence[Compared] 
         if one["use"] != other["use"]:
             alike = [s for s in (_settings(r, stage) for r in beside) if s is not None and s["use"] == other["use"]]
             own = [f"{n}: {value}" for n, value in other.items() if any(s.get(n) != value for s in alike)]
-            told.append(f"{stage}: {one['use']} -> {other['use']}" + (f" ({', '.join(own)})" if own else ""))
+            changes.append(f"{stage}: {one['use']} -> {other['use']}" + (f" ({', '.join(own)})" if own else ""))
             continue
         names = dict.fromkeys((*one, *other))
-        told += [f"{stage}.{n}: {one.get(n)} -> {other.get(n)}" for n in names if one.get(n) != other.get(n)]
-    return told
+        changes += [f"{stage}.{n}: {one.get(n)} -> {other.get(n)}" for n in names if one.get(n) != other.get(n)]
+    return changes
 
 
 def seconds_until(run: Compared, stage: str) -> float:

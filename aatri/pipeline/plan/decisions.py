@@ -145,8 +145,8 @@ def select(
         If there is no such stage.
     """
     names = [node.name for node in nodes]
-    for option, given in (("--from", [start]), ("--until", [until]), ("--only", only), ("--force", force)):
-        for name in given:
+    for option, stages in (("--from", [start]), ("--until", [until]), ("--only", only), ("--force", force)):
+        for name in stages:
             if name is not None and name not in names and not (name == "all" and option == "--force"):
                 hint = did_you_mean(name, names) or f"; there are {', '.join(names)}"
                 raise SpecError(f"no stage {name!r}{hint}", where=f"{option} {name}")
@@ -199,10 +199,10 @@ def decide(
         return Decision(node.name, state, reasons + above, parts, selected=selected)
     key = key_of(parts)
     record, accepted = _serving(node.name, key, parts, view)
-    found = view.integrity(record) if record is not None else None
-    if found is Integrity.intact and not forced:
+    integrity = view.integrity(record) if record is not None else None
+    if integrity is Integrity.intact and not forced:
         return Decision(node.name, State.fresh, (), parts, key, record, accepted, selected)
-    broken = (Reason(Why(found.value)),) if found is not None and found is not Integrity.intact else ()
+    broken = (Reason(Why(integrity.value)),) if integrity is not None and integrity is not Integrity.intact else ()
     reasons = forced + broken or _why(node.name, key, parts, view) or (Reason(Why.output_missing),)
     return Decision(node.name, State.run, reasons, parts, key, selected=selected)
 

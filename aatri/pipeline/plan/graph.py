@@ -58,14 +58,14 @@ def wire(spec: Spec, source: Catalogue | Registry) -> tuple[StageNode, ...]:
     """
     catalogue = source if isinstance(source, Catalogue) else Catalogue(registry=source)
     errors = Faults(SpecError)
-    known = {name: catalogue.recall(spec, stage) for name, stage in spec.stages.items()}
-    roles = _roles(spec, catalogue, known, errors)
+    recalled = {name: catalogue.recall(spec, stage) for name, stage in spec.stages.items()}
+    roles = _roles(spec, catalogue, recalled, errors)
     nodes = {}
     for name, stage in spec.stages.items():
         if name not in roles:
             continue
         _check_inputs(spec, stage, roles, errors)
-        prepared = known[name] or _prepared(spec, stage, catalogue, roles, errors)
+        prepared = recalled[name] or _prepared(spec, stage, catalogue, roles, errors)
         if prepared is not None:
             _check_required(spec, stage, prepared.method, roles, errors)
             nodes[name] = _node(stage, prepared)
@@ -104,10 +104,12 @@ def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
     return StageNode(**vars(prepared), name=stage.name, inputs=used, unused=unused, written=stage.options)
 
 
-def _roles(spec: Spec, catalogue: Catalogue, known: Mapping[str, Prepared | None], errors: Faults) -> dict[str, _Role]:
+def _roles(
+    spec: Spec, catalogue: Catalogue, recalled: Mapping[str, Prepared | None], errors: Faults
+) -> dict[str, _Role]:
     roles = {}
     for name, stage in spec.stages.items():
-        prepared = known[name]
+        prepared = recalled[name]
         if prepared is not None:
             roles[name] = _Role(prepared.method.role_ports, prepared.method.kind)
             continue
@@ -156,9 +158,9 @@ def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], erro
                 _candidates(spec, stage.name, port, ports, roles),
             )
         elif source in roles and roles[source].kind != ports[port]:
-            wanted, given = ports[port], roles[source].kind
+            wanted, gives = ports[port], roles[source].kind
             errors.add(
-                f"{stage.name}.{port} wants a {wanted}, but {source} gives {given}",
+                f"{stage.name}.{port} wants a {wanted}, but {source} gives {gives}",
                 spec.where(stage.name, "from", port),
                 _candidates(spec, stage.name, port, ports, roles),
             )
@@ -220,7 +222,7 @@ def _cycle(spec: Spec, cycle: list[str], position: Mapping[str, int]) -> SpecErr
     start = min(range(len(ring)), key=lambda k: position[ring[k]])
     ring = ring[start:] + ring[:start]
     first, source = ring[0], ring[-1]
-    port = next(port for port, given in spec.stages[first].inputs.items() if given == source)
+    port = next(port for port, origin in spec.stages[first].inputs.items() if origin == source)
     return SpecError(
         f"stages wait for each other: {' -> '.join([*ring, first])}",
         where=spec.where(first, "from", port),

@@ -83,9 +83,9 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
         yield Reason(Why.plugin_version, "", str(old["version"]), str(new["version"]))
     for name, before, after in _changed(flat(old["options"]), flat(new["options"])):
         yield Reason(Why.options, name, _shown(before), _shown(after))
-    known = {port: digest for port, digest in new["inputs"].items() if digest is not None}
-    before = {port: digest for port, digest in old["inputs"].items() if port in known or port not in new["inputs"]}
-    for port, one, other in _changed(before, known):
+    inputs = {port: digest for port, digest in new["inputs"].items() if digest is not None}
+    before = {port: digest for port, digest in old["inputs"].items() if port in inputs or port not in new["inputs"]}
+    for port, one, other in _changed(before, inputs):
         yield Reason(Why.input, port, (one or "")[:12], (other or "")[:12])
     for name, one, other in _changed(old["files"], new["files"]):
         option, _, file = name.partition("/")
@@ -118,13 +118,13 @@ def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[s
 
 def flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested options by dotted name."""
-    found: dict[str, Any] = {}
+    flattened: dict[str, Any] = {}
     for name, value in options.items():
         if isinstance(value, dict) and value:
-            found |= flat(value, f"{prefix}{name}.")
+            flattened |= flat(value, f"{prefix}{name}.")
         else:
-            found[prefix + name] = value
-    return found
+            flattened[prefix + name] = value
+    return flattened
 
 
 def _shown(value: Any) -> str:

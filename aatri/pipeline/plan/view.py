@@ -77,10 +77,10 @@ class StoreView:
 
     def files(self, node: StageNode) -> dict[str, str]:
         """Content digests of the files that options name."""
-        found: dict[str, str] = {}
+        digests: dict[str, str] = {}
         for option, path in node.files.items():
-            found |= file_digests(option, Path(path), self._digest)
-        return found
+            digests |= file_digests(option, Path(path), self._digest)
+        return digests
 
     def save(self) -> None:
         """Keep the digests."""

@@ -31,7 +31,7 @@ def overview_of(spec: Spec, nodes: tuple[StageNode, ...], request: Mapping[str, 
     return {"schema": SCHEMA, "pipeline": str(spec.path), "seed": spec.seed, "request": dict(request), "stages": stages}
 
 
-def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: Unused, selection: Selection) -> bool:
+def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, not_used: Unused, selection: Selection) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh, and the verdicts of their gates."""
     if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
         return False
@@ -41,7 +41,7 @@ def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, found: U
         shown = store.read_overview(spec.run) or {}
     except ArtifactError:
         return False  # it is written anew
-    if shown.get("warnings", []) != plain_warnings(found.warnings):
+    if shown.get("warnings", []) != plain_warnings(not_used.warnings):
         return False
     if shown.get("status") not in (DONE, GATE_FAILED) or shown.get("stages") != overview_of(spec, nodes, {})["stages"]:
         return False
@@ -72,22 +72,22 @@ def finished(
     planned = planned or plan(nodes, view, spec.seed, selection)
     if planned.stale:
         return None
-    known = [d.record for d in planned.decisions if d.record is not None]
-    found = unused(nodes, known, spec.ignore)
-    if found.errors or not is_settled(spec, nodes, planned, found, selection):
+    records = [d.record for d in planned.decisions if d.record is not None]
+    not_used = unused(nodes, records, spec.ignore)
+    if not_used.errors or not is_settled(spec, nodes, planned, not_used, selection):
         return None
-    for stage, message in found.warnings:
+    for stage, message in not_used.warnings:
         warned(stage, message)
-    return [dict(record) for record in known]
+    return [dict(record) for record in records]
 
 
 def arguments_of(request: Mapping[str, Any]) -> list[str]:
     """The arguments beside the pipeline file: `--into --set --use --variant --local-plugins`."""
-    given = ["--into", str(request["into"])] if request.get("into") else []
-    given += [part for text in request.get("set_") or () for part in ("--set", str(text))]
-    given += [part for text in request.get("use") or () for part in ("--use", str(text))]
-    given += ["--variant", str(request["variant"])] if request.get("variant") else []
-    return [*given, *(["--local-plugins"] if request.get("local_plugins") else [])]
+    arguments = ["--into", str(request["into"])] if request.get("into") else []
+    arguments += [part for text in request.get("set_") or () for part in ("--set", str(text))]
+    arguments += [part for text in request.get("use") or () for part in ("--use", str(text))]
+    arguments += ["--variant", str(request["variant"])] if request.get("variant") else []
+    return [*arguments, *(["--local-plugins"] if request.get("local_plugins") else [])]
 
 
 def command_of(overview: Mapping[str, Any]) -> str:

@@ -192,8 +192,8 @@ class _Run:
             store.write_json(self._last_word(status), self.spec.run, "run.json")
 
     def _last_word(self, status: str) -> dict[str, Any]:
-        told = {"warnings": plain_warnings(self.warnings), "gates": [verdict.plain() for verdict in self.verdicts]}
-        return {**self.overview, **told, "status": status, "ended": now()}
+        ends = {"warnings": plain_warnings(self.warnings), "gates": [verdict.plain() for verdict in self.verdicts]}
+        return {**self.overview, **ends, "status": status, "ended": now()}
 
     def _show_what_is_fresh(self) -> None:
         """Put the fresh results into `current` and take all others out."""
@@ -206,8 +206,8 @@ class _Run:
             if decision.record is not None:
                 self._settle(decision.stage, decision.record)
         shown = {name.partition(".")[0] for name in inside.names_in(run, "current")}
-        known = set(filter(is_stage_name, shown)) - {n.name for n in self.nodes}
-        store.withdraw(run, sorted(known | {d.stage for d in self.planned.decisions if d.record is None}))
+        others = set(filter(is_stage_name, shown)) - {n.name for n in self.nodes}
+        store.withdraw(run, sorted(others | {d.stage for d in self.planned.decisions if d.record is None}))
         self.listener.planned(self.planned, expected)
 
     def _settle(self, stage: str, record: Mapping[str, Any]) -> None:
@@ -219,14 +219,14 @@ class _Run:
     def _compare_with_use(self, record: Mapping[str, Any]) -> None:
         """Nothing is made of a result that offers what no stage uses."""
         stage = str(record["stage"])
-        found = unused(self.nodes, [record], self.spec.ignore)
-        for _, message in found.warnings:
+        not_used = unused(self.nodes, [record], self.spec.ignore)
+        for _, message in not_used.warnings:
             self.warnings.append((stage, message))
             self._tell(stage, "warned", message)
-        if found.errors:
+        if not_used.errors:
             self.lost.add(stage)
-            self.problems += found.errors
-            self.events.add("not used", stage=stage, errors=[str(error) for error in found.errors])
+            self.problems += not_used.errors
+            self.events.add("not used", stage=stage, errors=[str(error) for error in not_used.errors])
 
     def _work(self, workers: WorkerPool) -> None:
         selected = {d.stage for d in self.planned.decisions if d.selected}

@@ -83,7 +83,7 @@ def _compare_with_use(
     spec: Spec, nodes: tuple[StageNode, ...], records: Iterable[Mapping[str, Any]], of: str, listener: Listener
 ) -> None:
     """Refuse to go on from results that offer what no stage of the pipeline uses."""
-    found = unused(nodes, records, spec.ignore, of)
-    for stage, message in found.warnings:
+    not_used = unused(nodes, records, spec.ignore, of)
+    for stage, message in not_used.warnings:
         listener.warned(stage, message)
-    raise_all(found.errors)
+    raise_all(not_used.errors)

@@ -101,8 +101,8 @@ def _made(
         "version": task.version,
         "options": dict(task.options),
         "inputs": {
-            port: {"stage": given["stage"], "key": given["key"], "content_digest": given["output"]["content_digest"]}
-            for port, given in task.inputs.items()
+            port: {"stage": source["stage"], "key": source["key"], "content_digest": source["output"]["content_digest"]}
+            for port, source in task.inputs.items()
         },
         "seed": task.seed if card.wants_rng else None,
         "parts": dict(task.parts),

@@ -77,9 +77,9 @@ def read_gates(spec: Spec, errors: Faults) -> tuple[Gate, ...]:
         if not isinstance(metrics, dict) or not metrics:
             errors.add(f"gates of {stage}: {metrics!r}, not metrics with bounds", spec.where_gate(stage), _REMEDY)
             continue
-        for metric, given in metrics.items():
-            if given != OFF:
-                gate = _gate(spec, stage, metric, given, errors)
+        for metric, bounds in metrics.items():
+            if bounds != OFF:
+                gate = _gate(spec, stage, metric, bounds, errors)
                 gates += [] if gate is None else [gate]
     return tuple(gates)
 
@@ -164,21 +164,21 @@ def verdicts_in(overview: Mapping[str, Any]) -> tuple[Verdict, ...]:
     )
 
 
-def _gate(spec: Spec, stage: str, metric: str, given: Any, errors: Faults) -> Gate | None:
+def _gate(spec: Spec, stage: str, metric: str, bounds: Any, errors: Faults) -> Gate | None:
     """A gate; None if it is wrong."""
     before, where = len(errors), spec.where_gate(stage, metric)
     tell = _teller(errors, f"gate of {stage}.{metric}")
-    if not isinstance(given, dict) or not given:
-        tell(f"{given!r}, no bound", where)
+    if not isinstance(bounds, dict) or not bounds:
+        tell(f"{bounds!r}, no bound", where)
         return None
-    for name, value in given.items():
+    for name, value in bounds.items():
         if name not in _BOUNDS:
             tell(f"unknown key {name!r}{did_you_mean(name, _BOUNDS)}", spec.where_gate_key(stage, metric, name))
         elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             tell(f"{name} is {value!r}, not a finite number", spec.where_gate(stage, metric, name))
     if len(errors) > before:
         return None
-    low, high = given.get("min"), given.get("max")
+    low, high = bounds.get("min"), bounds.get("max")
     if low is not None and high is not None and low > high:
         tell(f"min {low:g} is larger than max {high:g}", where)
         return None

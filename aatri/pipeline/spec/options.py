@@ -34,35 +34,35 @@ def validated(
         text = json.dumps(dict(stage.options))
         return card.options.model_validate_json(text, strict=True, context={"base": spec.base, "runs_code": runs_code})
     except ValidationError as failure:
-        for found in failure.errors(include_url=False):
-            errors.append(_located(spec, stage, card, dict(found)))
+        for fault in failure.errors(include_url=False):
+            errors.append(_located(spec, stage, card, dict(fault)))
         return None
 
 
 def input_files(options: Options) -> dict[str, Path]:
     """The paths given to options of type `InputPath`, by dotted name; also those in nested options and lists."""
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for name, about in type(options).model_fields.items():
-        _collect(getattr(options, name), about.annotation, about.metadata, name, found)
-    return found
+        _collect(getattr(options, name), about.annotation, about.metadata, name, paths)
+    return paths
 
 
-def _collect(value: Any, annotation: Any, marks: Iterable[Any], name: str, found: dict[str, Path]) -> None:
+def _collect(value: Any, annotation: Any, marks: Iterable[Any], name: str, paths: dict[str, Path]) -> None:
     if isinstance(value, Path) and any(isinstance(mark, InputFile) for mark in marks):
-        found[name] = value
+        paths[name] = value
     elif isinstance(value, BaseModel):
         for inner, about in type(value).model_fields.items():
-            _collect(getattr(value, inner), about.annotation, about.metadata, f"{name}.{inner}", found)
+            _collect(getattr(value, inner), about.annotation, about.metadata, f"{name}.{inner}", paths)
     elif typing.get_origin(annotation) is typing.Annotated:
         inner_type, *inner_marks = typing.get_args(annotation)
-        _collect(value, inner_type, inner_marks, name, found)
+        _collect(value, inner_type, inner_marks, name, paths)
     elif isinstance(value, list | tuple):
         for k, item in enumerate(value):
             for choice in typing.get_args(annotation):
-                _collect(item, choice, (), f"{name}.{k}", found)
+                _collect(item, choice, (), f"{name}.{k}", paths)
     elif value is not None:
         for choice in typing.get_args(annotation):
-            _collect(value, choice, (), name, found)
+            _collect(value, choice, (), name, paths)
 
 
 def option_names(card: StageCard) -> frozenset[str]:
@@ -70,22 +70,22 @@ def option_names(card: StageCard) -> frozenset[str]:
     return frozenset(card.options.model_fields) if card.options else frozenset()
 
 
-def _located(spec: Spec, stage: StageSpec, card: StageCard, found: dict[str, Any]) -> SpecError:
-    keys = tuple(found["loc"])
+def _located(spec: Spec, stage: StageSpec, card: StageCard, fault: dict[str, Any]) -> SpecError:
+    keys = tuple(fault["loc"])
     dotted = ".".join(str(key) for key in keys)
-    if found["type"] == "extra_forbidden":
-        known = _field_names(card.options, keys[:-1])
-        hint = did_you_mean(str(keys[-1]), known) or f"; known are {', '.join(known) or 'none'}"
+    if fault["type"] == "extra_forbidden":
+        names = _field_names(card.options, keys[:-1])
+        hint = did_you_mean(str(keys[-1]), names) or f"; known are {', '.join(names) or 'none'}"
         return SpecError(
             f"unknown option {dotted!r}{hint}",
             where=spec.where_key(stage.name, "with", *keys),
             remedy=f"see `aatri stages {card.name}`",
         )
     where = spec.where(stage.name, "with", *keys)
-    if found["type"] == "missing":
+    if fault["type"] == "missing":
         return SpecError(f"option {dotted!r} of {card.name} is missing", where=where, remedy=_about(card, keys))
-    message = str(found["msg"]).removeprefix("Value error, ")
-    value = "" if isinstance(found["input"], dict) else f" is {found['input']!r}"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    value = "" if isinstance(fault["input"], dict) else f" is {fault['input']!r}"
     name = f"option {dotted}" if keys else f"options of {stage.name}"
     return SpecError(f"{name}{value}: {message}", where=where, remedy=_about(card, keys))
 

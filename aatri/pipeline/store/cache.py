@@ -100,15 +100,15 @@ def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
     """
     key = str(path)
     state = stat_of(path)
-    known = cache.get(key)
-    if not (isinstance(known, dict) and isinstance(known.get("seen"), int) and {"stat", "value"} <= known.keys()):
-        known = None
-    if known is not None and known["stat"] == state and max(state[1:3]) + _GRAIN_NS < known["seen"]:
-        return known["value"]
+    entry = cache.get(key)
+    if not (isinstance(entry, dict) and isinstance(entry.get("seen"), int) and {"stat", "value"} <= entry.keys()):
+        entry = None
+    if entry is not None and entry["stat"] == state and max(state[1:3]) + _GRAIN_NS < entry["seen"]:
+        return entry["value"]
     seen = time.time_ns()
     value = compute(path)
     if stat_of(path) == state and (
-        known is None or known["stat"] != state or known["value"] != value or max(state[1:3]) + _GRAIN_NS < seen
+        entry is None or entry["stat"] != state or entry["value"] != value or max(state[1:3]) + _GRAIN_NS < seen
     ):
         cache.put(key, {"stat": state, "seen": seen, "value": value})
     return value
@@ -116,8 +116,8 @@ def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
 
 def stat_of(path: Path) -> list[int]:
     """Size, times and inode of a file."""
-    found = path.stat()
-    return [found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino]
+    status = path.stat()
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
 
 
 def file_sha256(path: Path) -> str:

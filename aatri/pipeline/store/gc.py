@@ -48,7 +48,7 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
     """
     base = base_of(run)
     kept = set(_referred(base))
-    found: list[Garbage] = []
+    removable: list[Garbage] = []
     for stage in inside.names_in(base, OBJECTS):
         if inside.kind(base, OBJECTS, stage) != "folder":
             continue  # nothing of aatri's: let be
@@ -56,8 +56,8 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
         others = [_garbage(base, stage, k) for k in keys if _is_ours(base, stage, k)]
         for one in sorted(others, key=lambda g: (g.ended, g.key), reverse=True)[keep:]:
             if older_days is None or _age_days(one, now) > older_days:
-                found.append(one)
-    return found
+                removable.append(one)
+    return removable
 
 
 def remove(run: Path, results: list[Garbage]) -> None:

@@ -111,10 +111,10 @@ def names_in(run: Path, *names: str) -> list[str]:
     ArtifactError
         If it is a link.
     """
-    found = kind(run, *names)
-    if found not in ("", "folder"):
-        raise _foreign(path_of(run, *names), found)
-    return sorted(entry.name for entry in path_of(run, *names).iterdir()) if found else []
+    what = kind(run, *names)
+    if what not in ("", "folder"):
+        raise _foreign(path_of(run, *names), what)
+    return sorted(entry.name for entry in path_of(run, *names).iterdir()) if what else []
 
 
 def make_folder(run: Path, *names: str) -> Path:
@@ -181,10 +181,10 @@ def open_kept(run: Path, *names: str, flags: int = 0) -> int:
     if kind(run, *names) not in ("", "file"):
         raise _foreign(path, kind(run, *names))
     handle = os.open(path, os.O_RDWR | os.O_CREAT | _NO_FOLLOW | flags, 0o666)
-    found = os.fstat(handle)
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+    status = os.fstat(handle)
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         os.close(handle)
-        raise _foreign(path, not_regular(found.st_mode) or "a second name of a file elsewhere")
+        raise _foreign(path, not_regular(status.st_mode) or "a second name of a file elsewhere")
     return handle
 
 

@@ -40,14 +40,14 @@ def locked(run: Path, command: str, *, stage: str = "", enabled: bool = True) ->
         yield
         return
     base = base_of(run)
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as locks:
         with on_disk(base):
             inside.make_folder(base)
-        held.enter_context(_held(base, ".lock", command=command, shared=bool(stage)))
+        locks.enter_context(_held(base, ".lock", command=command, shared=bool(stage)))
         if stage:
             with on_disk(base):
                 inside.make_folder(base, "running")
-            held.enter_context(_held(base, "running", f".{stage}.lock", command=command, shared=False))
+            locks.enter_context(_held(base, "running", f".{stage}.lock", command=command, shared=False))
         yield
 
 

@@ -124,10 +124,10 @@ def read_failure(run: Path, stage: str) -> dict[str, Any] | None:
     ArtifactError
         If it is damaged.
     """
-    found = read_json(run, "failed", stage, "error.json")
-    if found is not None:
-        _check(found, _FAILURE, str(inside.path_of(run, "failed", stage, "error.json")), _REMEDY)
-    return found
+    failure = read_json(run, "failed", stage, "error.json")
+    if failure is not None:
+        _check(failure, _FAILURE, str(inside.path_of(run, "failed", stage, "error.json")), _REMEDY)
+    return failure
 
 
 def seal(record: Mapping[str, Any]) -> str:

@@ -39,9 +39,9 @@ def ellipses(covariance_m2: Float) -> tuple[Float, Float]:
         Clockwise from north, 0 to pi.
     """
     C = covariance_m2[:, :2, :2]
-    known: Bool = np.asarray(np.isfinite(C).all(axis=(1, 2)))
-    values, vectors = np.linalg.eigh(np.where(known[:, None, None], C, 0.0))
-    axes = np.where(known[:, None], np.sqrt(np.maximum(values[:, ::-1], 0.0)), np.nan)
+    finite: Bool = np.asarray(np.isfinite(C).all(axis=(1, 2)))
+    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], C, 0.0))
+    axes = np.where(finite[:, None], np.sqrt(np.maximum(values[:, ::-1], 0.0)), np.nan)
     return axes, np.asarray(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1]) % np.pi)
 
 
@@ -49,8 +49,8 @@ def network_picture(block: Block, solution: Solution) -> Picture | None:
     """The picture and its caption; None where fewer than two points are observed from each other."""
     ground = ground_positions(block, solution)
     lines, wrong = observed_lines(block, solution)
-    known: Bool = np.asarray(np.isfinite(ground[:, :2]).all(axis=1))
-    both: Bool = np.asarray(known[lines].all(axis=1))
+    finite: Bool = np.asarray(np.isfinite(ground[:, :2]).all(axis=1))
+    both: Bool = np.asarray(finite[lines].all(axis=1))
     lines, wrong = lines[both], wrong[both]
     if not len(lines):
         return None
@@ -89,13 +89,13 @@ def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
     number = {str(name): k for k, name in enumerate(block.points.id)}
     g, control, members = block.geodetic, block.relative_control, block.relative_control_members
     out = {str(p) for p in solution.residuals.point[~solution.residuals.active]}
-    found: dict[tuple[int, int], bool] = {}
+    lines: dict[tuple[int, int], bool] = {}
 
     def add(a: str, b: str) -> None:
         if a in number and b in number and a != b:
             i, j = sorted((number[a], number[b]))
             bad = any(f"{x}-{y}" in out or f"{x}-{y} d{axis}" in out for x, y in ((a, b), (b, a)) for axis in "XYZ")
-            found[i, j] = found.get((i, j), False) or bad
+            lines[i, j] = lines.get((i, j), False) or bad
 
     for a, b, via, used in zip(g.start.tolist(), g.end.tolist(), g.via.tolist(), g.active.tolist()):
         for x, y in ((via, a), (via, b)) if via else ((a, b),):
@@ -106,22 +106,22 @@ def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
         by_pairs = (members.part[members.condition == k] == "pairs").any()
         for a, b in zip(ids[::2], ids[1::2]) if by_pairs else pairwise(ids):
             add(a, b)
-    rows = np.array(sorted(found), dtype=np.int64).reshape(-1, 2)
-    return rows, np.array([found[a, b] for a, b in rows.tolist()], dtype=bool)
+    rows = np.array(sorted(lines), dtype=np.int64).reshape(-1, 2)
+    return rows, np.array([lines[a, b] for a, b in rows.tolist()], dtype=bool)
 
 
 def _ellipses(solution: Solution, ground: Float, points: Int, plan: GroundPlan) -> tuple[list[Markup], float]:
     axes, bearing = ellipses(solution.points.covariance_m2[points])
-    some = np.flatnonzero(axes[:, 0] > 0)
-    if not len(some):
+    rows = np.flatnonzero(axes[:, 0] > 0)
+    if not len(rows):
         return [], 0.0
-    some = some[thinned(len(some), MOST_ELLIPSES)]
-    scale = round_below(ELLIPSE_PX / (plan.px_per_m * float(np.quantile(axes[some, 0], 0.95))))
-    along = np.stack([np.sin(bearing[some]), np.cos(bearing[some])], axis=1)
+    rows = rows[thinned(len(rows), MOST_ELLIPSES)]
+    scale = round_below(ELLIPSE_PX / (plan.px_per_m * float(np.quantile(axes[rows, 0], 0.95))))
+    along = np.stack([np.sin(bearing[rows]), np.cos(bearing[rows])], axis=1)
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     marks = []
-    for k, place in enumerate(points[some]):
-        a, b = scale * axes[some[k]]
+    for k, place in enumerate(points[rows]):
+        a, b = scale * axes[rows[k]]
         rim = ground[place, :2] + a * np.cos(CORNERS)[:, None] * along[k] + b * np.sin(CORNERS)[:, None] * across[k]
         marks.append(svg.area(plan.px(rim), "ellipse"))
     return marks, float(scale)

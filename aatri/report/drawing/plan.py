@@ -33,12 +33,12 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
     centres = image_positions(block, solution)
     ground = ground_positions(block, solution)
     feet = footprints(block, solution)
-    known = np.concatenate([x[np.isfinite(x[:, :2]).all(axis=1), :2] for x in (centres, ground, feet.reshape(-1, 2))])
-    if not len(known):
+    places = np.concatenate([x[np.isfinite(x[:, :2]).all(axis=1), :2] for x in (centres, ground, feet.reshape(-1, 2))])
+    if not len(places):
         return None
-    main = near(known)
-    plan = plan_of(known[main])
-    low, high = known[main].min(axis=0), known[main].max(axis=0)
+    main = near(places)
+    plan = plan_of(places[main])
+    low, high = places[main].min(axis=0), places[main].max(axis=0)
     centres, ground = _within(centres, low, high), _within(ground, low, high)
     feet = feet[np.isfinite(feet).all(axis=(1, 2))]
     feet = feet[((feet >= low) & (feet <= high)).all(axis=(1, 2))]
@@ -75,8 +75,8 @@ def _within(xyz: Float, low: Float, high: Float) -> Float:
 
 def _far_off(block: Block, solution: Solution | None, drawn: Float) -> list[str]:
     """Points with a role that are not drawn because they lie far off."""
-    known = np.isfinite(ground_positions(block, solution)[:, :2]).all(axis=1)
-    lost = known & ~np.isfinite(drawn[:, :2]).all(axis=1)
+    located = np.isfinite(ground_positions(block, solution)[:, :2]).all(axis=1)
+    lost = located & ~np.isfinite(drawn[:, :2]).all(axis=1)
     return [str(name) for name in block.points.id[lost]]
 
 
@@ -101,11 +101,11 @@ def ground_positions(block: Block, solution: Solution | None) -> Float:
     -------
     (n, 3) float64, m
     """
-    given = np.full((len(block.points), 3), np.nan)
-    given[block.ground_points.point] = block.ground_points.xyz_m
+    coordinates = np.full((len(block.points), 3), np.nan)
+    coordinates[block.ground_points.point] = block.ground_points.xyz_m
     if solution is None:
-        return given
-    return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, given)
+        return coordinates
+    return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, coordinates)
 
 
 def furniture(plan: GroundPlan) -> list[Markup]:
@@ -155,9 +155,9 @@ def _terrain_height(block: Block, solution: Solution) -> float:
 
 
 def _flight_lines(block: Block, centres: Float, plan: GroundPlan, labels: Labels) -> list[Markup]:
-    known = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
+    located = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
     order = np.lexsort((np.arange(len(centres)), np.nan_to_num(block.images.sequence), block.images.strip))
-    order = order[known[order]]
+    order = order[located[order]]
     if not len(order):
         return []
     strip = block.images.strip[order]
@@ -179,25 +179,25 @@ def _strip_label(name: str, px: Float, labels: Labels) -> list[Markup]:
 
 
 def _points(block: Block, ground: Float, plan: GroundPlan, labels: Labels) -> tuple[list[Markup], list[str]]:
-    known = np.isfinite(ground[:, :2]).all(axis=1)
+    located = np.isfinite(ground[:, :2]).all(axis=1)
     role = np.zeros(len(ground), int)
     role[block.ground_points.point[(block.ground_points.role == CHECK).any(axis=1)]] = CHECK
     role[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = CONTROL
     marks: list[Markup] = []
     notes = []
     written: list[Markup] = []
-    labels.keep_free(plan.px(ground[known & (role == CONTROL)])[:MOST_POINT_LABELS], 4.0)
+    labels.keep_free(plan.px(ground[located & (role == CONTROL)])[:MOST_POINT_LABELS], 4.0)
     for kind, name, draw in ((0, "new", svg.dots), (CHECK, "check", svg.circles), (CONTROL, "control", svg.triangles)):
-        rows = np.flatnonzero(known & (role == kind))
+        rows = np.flatnonzero(located & (role == kind))
         shown = rows[thinned(len(rows))]
         px = plan.px(ground[shown])
         marks.append(draw(px, name))
         if len(shown) < len(rows):
             notes.append(f"{len(shown)} of {len(rows)} {name} points")
     for kind, name in ((CONTROL, "control"), (CHECK, "check")):
-        rows = np.flatnonzero(known & (role == kind))[:MOST_POINT_LABELS]
+        rows = np.flatnonzero(located & (role == kind))[:MOST_POINT_LABELS]
         found, left = labels.around(plan.px(ground[rows]), block.points.id[rows].tolist())
         written += found
         if left:
-            notes.append(f"names of {len(rows) - left} of {int((known & (role == kind)).sum())} {name} points")
+            notes.append(f"names of {len(rows) - left} of {int((located & (role == kind)).sum())} {name} points")
     return [*marks, *written], notes

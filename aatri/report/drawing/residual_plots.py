@@ -102,18 +102,18 @@ def error_field_pictures(fields: ErrorFields) -> list[Picture]:
     """Image errors of the cameras or sessions of a self-calibration, and what is left of them without orientation."""
     pictures = []
     for name in np.unique(fields.object)[:MOST_FIELDS]:
-        mine = fields.take(fields.object == name)
-        sigma = np.sqrt((mine.sigma_um**2).sum(axis=1).mean())
-        known = "" if np.isnan(sigma) else f", standard deviation {sigma:.2f} um"
+        field = fields.take(fields.object == name)
+        sigma = np.sqrt((field.sigma_um**2).sum(axis=1).mean())
+        precision = "" if np.isnan(sigma) else f", standard deviation {sigma:.2f} um"
         fits = f"; {len(np.unique(fields.object)) - MOST_FIELDS} more are not drawn"
         more = fits if len(np.unique(fields.object)) > MOST_FIELDS else ""
         for title, what, error_um in (
-            ("Image errors", f"all additional parameters together (measured minus ideal){known}", mine.error_um),
-            ("Shape of the image errors", "without shift, scale, rotation and tilt of the image", mine.shape_um),
+            ("Image errors", f"all additional parameters together (measured minus ideal){precision}", field.error_um),
+            ("Shape of the image errors", "without shift, scale, rotation and tilt of the image", field.shape_um),
         ):
             length = np.hypot(*error_um.T)
-            outline = np.stack([mine.xy_mm.min(axis=0), mine.xy_mm.max(axis=0)])
-            picture, exaggeration = _over_format(title, outline, mine.xy_mm, 1e-3 * error_um, 98.0)
+            outline = np.stack([field.xy_mm.min(axis=0), field.xy_mm.max(axis=0)])
+            picture, exaggeration = _over_format(title, outline, field.xy_mm, 1e-3 * error_um, 98.0)
             caption = (
                 f"{title}, {name}: {what}. RMS {np.sqrt((length**2).mean()):.2f} um, the largest "
                 f"{length.max():.2f} um. Exaggerated {_times(exaggeration)}{more}."

@@ -14,15 +14,15 @@ OF_POINTS = ("image_point", "control")
 def of_images(solution: Solution) -> PageTable | None:
     """Positions, attitudes and rigs: what is observed of images as a whole."""
     residuals = solution.residuals
-    mine = (residuals.image != "") & (residuals.point == "") & (residuals.row >= 0)
-    return listed(solution, mine, "image", "Observed positions, attitudes and rigs of images")
+    rows = (residuals.image != "") & (residuals.point == "") & (residuals.row >= 0)
+    return listed(solution, rows, "image", "Observed positions, attitudes and rigs of images")
 
 
 def of_the_network(solution: Solution) -> PageTable | None:
     """Geodetic observations and relative control: what is observed between points."""
     residuals = solution.residuals
-    mine = (residuals.point != "") & (residuals.image == "") & ~np.isin(residuals.kind, OF_POINTS)
-    return listed(solution, mine, "between", "Geodetic observations and relative control")
+    rows = (residuals.point != "") & (residuals.image == "") & ~np.isin(residuals.kind, OF_POINTS)
+    return listed(solution, rows, "between", "Geodetic observations and relative control")
 
 
 def listed(solution: Solution, mine: Bool, names: str, caption: str) -> PageTable | None:

@@ -44,22 +44,22 @@ def _by_kind(solution: Solution) -> PageTable | None:
     for kind in np.unique(residuals.kind):
         mine = (residuals.kind == kind) & residuals.active
         r, w, size = tests.redundancy[mine], tests.test[mine], tests.detectable[mine]
-        known = np.isfinite(r)
-        if not known.any():
+        finite = np.isfinite(r)
+        if not finite.any():
             continue
         unit = str(residuals.unit[np.flatnonzero(mine)[0]])
-        found, effect = size[np.isfinite(size)], tests.external[mine]
+        detectable, effect = size[np.isfinite(size)], tests.external[mine]
         moved = tests.point_moved_m[mine]
         rows.append(
             (
                 str(kind),
                 unit,
-                number(int(known.sum())),
-                number(float(r[known].mean())),
-                number(float(r[known].min())),
-                number(int((r[known] < UNCONTROLLED).sum())),
-                number(float(np.median(found))) if len(found) else DASH,
-                number(float(found.max())) if len(found) else DASH,
+                number(int(finite.sum())),
+                number(float(r[finite].mean())),
+                number(float(r[finite].min())),
+                number(int((r[finite] < UNCONTROLLED).sum())),
+                number(float(np.median(detectable))) if len(detectable) else DASH,
+                number(float(detectable.max())) if len(detectable) else DASH,
                 _of(np.nanmedian, effect),
                 _of(np.nanmax, effect),
                 _of(np.nanmax, moved),

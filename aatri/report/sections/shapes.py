@@ -26,21 +26,21 @@ STEEP = 1e-6
 def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     """How each plane, line and round shape lies, with the residuals of its points."""
     control, residuals = block.relative_control, solution.residuals
-    found = np.flatnonzero(np.isin(control.type, (*PLANES, *LINES, *ROUND)))
+    conditions = np.flatnonzero(np.isin(control.type, (*PLANES, *LINES, *ROUND)))
     members = block.relative_control_members
-    of = {int(c): np.flatnonzero(members.condition == c) for c in found}
+    of = {int(c): np.flatnonzero(members.condition == c) for c in conditions}
     rows = {c: np.flatnonzero((residuals.kind == control.type[c]) & np.isin(residuals.row, m)) for c, m in of.items()}
-    found = np.array([c for c in found if len(rows[int(c)])], dtype=np.int64)
-    lying = [_lying(str(control.type[c]), _points(solution, rows[int(c)])) for c in found]
+    conditions = np.array([c for c in conditions if len(rows[int(c)])], dtype=np.int64)
+    lying = [_lying(str(control.type[c]), _points(solution, rows[int(c)])) for c in conditions]
 
-    v = [residuals.residual[rows[int(c)]][residuals.active[rows[int(c)]]] for c in found]
+    v = [residuals.residual[rows[int(c)]][residuals.active[rows[int(c)]]] for c in conditions]
     columns: Columns = {
-        "shape": control.type[found],
-        "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in found],
+        "shape": control.type[conditions],
+        "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in conditions],
         "normal or axis": lying,
-        "held": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[found]],
+        "held": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
         "used": np.array([len(of_shape) for of_shape in v]),
-        "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(found, v)]),
+        "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(conditions, v)]),
         "RMS residual m": (np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v]), metres),
         "largest m": (np.array([np.nanmax(np.abs(r)) if r.size else np.nan for r in v]), metres),
     }

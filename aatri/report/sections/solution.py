@@ -76,8 +76,8 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
         placed = residuals.row[used]
         inside = (placed >= 0) & (placed < len(around.image_points.measurements))
         xy = around.image_points.measurements.xy_mm[placed[inside]]
-        known = np.isfinite(xy).all(axis=1) & np.isfinite(v[inside]).all(axis=1)
-        pictures += present(image_vectors(xy[known], v[inside][known]))
+        finite = np.isfinite(xy).all(axis=1) & np.isfinite(v[inside]).all(axis=1)
+        pictures += present(image_vectors(xy[finite], v[inside][finite]))
     weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
     share = solution.redundancy / solution.observations if solution.observations else 0.0
     if weighted.any() and share > 0:

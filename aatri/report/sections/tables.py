@@ -113,9 +113,9 @@ def residual_classes(solution: Solution) -> PageTable | None:
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
         factor, unit = _SMALLER.get(str(residuals.unit[used[0]]), (1.0, str(residuals.unit[used[0]])))
-        known = np.isfinite(v)
-        weighted = known & (np.nan_to_num(sigma) > 0)
-        size = np.where(known, np.abs(v), -1.0).max(axis=1)
+        finite = np.isfinite(v)
+        weighted = finite & (np.nan_to_num(sigma) > 0)
+        size = np.where(finite, np.abs(v), -1.0).max(axis=1)
         worst = used[int(np.argmax(size))]
         where = " / ".join(filter(None, (str(residuals.image[worst]), str(residuals.point[worst]))))
         normalised = float(np.sqrt(np.mean((v[weighted] / sigma[weighted]) ** 2))) if weighted.any() else None
@@ -126,7 +126,7 @@ def residual_classes(solution: Solution) -> PageTable | None:
                 where or DASH,
                 number(len(used)),
                 number(int((residuals.kind == kind).sum() - len(used))),
-                number(factor * float(np.sqrt(np.mean(v[known] ** 2)))) if known.any() else DASH,
+                number(factor * float(np.sqrt(np.mean(v[finite] ** 2)))) if finite.any() else DASH,
                 number(normalised),
                 number(factor * float(size.max())),
             )

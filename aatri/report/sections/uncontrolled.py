@@ -11,16 +11,16 @@ UNCONTROLLED = 0.01
 """A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
 
 
-def uncontrolled_table(found: Uncontrolled | None) -> PageTable | None:
+def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:
     """Observations with a direction in which no gross error can be seen."""
-    if found is None:
+    if uncontrolled is None:
         return None
     columns: Columns = {
-        "observation": found.kind,
-        "image": found.image,
-        "point": found.point,
-        "redundancy": found.redundancy,
-        **axes("xyz", found.direction, digits(2)),
+        "observation": uncontrolled.kind,
+        "image": uncontrolled.image,
+        "point": uncontrolled.point,
+        "redundancy": uncontrolled.redundancy,
+        **axes("xyz", uncontrolled.direction, digits(2)),
     }
     caption = (
         f"Uncontrolled, redundancy number below {UNCONTROLLED:g}: a gross error in the direction x, y, z shows nowhere"
@@ -28,15 +28,15 @@ def uncontrolled_table(found: Uncontrolled | None) -> PageTable | None:
     return all_rows(caption, columns)
 
 
-def uncontrolled_counts(found: Uncontrolled | None) -> PageTable | None:
+def uncontrolled_counts(uncontrolled: Uncontrolled | None) -> PageTable | None:
     """How many of each kind, before the bundle, and the first points."""
-    if found is None or not len(found):
+    if uncontrolled is None or not len(uncontrolled):
         return None
-    without = np.isnan(found.direction).all(axis=1) & (found.kind == "image_point")
-    kinds = np.where(without, "image_point in no model", found.kind)
+    without = np.isnan(uncontrolled.direction).all(axis=1) & (uncontrolled.kind == "image_point")
+    kinds = np.where(without, "image_point in no model", uncontrolled.kind)
     rows = []
     for kind in np.unique(kinds):
-        mine = found.take(kinds == kind)
-        names = np.unique(np.where(mine.point == "", mine.image, mine.point))
-        rows.append((str(kind), shown(names.tolist(), 8), number(len(mine)), number(len(names))))
+        of_kind = uncontrolled.take(kinds == kind)
+        names = np.unique(np.where(of_kind.point == "", of_kind.image, of_kind.point))
+        rows.append((str(kind), shown(names.tolist(), 8), number(len(of_kind)), number(len(names))))
     return PageTable("Uncontrolled before the bundle, by kind", ("observation", "of", "count", "points"), rows, 2)

@@ -74,11 +74,11 @@ class RunView:
         """The last readable artifact of a kind."""
         for stage in reversed(self.of_kind(kind)):
             try:
-                found = self.artifact(stage)
+                artifact = self.artifact(stage)
             except AatriError:
                 continue
-            self.kept[stage.name] = found
-            return found if isinstance(found, kind) else None
+            self.kept[stage.name] = artifact
+            return artifact if isinstance(artifact, kind) else None
         return None
 
 
@@ -112,10 +112,10 @@ def _stage(folder: Path, entry: Mapping[str, Any]) -> StageView:
 def _readable(read: Any, folder: Path, name: str) -> Mapping[str, Any] | None:
     """The record; a damaged one is shown as a failure of its own."""
     try:
-        found: Mapping[str, Any] | None = read(folder, name)
+        value: Mapping[str, Any] | None = read(folder, name)
     except AatriError as error:
         return None if read is store.current_record else {"what": error.what, "where": error.where, "remedy": ""}
-    return found
+    return value
 
 
 def _log(folder: Path, stage: str) -> tuple[str, ...]:
