@@ -4,11 +4,11 @@ Blocks, a dense network that says what is determined, and what counts as an end:
 more of them: `python -m tests.campaigns.legal_blocks --count 2000`.
 """
 
-from __future__ import annotations
-
 import itertools
+from collections.abc import Iterator
 
 import pytest
+from _pytest.mark.structures import ParameterSet
 
 from tests.campaigns.legal.cell import FACTORS, Cell, cell_of, covering
 from tests.campaigns.legal.folder import WAYS
@@ -29,8 +29,15 @@ def test_every_pair_of_levels_occurs() -> None:
         assert {(getattr(c, a), getattr(c, b)) for c in CELLS} == set(itertools.product(FACTORS[a], FACTORS[b]))
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("cell", [pytest.param(cell, id=f"{cell.seed}-{cell.wrong}") for cell in CELLS])
+def _cases() -> Iterator[ParameterSet]:
+    """Every cell both ways; of the quick tests one way each, the two in turn."""
+    for k, cell in enumerate(CELLS):
+        for j, way in enumerate(WAYS):
+            marks = () if j == k % len(WAYS) else (pytest.mark.slow,)
+            yield pytest.param(cell, way, id=f"{cell.seed}-{cell.wrong}-{way}", marks=marks)
+
+
+@pytest.mark.parametrize(("cell", "way"), [*_cases()])
 def test_a_legal_block_ends_well_or_with_the_error_it_must_have(cell: Cell, way: str) -> None:
     end = end_of(cell, way)
     assert end.outcome in ("good", "aside", "refused"), f"--ways {way} --cell '{cell}'\n{end.outcome}: {end.why}"

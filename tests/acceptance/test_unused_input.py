@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +64,7 @@ CASES = {
 }
 
 
+@functools.cache
 def _used() -> set[str]:
     cards = [
         find_stages().card(name)
