@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from aatri.formats.tables.settings.camera import CameraSettings, Rig
-from aatri.formats.tables.settings.sections import Positive, Section, ThreeSigmas
+from aatri.formats.tables.settings.sections import Positive, ThreeSigmas, YamlSection
 from aatri.units import ANGLE_RAD, LENGTH_M, LENGTH_MM, TIME_S
 
 AXES = ({"east", "north", "up"}, {"x", "y", "z"}, {"latitude", "longitude", "height"})
@@ -27,7 +27,7 @@ def _word(value: Any) -> Any:
     return "true" if value is True else value
 
 
-class FrameSettings(Section):
+class FrameSettings(YamlSection):
     """A coordinate frame: axes in the order of X, Y, Z in the tables."""
 
     axes: Annotated[list[str], Field(min_length=3, max_length=3)]
@@ -41,7 +41,7 @@ class FrameSettings(Section):
         return self
 
 
-class Units(Section):
+class Units(YamlSection):
     """Units of the tables."""
 
     ground: Literal["m", "dm", "cm", "mm", "km"] = "m"
@@ -76,7 +76,7 @@ class Units(Section):
         return pixel_size_mm if self.sigma_image == "px" else LENGTH_MM[self.sigma_image]
 
 
-class DefaultSigmas(Section):
+class DefaultSigmas(YamlSection):
     """Standard deviations where a cell is empty, in the units of `units`; None where a cell must not be empty."""
 
     image: Positive | None = None
@@ -86,7 +86,7 @@ class DefaultSigmas(Section):
     attitude: ThreeSigmas | None = None
 
 
-class Settings(Section):
+class Settings(YamlSection):
     """block.yaml."""
 
     aatri_block: Literal[1]

@@ -10,11 +10,11 @@ from aatri.formats.tables.settings.sections import (
     FaultAt,
     FreeSigma,
     Positive,
-    Section,
     Three,
     ThreeFreeSigmas,
     Two,
     TwoPositive,
+    YamlSection,
 )
 from aatri.ids import clipped, did_you_mean
 
@@ -38,7 +38,7 @@ def _zeros(n: int) -> Any:
     return Field(default_factory=lambda: [0.0] * n)
 
 
-class Pixel(Section):
+class Pixel(YamlSection):
     """Size in mm, origin and y direction of pixel coordinates."""
 
     size: TwoPositive
@@ -46,7 +46,7 @@ class Pixel(Section):
     y: Literal["down", "up"] | None = None
 
 
-class DistortionSettings(Section):
+class DistortionSettings(YamlSection):
     """Distortion model with its parameters."""
 
     model: Literal["none", "brown", "table", "opencv", "fisheye", "bal", "dbat3"]
@@ -75,7 +75,7 @@ class DistortionSettings(Section):
         return self
 
 
-class CameraSettings(Section):
+class CameraSettings(YamlSection):
     """A camera."""
 
     kind: Literal["film", "digital"]
@@ -108,14 +108,14 @@ class CameraSettings(Section):
         return self
 
 
-class RigMemberSigmas(Section):
+class RigMemberSigmas(YamlSection):
     """Standard deviations of the place of a rig member: 0 fixed, .inf free, else weighted."""
 
     position: ThreeFreeSigmas = _zeros(3)
     angles: ThreeFreeSigmas = _zeros(3)
 
 
-class RigMemberSettings(Section):
+class RigMemberSettings(YamlSection):
     """A camera of a rig: projection centre (m) and omega, phi, kappa in the camera axes of the first member."""
 
     position: Three = _zeros(3)

@@ -36,7 +36,7 @@ class FaultAt(ValueError):
         self.keys = keys
 
 
-class Section(BaseModel):
+class YamlSection(BaseModel):
     """A mapping of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
