@@ -176,7 +176,7 @@ def table(title: str, options: dict[str, Any]) -> str:
             if solution is not None:
                 found[name].append(errors(block, solution))
     lines = [
-        f"## {title}",
+        f"### {title}",
         "",
         "| variant | ran | plan mm (worst) | height mm (worst) | theory mm: plan, height | s |",
         "|---|---|---|---|---|---|",
@@ -195,7 +195,9 @@ def table(title: str, options: dict[str, Any]) -> str:
     return "\n".join([*lines, "", *(["Refused:", "", *refused] if refused else ["Nothing was refused."]), ""])
 
 
-HEAD = """# Every method beside its neighbours
+TITLE = "## Every method beside its neighbours"
+
+HEAD = f"""{TITLE}
 
 Made by `python benchmarks/methods.py docs/method_table.md`. Rows of the first three roles and of the adjustments of
 strips and models: over all combinations with the variants of the other roles, the result is that of the adjustment of
@@ -213,7 +215,9 @@ def main() -> None:
     """Write or print the tables."""
     text = "\n".join([HEAD, *(table(title, options) for title, options in BLOCKS.items())])
     if len(sys.argv) > 1:
-        Path(sys.argv[1]).write_text(text, encoding="utf-8")
+        page = Path(sys.argv[1])
+        before = page.read_text(encoding="utf-8").partition(TITLE)[0] if page.exists() else ""
+        page.write_text(before + text, encoding="utf-8")
     else:
         sys.stdout.write(text)
 

@@ -78,3 +78,12 @@ def test_files_of_the_code_that_a_page_names_exist(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     named = {name for name in re.findall(r"`([\w/]+\.py)`", text) if "mine" not in name and name == name.lower()}
     assert sorted(name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in FILES)) == []
+
+
+def test_the_method_table_has_every_row_of_the_inventory_once_and_names_tests_that_are_there() -> None:
+    """16 chapters of rows A101 to A1605, 151 of them."""
+    page = (ROOT / "docs" / "method_table.md").read_text(encoding="utf-8").partition("## Every method")[0]
+    rows = re.findall(r"^\| (A\d{3,4}) \|", page, flags=re.M)
+    assert len(rows) == len(set(rows)) == 151
+    tests = re.findall(r"[a-z_]+(?:/[a-z_]+)*/test_\w+\.py", page)
+    assert [path for path in tests if not (ROOT / "tests" / path).is_file()] == []
