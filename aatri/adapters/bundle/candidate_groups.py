@@ -159,8 +159,8 @@ def _of_image_points(
     )
     if cameras:
         yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, causes)
-    causes = (*causes, Cause("camera", tuple(range(6))))
-    for units in _units(place, "strip", images.strip, image, rows, H, causes):
+    of_strips = (*causes, Cause("camera", tuple(range(6))))
+    for units in _units(place, "strip", images.strip, image, rows, H, of_strips):
         yield replace(units, typical=np.ones(len(units.units), dtype=bool))
 
 

@@ -66,3 +66,25 @@ def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions() -> None:
     assert not np.isin(s.kind[staying_out(s)], ("control", "position")).any()
     (text,) = _groups_named(tuple(told.warnings))
     assert f"image points of strip {block.strips.id[0]} ask for a principal distance of 9.24" in text
+
+
+def _bent(chain: Chain, of_each_um: float, of_first_um: float) -> tuple[str, ...]:
+    """What is told where every image has an affinity of its own, of some size at the corner, and the first another."""
+    m, rng = chain.refined.measurements, np.random.default_rng(8)
+    size_mm = 1e-3 * rng.normal(0.0, of_each_um, (len(chain.block.images), 2))
+    size_mm[0] = [1e-3 * of_first_um, 0.0]
+    x, y = (m.xy_mm / np.linalg.norm(m.xy_mm, axis=1).max()).T
+    a, b = size_mm[m.image].T
+    points = replace(
+        chain.refined, measurements=replace(m, xy_mm=m.xy_mm + np.stack([a * x + b * y, b * x - a * y], 1))
+    )
+    told = Told()
+    bundle(chain.block, points, replace(chain.strip_block, suspects=Suspects.empty()), context=told)
+    return tuple(_groups_named(tuple(told.warnings)))
+
+
+def test_what_all_images_have_makes_none_of_them_a_group(flown: Chain) -> None:
+    """An affinity of some 3 um in every image, sigma 1 to 2 um, is a rough lens; one of 40 um is of that image."""
+    assert not [text for text in _bent(flown, 3.0, 3.0) if "of image" in text or "neighbourhood" in text]
+    first = flown.block.images.id[0]
+    assert any(f"image points of image {first} ask for an affinity" in text for text in _bent(flown, 3.0, 40.0))

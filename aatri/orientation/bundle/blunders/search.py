@@ -190,7 +190,7 @@ class _Search(FittedSigmas):
             rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
             met = where_most_meet(rays, result.adjusted.state[POSE], points, len(xyz))
             xyz = np.where(np.isfinite(met), met, xyz)
-        return xyz
+        return np.asarray(xyz)
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
