@@ -62,6 +62,8 @@ CASES = {
     "micmac": Case(),
     "nvm": Case({}, point_ids=False),
     "opensfm": Case(frame=topocentric(45.0, 9.0, 200.0), position_m=5e-9),
+    "opf": Case(),
+    "opf in a map": Case(px=1e-8, position_m=5e-9, frame=UTM),
     "patb": Case(px=1e-3, position_m=1e-5),  # F16.5: half of 1e-5 m at 500 m, 3500 px
     "table": Case(),
     "tables": Case(),

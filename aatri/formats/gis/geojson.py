@@ -3,8 +3,6 @@
 Source: RFC 7946, The GeoJSON Format.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ as WKB behind a header. Coordinates are those of the block; a local block is in 
 Source: OGC 12-128r17, GeoPackage Encoding Standard, 1.1 and 2.1.
 """
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 from collections.abc import Sequence

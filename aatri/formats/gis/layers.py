@@ -10,8 +10,6 @@
 A standard deviation that is not known is empty.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -3,8 +3,6 @@
 Source: QGIS documentation, appendix A, QML; the table layer_styles of its GeoPackage provider.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from aatri.formats.text.xml_writing import element, xml_of
