@@ -24,13 +24,13 @@ WIDTH = 3
 """Components of a row of the tables; records with more, those of parameters, get a row for each component."""
 
 
-def residual_table(found: AdjustedObservations, state: State) -> Residuals:
+def residual_table(adjusted: AdjustedObservations, state: State) -> Residuals:
     """Residuals of the observations that take part; those of rejected ones are predicted."""
-    o, rows = found.observed, found.rows
-    v, sigma = found.residuals(state), o.sigmas()[rows]
+    o, rows = adjusted.observed, adjusted.rows
+    v, sigma = adjusted.residuals(state), o.sigmas()[rows]
     v = np.where(np.isfinite(sigma), v, np.nan)
     image, point = o.names(rows)
-    active = found.used[rows]
+    active = adjusted.used[rows]
     if not o.components:
         return assemble.residuals(o.kind, o.row[rows], image, point, v, sigma, active, unit=o.unit)
     row, component = np.nonzero(np.isfinite(sigma))
@@ -48,7 +48,7 @@ def residual_table(found: AdjustedObservations, state: State) -> Residuals:
     )
 
 
-def reliability_table(found: AdjustedObservations, state: State, gains: Gains | None = None) -> Tests:
+def reliability_table(adjusted: AdjustedObservations, state: State, gains: Gains | None = None) -> Tests:
     """Reliability of the observations in the order of `residual_table`; rejected and exact ones have none.
 
     Tests are those of the adjustment, with the weights that it had.
@@ -58,12 +58,12 @@ def reliability_table(found: AdjustedObservations, state: State, gains: Gains | 
     gains : Gains, optional
         Of the rows that take part.
     """
-    o, rows = found.observed, found.rows
-    whitener = found.records.whitener[rows]
-    observed = found.records.observed_components()[rows] & ~o.demanded()[rows] & found.used[rows][:, None]
-    v = np.where(observed, found.residuals(state), 0.0)
+    o, rows = adjusted.observed, adjusted.rows
+    whitener = adjusted.records.whitener[rows]
+    observed = adjusted.records.observed_components()[rows] & ~o.demanded()[rows] & adjusted.used[rows][:, None]
+    v = np.where(observed, adjusted.residuals(state), 0.0)
     independent = whitener.ndim == 2
-    r = independent_reliability(v, whitener, found.covariance[rows]) if independent else _correlated(found, v)
+    r = independent_reliability(v, whitener, adjusted.covariance[rows]) if independent else _correlated(adjusted, v)
     effects = [_moved(gains, group, whitener, r.detectable, part) for group, part in _MOVED]
     columns = [np.where(observed, x, np.nan) for x in (r.redundancy, r.test, r.detectable, r.external, *effects)]
     if o.components:
@@ -86,10 +86,10 @@ def _moved(gains: Gains | None, group: str, whitener: Float, detectable: Float, 
     return np.full(detectable.shape, np.nan) if gain is None else moved(gain, whitener, detectable, part)
 
 
-def _correlated(found: AdjustedObservations, v: Float) -> Reliability:
+def _correlated(adjusted: AdjustedObservations, v: Float) -> Reliability:
     """Of records with correlated components, from covariances in units of the observation."""
-    records, rows = found.records, found.rows
-    L, R = records.whitener[rows], found.covariance[rows]
+    records, rows = adjusted.records, adjusted.rows
+    L, R = records.whitener[rows], adjusted.covariance[rows]
     used = records.observed_components()[rows]
     both: Bool = used[:, :, None] & used[:, None, :]
     back = np.linalg.inv(np.where(both, L, np.eye(records.rows)))
@@ -150,16 +150,16 @@ def uncontrolled_table(
     )
 
 
-def variance_table(names: Sequence[str], found: GroupSigmas, *, applied: bool = False) -> VarianceComponents:
+def variance_table(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool = False) -> VarianceComponents:
     """Factors on the standard deviations of groups: proposed, or applied to the adjustment."""
-    low, high = found.limits
-    verdict = np.where(~found.estimable, "not estimable", np.where(found.differs, "proposed", "fits"))
+    low, high = sigmas.limits
+    verdict = np.where(~sigmas.estimable, "not estimable", np.where(sigmas.differs, "proposed", "fits"))
     return VarianceComponents(
         group=np.array(names, dtype=np.str_),
-        observations=found.count.astype(np.int32),
-        redundancy=found.redundancy,
-        factor=found.factor,
+        observations=sigmas.count.astype(np.int32),
+        redundancy=sigmas.redundancy,
+        factor=sigmas.factor,
         low=low,
         high=high,
-        verdict=np.where(found.estimable & applied, "applied", verdict),
+        verdict=np.where(sigmas.estimable & applied, "applied", verdict),
     )

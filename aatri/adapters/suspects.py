@@ -23,28 +23,28 @@ from aatri.observations.observed import Observed
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round, keys_of, with_keys
+from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_keys
 
 STAGE = "bundle_adjustment"
 
 
 def _beyond_the_limit(result: BundleResult, options: SearchOptions) -> list[Suspects]:
     """Observations of all kinds whose residual in a robust adjustment is beyond the limit."""
-    some = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
-    tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in some)
+    tested = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
+    tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in tested)
     limit, parts = options.for_tests(tests).limit, []
-    for found in some:
-        rows = np.flatnonzero(found.used)
-        w = whitened_residuals(found.observed.records, result.adjusted.state, rows)
+    for adjusted in tested:
+        rows = np.flatnonzero(adjusted.used)
+        w = whitened_residuals(adjusted.observed.records, result.adjusted.state, rows)
         test = np.sqrt((w**2).sum(axis=1))
         far = rows[test > limit]
-        error = -found.observed.records.evaluate(result.adjusted.state, far)[0]
+        error = -adjusted.observed.records.evaluate(result.adjusted.state, far)[0]
         verdict = np.full(len(far), "rejected")
-        parts.append(suspect_table(STAGE, found.observed, far, error, test[test > limit], verdict))
+        parts.append(suspect_table(STAGE, adjusted.observed, far, error, test[test > limit], verdict))
     return parts
 
 
-def after(suspects: Suspects, done: Round, options: SearchOptions | None = None) -> Suspects:
+def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None = None) -> Suspects:
     """The suspects after an adjustment: those of earlier stages as it sees them, and what it rejected itself.
 
     What is out, whoever found it, gets the gross error that the adjusted block predicts, component by component, with
@@ -54,44 +54,46 @@ def after(suspects: Suspects, done: Round, options: SearchOptions | None = None)
     given = done.given
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
     out = {key for o in given.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
-    adjusted = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
+    of_adjusted_kind = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
     used = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not, though nothing rejects it
-    for found in done.result.observations:
-        used |= (suspects.kind == found.observed.kind) & np.isin(suspects.row, found.observed.row[found.used])
-    known = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
-    back = adjusted & used & ~known & staying_out(suspects)
-    told, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
-    for found in done.result.observations:
-        o = found.observed
+    for adjusted in done.result.observations:
+        used |= (suspects.kind == adjusted.observed.kind) & np.isin(suspects.row, adjusted.observed.row[adjusted.used])
+    rejected = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
+    back = of_adjusted_kind & used & ~rejected & staying_out(suspects)
+    restated, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
+    for adjusted in done.result.observations:
+        o = adjusted.observed
         if o.components:
             continue
         gone = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
-        earlier = np.flatnonzero(adjusted & (suspects.kind == o.kind))
-        mine = with_keys(o, [(o.kind, int(row)) for row in suspects.row[earlier]])
-        rows = np.flatnonzero(gone | mine | with_keys(o, done.above))
+        earlier = np.flatnonzero(of_adjusted_kind & (suspects.kind == o.kind))
+        listed = with_keys(o, [(o.kind, int(row)) for row in suspects.row[earlier]])
+        rows = np.flatnonzero(gone | listed | with_keys(o, done.above))
         if not len(rows):
             continue
-        error, test = _errors(found, done.result.adjusted.state, rows)
+        error, test = _errors(adjusted, done.result.adjusted.state, rows)
         made = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
-        told = _restated(_rejected_now(told, earlier[known[earlier]], made), earlier, made)
+        restated = _restated(_rejected_now(restated, earlier[rejected[earlier]], made), earlier, made)
         parts.append(made.take([key not in before for key in keys_of(o, rows)]))
     if options is not None and options.method == "robust":
         parts += _beyond_the_limit(done.result, options)
-    return stacked([told, *parts])
+    return stacked([restated, *parts])
 
 
-def _errors(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
+def _errors(adjusted: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
     """Estimated gross errors of some observations, (k, m), and their tests; NaN where nothing predicts them."""
-    o, m = found.observed, found.observed.records.rows
-    some = o.records.take(rows)
-    tests = record_tests(some, state, found.covariance[rows], whitened_residuals(some, state, np.arange(len(rows))))
-    L = some.whitener if some.whitener.ndim == 3 else some.whitener[:, :, None] * np.eye(m)
+    o, m = adjusted.observed, adjusted.observed.records.rows
+    records = o.records.take(rows)
+    tests = record_tests(
+        records, state, adjusted.covariance[rows], whitened_residuals(records, state, np.arange(len(rows)))
+    )
+    L = records.whitener if records.whitener.ndim == 3 else records.whitener[:, :, None] * np.eye(m)
     error = np.einsum("nij,nj->ni", np.linalg.pinv(L), np.nan_to_num(tests.size))
-    error = np.where(some.observed_components() & np.isfinite(tests.test)[:, None], error, np.nan)
-    bare = ~np.isfinite(found.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, found.rows)
+    error = np.where(records.observed_components() & np.isfinite(tests.test)[:, None], error, np.nan)
+    bare = ~np.isfinite(adjusted.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, adjusted.rows)
     if bare.any():  # adjusted without standard deviations: what is out is predicted all the same
         error[bare] = -o.records.evaluate(state, rows[bare])[0]
-    return error, tests_of(found, state)[rows]
+    return error, tests_of(adjusted, state)[rows]
 
 
 def _rejected_now(suspects: Suspects, out: Int, made: Suspects) -> Suspects:
@@ -139,7 +141,7 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
     return suspects, [Note("note", f"left out by earlier stages, {what}", texts)]
 
 
-def _verdicts(done: Round, o: Observed, rows: Int) -> Text:
+def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:
     """Rejected, undecidable, swapped or kept."""
     swapped, undecided, above = (
         with_keys(o, keys)[rows]

@@ -43,7 +43,7 @@ def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | Non
     direction[:, :2] = d if redundancy is None else np.stack([-d[:, 1], d[:, 0]], axis=1)
     largest = np.take_along_axis(direction, np.abs(direction[:, :2]).argmax(axis=1)[:, None], axis=1) if len(d) else 1.0
     both = np.tile(point, 2)
-    found = Uncontrolled(
+    table = Uncontrolled(
         kind=np.full(len(image), IMAGE_POINT),
         row=_rows_in_block(block, image, both),
         image=block.images.id[image],
@@ -51,7 +51,7 @@ def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | Non
         redundancy=np.zeros(len(image)) if redundancy is None else np.tile(0.5 * redundancy, 2),
         direction=direction * np.where(largest < 0, -1.0, 1.0),
     )
-    return found.take(np.lexsort((image, both)))
+    return table.take(np.lexsort((image, both)))
 
 
 def in_no_model(block: Block, used: Bool, in_pairs: Int) -> Uncontrolled:
@@ -67,8 +67,8 @@ def in_no_model(block: Block, used: Bool, in_pairs: Int) -> Uncontrolled:
     left = used.copy()
     left[in_pairs] = False
     rows, m = np.flatnonzero(left), block.image_points
-    found = unchecked(IMAGE_POINT, block.images.id[m.image[rows]], block.points.id[m.point[rows]])
-    return replace(found, row=rows.astype(np.int32))
+    table = unchecked(IMAGE_POINT, block.images.id[m.image[rows]], block.points.id[m.point[rows]])
+    return replace(table, row=rows.astype(np.int32))
 
 
 def still_in_no_model(before: Uncontrolled | None) -> Uncontrolled:
@@ -94,8 +94,8 @@ def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Unc
     """
     if before is None:
         return Uncontrolled.empty()
-    mine = before.take(before.kind == IMAGE_POINT)
-    return mine.take(_takes_no_part(mine) | ~np.isin(mine.point, block.points.id[seen]))
+    of_images = before.take(before.kind == IMAGE_POINT)
+    return of_images.take(_takes_no_part(of_images) | ~np.isin(of_images.point, block.points.id[seen]))
 
 
 def _takes_no_part(table: Uncontrolled) -> Bool:

@@ -63,23 +63,23 @@ def sigmas_of_groups(
     return group_sigmas(squares, redundancy, group.astype(np.int64), n_groups)
 
 
-def _squares_and_redundancy(found: AdjustedObservations, state: State, number: Int) -> tuple[Float, Float, Int]:
+def _squares_and_redundancy(adjusted: AdjustedObservations, state: State, number: Int) -> tuple[Float, Float, Int]:
     """v_i (P v)_i, (Qvv P)_ii and group of the components in use."""
-    o = found.observed
-    rows = np.flatnonzero(found.used)
+    o = adjusted.observed
+    rows = np.flatnonzero(adjusted.used)
     if o.exact or not len(rows):
         return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
-    L = found.records.whitener[rows]
+    L = adjusted.records.whitener[rows]
     v = o.records.evaluate(state, rows)[0]
-    hat = found.covariance[rows]
+    hat = adjusted.covariance[rows]
     if L.ndim == 2:
         squares, r = (L * v) ** 2, 1.0 - np.einsum("nii->ni", hat)
     else:
         white = np.einsum("nij,nj->ni", L, v)
         squares = v * np.einsum("nji,nj->ni", L, white)
         # (Qvv P)_ii = (L^-1 (I - H) L)_ii; components that are not observed are left out of L
-        both = found.records.observed_components()[rows]
+        both = adjusted.records.observed_components()[rows]
         filled = np.where(both[:, :, None] & both[:, None, :], L, np.eye(L.shape[1]))
         r = np.einsum("nij,njk,nki->ni", np.linalg.inv(filled), np.eye(L.shape[1]) - hat, filled)
-    used = found.records.observed_components()[rows]
+    used = adjusted.records.observed_components()[rows]
     return squares[used], r[used], np.where(used, number[rows], -1)[used]

@@ -103,14 +103,14 @@ class TiedResult:
 
     def of(self, kind: str) -> Int:
         """Where the observations of a kind are among all, in the order of their rows."""
-        mine = [
+        part = [
             (o.row, first + np.arange(len(o)))
             for o, first in zip(self.problem.observed, self.problem.edges)
             if o.kind == kind
         ]
-        if not mine:
+        if not part:
             return np.zeros(0, dtype=np.int64)
-        row, place = (np.concatenate(parts) for parts in zip(*mine))
+        row, place = (np.concatenate(parts) for parts in zip(*part))
         return np.asarray(place[np.argsort(row, kind="stable")])
 
 
@@ -156,14 +156,14 @@ def adjust_tied(
         return clearest_controlled(rule, replace(pool, room=room[0]), solved, use)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
-    found = search(solve, begin, rule, pool, wrong, added=deformed)
+    searched = search(solve, begin, rule, pool, wrong, added=deformed)
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
-    crowded, back = overfull(rule, full, found.above & ~pool.carrier, found.active, begin)
+    crowded, back = overfull(rule, full, searched.above & ~pool.carrier, searched.active, begin)
     if room and back.any():
-        room[0][crowded], last = 0, found.solved
-        found = search(lambda a, use, tau_m: solve(a or last, use, tau_m), begin, rule, pool, wrong, added=deformed)
-    return _result(found)
+        room[0][crowded], last = 0, searched.solved
+        searched = search(lambda a, use, tau_m: solve(a or last, use, tau_m), begin, rule, pool, wrong, added=deformed)
+    return _result(searched)
 
 
 def _room(solved: TiedSolution, rule: Snooping, pool: Pool) -> Int:
@@ -178,12 +178,12 @@ def _room(solved: TiedSolution, rule: Snooping, pool: Pool) -> Int:
     return np.maximum(room, np.minimum(room_of(answered, np.bincount(pool.source, minlength=sources)), spare))
 
 
-def _result(found: Searched[TiedSolution]) -> TiedResult:
-    solved, use = found.solved, found.active
+def _result(searched: Searched[TiedSolution]) -> TiedResult:
+    solved, use = searched.solved, searched.active
     problem, state, n = solved.problem, solved.state, solved.problem.n_ties
     observed = problem.components
     mean, covariance = _means(solved, use)
-    counted, n_unknowns = _counted(problem, use & solved.held)
+    counted, n_unknowns = _counted(problem, use & solved.taking_part)
     of_priors = [whitened(o.records, state, np.arange(len(o)))[0] for o in problem.priors]
     observations = int(observed[counted].sum()) + sum(v.size for v in of_priors)
     redundancy = observations - n_unknowns
@@ -191,7 +191,7 @@ def _result(found: Searched[TiedSolution]) -> TiedResult:
     prior = sum(float((v**2).sum()) for v in of_priors)
     apriori = _squares(problem.whiteners(solved.spread, 0.0), residual)
     squares = _squares(solved.whiteners, residual)
-    of_ground = use & solved.held & (np.arange(len(use)) >= n)
+    of_ground = use & solved.taking_part & (np.arange(len(use)) >= n)
     return TiedResult(
         problem=problem,
         observations=tuple(_observations(solved)),
@@ -204,25 +204,27 @@ def _result(found: Searched[TiedSolution]) -> TiedResult:
         active=use,
         size=np.where(observed, solved.size, np.nan),
         test=solved.test,
-        above=found.above,
-        tau_m=found.tau,
+        above=searched.above,
+        tau_m=searched.tau,
         counts=(observations, n_unknowns),
         sigma0=_ratio(apriori[counted].sum() + prior, redundancy),
         weighted_sigma0=_ratio(squares[counted].sum() + prior, redundancy),
         ground_sigma0=_ratio(squares[of_ground].sum(), solved.redundancy[of_ground].sum()),
         ground_redundancy=float(solved.redundancy[of_ground].sum()),
         iterations=solved.iterations,
-        settled=found.settled,
+        settled=searched.settled,
         uncontrolled=uncontrolled_observations(solved, counted),
     )
 
 
 def _observations(solved: TiedSolution) -> Iterator[AdjustedObservations]:
     """Kind by kind, with the weights of the adjustment."""
-    problem, found = solved.problem, solved.solved.covariances().records
-    for o, first, r, T, covariance in zip(problem.observed, problem.edges, problem.records, solved.whiteners, found):
-        mine = slice(first, first + len(o))
-        rows, used = np.flatnonzero(solved.held[mine]), (solved.use & solved.held)[mine]
+    problem, covariances = solved.problem, solved.solved.covariances().records
+    for o, first, r, T, covariance in zip(
+        problem.observed, problem.edges, problem.records, solved.whiteners, covariances
+    ):
+        part = slice(first, first + len(o))
+        rows, used = np.flatnonzero(solved.taking_part[part]), (solved.use & solved.taking_part)[part]
         yield AdjustedObservations(o, rows, used, covariance, replace(r, whitener=T, active=used))
 
 
@@ -234,8 +236,8 @@ def _means(solved: TiedSolution, use: Bool) -> tuple[Float, Float]:
         touched = dict(o.records.touches)
         if POINT in touched:
             point = touched[POINT]
-            mine = slice(first, first + len(o))
-            mean, covariance = weighted_means(point, -solved.residuals[mine], T, use[mine], n_points)
+            part = slice(first, first + len(o))
+            mean, covariance = weighted_means(point, -solved.residuals[part], T, use[part], n_points)
             return state[POINT] + mean, covariance  # of small numbers: they keep their digits
         first += len(o)
     return np.full((n_points, 3), np.nan), np.full((n_points, 3, 3), np.nan)
@@ -250,8 +252,8 @@ def _counted(problem: TiedProblem, used: Bool) -> tuple[Bool, int]:
         ]
         if touched:
             free = next(u.free for u in problem.unknowns if u.name == group)
-            mine = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])
-            often = np.bincount(mine, minlength=len(free))
+            part = np.concatenate([b[used[first : first + len(b)]] for first, b in touched])
+            often = np.bincount(part, minlength=len(free))
             for first, b in touched:
                 counted[first : first + len(b)] &= often[b] > 1
             met = [b[counted[first : first + len(b)]] for first, b in touched]

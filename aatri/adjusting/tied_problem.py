@@ -116,14 +116,14 @@ class TiedProblem:
     def weights(self, use: Bool, whiteners: Sequence[Float]) -> dict[str, Weights]:
         """Weights of all observations, of which some are in use."""
         parts = np.split(use, self.edges[1:-1])
-        return {key: Weights(mine, T) for key, mine, T in zip(self.keys, parts, whiteners)}
+        return {key: Weights(active, T) for key, active, T in zip(self.keys, parts, whiteners)}
 
     def weighted(self, state: State, use: Bool) -> IndexedProblem:
         """The problem with the weights of a state, tau not counted, and some active observations."""
-        weights = self.weights(use & self.held(use), self.whiteners(self.spread(state), 0.0))
+        weights = self.weights(use & self.taking_part(use), self.whiteners(self.spread(state), 0.0))
         return with_weights(self.index, weights)
 
-    def held(self, use: Bool) -> Bool:
+    def taking_part(self, use: Bool) -> Bool:
         """Observations whose points and images, if they have any, some active tie holds, (n,)."""
         tied = {POINT: np.zeros(len(self.start[POINT]), dtype=bool)}
         tied |= {POSE: np.zeros(len(self.start[POSE].position_m), dtype=bool)} if POSE in self.start else {}
@@ -131,11 +131,11 @@ class TiedProblem:
             for group, block in o.records.touches:
                 if group in tied:
                     tied[group][block[use[first : first + len(o)]]] = True
-        found = []
+        usable = []
         for o in self.observed:
             of = [tied[group][block] for group, block in o.records.touches if group in tied]
-            found.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *of]))
-        return np.concatenate(found)
+            usable.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *of]))
+        return np.concatenate(usable)
 
 
 def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, Ids], what: str) -> TiedProblem:

@@ -49,7 +49,7 @@ class TiedSolution:
     spread : Spread
         Of the ties, tau not counted.
     tau_m : float, m
-    held : (n,) bool
+    taking_part : (n,) bool
         Observations whose point some active tie holds.
     use : (n,) bool
         Active observations.
@@ -62,7 +62,7 @@ class TiedSolution:
     whiteners: tuple[Float, ...]
     spread: Spread
     tau_m: float
-    held: Bool
+    taking_part: Bool
     use: Bool
     iterations: int
 
@@ -74,15 +74,15 @@ class TiedSolution:
     @cached_property
     def tests(self) -> tuple[RecordTests, ...]:
         """Kind by kind."""
-        found = self.solved.tests()
-        return tuple(found[key] for key in self.problem.keys)
+        by_key = self.solved.tests()
+        return tuple(by_key[key] for key in self.problem.keys)
 
     def _all(self, column: str) -> Float:
         """A column of the tests of all observations; NaN where no tie holds the point."""
-        found = in_three([getattr(tests, column) for tests in self.tests])
-        if not self.held.all():
-            found[~self.held] = np.nan
-        return found
+        of_all = in_three([getattr(tests, column) for tests in self.tests])
+        if not self.taking_part.all():
+            of_all[~self.taking_part] = np.nan
+        return of_all
 
     @cached_property
     def test(self) -> Float:
@@ -93,9 +93,9 @@ class TiedSolution:
     def residuals(self) -> Float:
         """Adjusted minus observed, (n, 3); NaN where no tie holds the point."""
         of_ties = self._of_ties(np.concatenate([tests.whitened for tests in self._tests_of_ties]))
-        found = in_three([of_ties, *(tests.v for tests in self.tests[len(self.problem.ties) :])])
-        found[~self.held] = np.nan
-        return found
+        of_all = in_three([of_ties, *(tests.v for tests in self.tests[len(self.problem.ties) :])])
+        of_all[~self.taking_part] = np.nan
+        return of_all
 
     @cached_property
     def redundancy(self) -> Float:
@@ -110,15 +110,15 @@ class TiedSolution:
         its gross errors show in the bodies all the same (see `uncontrolled_ties`).
         """
         problem, k = self.problem, len(self.problem.ties)
-        s2, found = self.variance_with_body / 3, [np.zeros(problem.n_ties)]
+        s2, shares = self.variance_with_body / 3, [np.zeros(problem.n_ties)]
         for o, first, tests, T in zip(problem.ground, problem.edges[k:], self.tests[k:], self.whiteners[k:]):
             R = tests.redundancy
             own = np.einsum("nii->n", R)
             if is_coordinates(o):
                 own = s2[first : first + len(R)] * (T * (R @ T)).sum(axis=(1, 2))
             components = np.maximum(problem.components[first : first + len(R)].sum(axis=1), 1)
-            found.append(np.clip(np.nan_to_num(own / components), 0.0, 1.0))
-        return np.concatenate(found)
+            shares.append(np.clip(np.nan_to_num(own / components), 0.0, 1.0))
+        return np.concatenate(shares)
 
     @cached_property
     def size(self) -> Float:
@@ -143,8 +143,8 @@ class TiedSolution:
     def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
         """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
         scaled = whitened * np.sqrt(self._variances(rows))
-        found: Float = np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled)
-        return found
+        in_metres: Float = np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled)
+        return in_metres
 
     def _variances(self, rows: Int | slice = slice(None)) -> Float:
         values = self.spread.values[rows] + self.tau_m**2
@@ -169,7 +169,7 @@ class TiedSolution:
             return 0.0
         whitened = np.concatenate([tests.whitened for tests in self._tests_of_ties])
         share = np.concatenate([np.einsum("nii->n", tests.redundancy) / 3 for tests in self._tests_of_ties])
-        share = np.where((self.use & self.held)[: len(share)], share, np.nan)
+        share = np.where((self.use & self.taking_part)[: len(share)], share, np.nan)
         return common_sigma(whitened**2 * self._variances(), values, share, robust=robust)
 
 
@@ -188,10 +188,10 @@ def solve_tied(
     spread = problem.spread(state)
     same = before is not None and before.tau_m == tau_m and before.spread.values is spread.values
     whiteners = before.whiteners if before is not None and same else problem.whiteners(spread, tau_m)
-    held = problem.held(use)
+    taking_part = problem.taking_part(use)
     solved_before = before.solved if before is not None and same else None
     ordered = solved_before.problem if isinstance(solved_before, LinearSolution) else None
-    step = _step(problem, use & held, whiteners, ordered)  # with what was put in order for them
+    step = _step(problem, use & taking_part, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
     done = before.iterations if before else 0
     for iteration in range(1, MAX_ITERATIONS + 1):
@@ -200,7 +200,7 @@ def solve_tied(
         except (GeometryError, ConvergenceError) as error:
             raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if solved.departure <= LINEAR:
-            return TiedSolution(problem, solved, whiteners, spread, tau_m, held, use, done + iteration)
+            return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
         full = solved.state
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",

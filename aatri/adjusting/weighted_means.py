@@ -25,11 +25,11 @@ def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -
     """
     point, W = point[use], T[use].swapaxes(1, 2) @ T[use]
     total = _summed(W, point, n_points)
-    held = np.bincount(point, minlength=n_points) > 0
-    total[~held] = np.eye(3)
+    observed = np.bincount(point, minlength=n_points) > 0
+    total[~observed] = np.eye(3)
     covariance: Float = np.linalg.inv(total).astype(np.float64)
     mean = np.einsum("nij,nj->ni", covariance, _summed(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
-    mean[~held], covariance[~held] = np.nan, np.nan
+    mean[~observed], covariance[~observed] = np.nan, np.nan
     return mean, covariance
 
 

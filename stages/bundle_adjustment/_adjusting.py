@@ -26,7 +26,7 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_gr
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round, with_considered, with_readmission, without_idle_parameters
+from aatri.orientation.bundle.rounds import AdjustedBlock, with_considered, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.plugin import Context, Field
 
@@ -52,7 +52,7 @@ COARSE = 5.0
 
 def adjusted_block(
     source: Given, given: BundleInput, options: BundleOptions, context: Context
-) -> tuple[Round, tuple[AcceptedGroup, ...], VarianceComponents | None]:
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...], VarianceComponents | None]:
     """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
     done, groups = _searched(source, given, options, context)
     adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
@@ -63,7 +63,7 @@ def adjusted_block(
 
 def _searched(
     source: Given, given: BundleInput, options: BundleOptions, context: Context
-) -> tuple[Round, tuple[AcceptedGroup, ...]]:
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
     searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
     if options.variance_components is not None and searching.sigmas == "estimated":
@@ -72,7 +72,7 @@ def _searched(
     def adjust(block: BundleInput, how: AdjustOptions = AdjustOptions()) -> BundleResult:
         return adjusted(block, options, context, how)
 
-    def single(block: BundleInput, squares: BundleResult | None) -> Round:
+    def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
         if searching.method == "none":
             return with_readmission(block, adjust)
         return search(block, adjust, searching, options.tolerance, squares)

@@ -29,7 +29,7 @@ from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.partial import switched_off, with_known_images, with_known_points
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.plugin import Context
 
@@ -133,7 +133,7 @@ def _made(
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)
     )
-    done = Round(given, adjust(given, settings))
+    done = AdjustedBlock(given, adjust(given, settings))
     result, uncontrolled = done.result, uncontrolled_of(done.result)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     report(uncontrolled_observations(uncontrolled), context)

@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import VarianceComponents
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.variance_groups import variance_components, variance_notes
 from aatri.plugin import Field, Options
 
@@ -31,8 +31,11 @@ class VarianceComponentOptions(Options):
 
 
 def with_variance_components(
-    block: Block, done: Round, adjust: Callable[[BundleInput], BundleResult], options: VarianceComponentOptions | None
-) -> tuple[Round, VarianceComponents | None]:
+    block: Block,
+    done: AdjustedBlock,
+    adjust: Callable[[BundleInput], BundleResult],
+    options: VarianceComponentOptions | None,
+) -> tuple[AdjustedBlock, VarianceComponents | None]:
     """The components as a table, and the block adjusted with them where they are to be applied."""
     if options is None:
         return done, None

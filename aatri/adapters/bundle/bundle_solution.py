@@ -31,14 +31,14 @@ from aatri.observations.poses import ADDITIONAL, CAMERA, FILM_PRIOR
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult, without_absent
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 
 NOTHING_OF_CAMERAS = ParameterTables()
 
 
 def bundle_solution(
     source: Given,
-    done: Round,
+    done: AdjustedBlock,
     suspects: Suspects,
     uncontrolled: Uncontrolled | None,
     of_cameras: ParameterTables = NOTHING_OF_CAMERAS,
@@ -51,7 +51,7 @@ def bundle_solution(
     Parameters
     ----------
     source : Given
-    done : Round
+    done : AdjustedBlock
     suspects : Suspects
     uncontrolled : Uncontrolled or None
         Corrections of the film among them are not listed.
@@ -121,14 +121,14 @@ def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
 
 def _by_camera(block: Block, p: Parameters, group: str, names: tuple[str, ...], values: Float) -> Float:
     """The values (n_cameras, k) with those that the parameters have of single cameras."""
-    found = values.copy()
+    changed = values.copy()
     row = {str(name): k for k, name in enumerate(block.cameras.id)}
     for column, name in enumerate(names):
-        mine = np.flatnonzero((p.group == group) & (p.name == name))
-        at = [row.get(str(camera), -1) for camera in p.object[mine]]
+        rows = np.flatnonzero((p.group == group) & (p.name == name))
+        at = [row.get(str(camera), -1) for camera in p.object[rows]]
         if len(at) and min(at) >= 0:
-            found[at, column] = p.value[mine]
-    return found
+            changed[at, column] = p.value[rows]
+    return changed
 
 
 def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, float]:
@@ -146,11 +146,11 @@ def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, f
 
 def _own_unknowns(given: BundleInput, result: BundleResult) -> list[Parameters]:
     """Unknowns that kinds of observations bring along: drift ..."""
-    told = {p.group for p in given.parameters}
+    of_cameras_already = {p.group for p in given.parameters}
     tables = []
     for o in given.observed:
         for u in o.unknowns:
-            if u.name in told:
+            if u.name in of_cameras_already:
                 continue
             free = next(w.free for w in result.adjusted.problem.unknowns if w.name == u.name)
             row, scalar = np.nonzero(free)

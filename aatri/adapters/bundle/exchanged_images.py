@@ -19,17 +19,17 @@ from aatri.orientation.bundle.block import BundleInput, start_of
 
 def without_exchanged_images(given: BundleInput) -> BundleInput:
     """The block without positions and attitudes of exchanged images, as if an earlier stage had rejected them."""
-    found, seen = np.full((2, len(given.image_ids), 3), np.nan)
+    at_start, seen = np.full((2, len(given.image_ids), 3), np.nan)
     state = start_of(given)
     for o in given.observed:
         image = dict(o.records.touches).get(POSE)
         if o.kind == POSITION and image is not None and o.records.rows == 3:
             rows = np.flatnonzero(o.records.active & o.records.observed_components().all(axis=1))
             v, (by_pose, *_) = o.records.evaluate(state, rows)
-            found[image[rows]] = given.poses.position_m[image[rows]]
-            seen[image[rows]] = found[image[rows]] - np.linalg.solve(by_pose[:, :, :3], v[:, :, None])[:, :, 0]
+            at_start[image[rows]] = given.poses.position_m[image[rows]]
+            seen[image[rows]] = at_start[image[rows]] - np.linalg.solve(by_pose[:, :, :3], v[:, :, None])[:, :, 0]
     exchanged = np.zeros(len(given.image_ids), dtype=bool)
-    for pair in exchanged_at_start(found, seen):
+    for pair in exchanged_at_start(at_start, seen):
         exchanged[[pair.first, pair.second]] = True
     if not exchanged.any():
         return given

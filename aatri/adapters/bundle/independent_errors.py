@@ -34,25 +34,25 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
         Observations are tested too.
     """
     variance = np.einsum("nii->ni", result.covariances[POINT])
-    known = np.isfinite(variance) & (variance > 0) & np.isfinite(result.xyz_m)
+    determined = np.isfinite(variance) & (variance > 0) & np.isfinite(result.xyz_m)
     adjusted = result.adjusted
     most = MOST_WITH_TESTS if tests else MOST_POINTS
-    if not known.any() or len(known) > most or result.free is not None or adjusted.down_weighted:
+    if not determined.any() or len(determined) > most or result.free is not None or adjusted.down_weighted:
         return None
     nothing = np.zeros_like(variance)
     counts: dict[str, Float] = {}
     ground = block.ground_points
-    new = known.all(axis=1)
+    new = determined.all(axis=1)
     new[ground.point[(ground.role == CONTROL).any(axis=1)]] = False
     if new.any():
         members = new[:, None] & np.ones(3, dtype=bool)
         counts[NEW_POINTS] = independent_errors(adjusted, POINT, members, variance, nothing)
-    check = np.zeros_like(known)
+    check = np.zeros_like(determined)
     check[ground.point] = ground.role == CHECK
     if check.any():
-        given = nothing.copy()
-        given[ground.point] = np.nan_to_num(np.einsum("nii->ni", ground.covariance_m2))
-        counts[CHECK_POINTS] = independent_errors(adjusted, POINT, check & known, variance, given)
+        variance_given = nothing.copy()
+        variance_given[ground.point] = np.nan_to_num(np.einsum("nii->ni", ground.covariance_m2))
+        counts[CHECK_POINTS] = independent_errors(adjusted, POINT, check & determined, variance, variance_given)
     if (left_out := _control_left_out(result)) is not None:
         counts[LEFT_OUT] = left_out
     if not counts:

@@ -33,9 +33,9 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
         touched[m.start] = touched[m.end] = True
     if np.isfinite(xyz_m[touched]).all():
         return xyz_m, ()
-    found, doubtful = approximate_coordinates(network, xyz_m)
-    new: Bool = np.asarray((np.isfinite(found) & ~np.isfinite(xyz_m)).any(axis=1))
-    notes = _without_place(block, network, found)
+    computed, doubtful = approximate_coordinates(network, xyz_m)
+    new: Bool = np.asarray((np.isfinite(computed) & ~np.isfinite(xyz_m)).any(axis=1))
+    notes = _without_place(block, network, computed)
     if not new.any():
         return xyz_m, tuple(notes)
     text = f"approximate coordinates of {int(new.sum())} points found from the geodetic observations"
@@ -46,7 +46,7 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
             "approximate coordinates may be a mirror image, two places fitted about as well: see that sigma0 is small"
         )
         notes.append(Note("warning", text, tuple(block.points.id[unsure].tolist())))
-    return np.where(np.isfinite(xyz_m), xyz_m, found), tuple(notes)
+    return np.where(np.isfinite(xyz_m), xyz_m, computed), tuple(notes)
 
 
 def _without_place(block: Block, network: dict[str, NetworkObservations], xyz_m: Float) -> list[Note]:

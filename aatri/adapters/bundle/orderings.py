@@ -6,18 +6,18 @@ from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figur
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.solution import Orderings
 from aatri.observations.poses import POSE
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.progress import Reporter
 
 CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
 
 
-def report_orderings(done: Round, used: Ordering, reporter: Reporter) -> Orderings | None:
+def report_orderings(done: AdjustedBlock, used: Ordering, reporter: Reporter) -> Orderings | None:
     """Compare the order in use with those of the textbook, in the log and as a table; None without images.
 
     Parameters
     ----------
-    done : Round
+    done : AdjustedBlock
     used : str
     reporter : Reporter
     """
@@ -27,7 +27,7 @@ def report_orderings(done: Round, used: Ordering, reporter: Reporter) -> Orderin
     position = problem.layout.position.copy()
     vertex = problem.layout.vertex[POSE]
     position[vertex[vertex >= 0]] = numbering.place[vertex >= 0]
-    found = ordering_figures(problem, used, [name for name in CHAINS if name != used], position)
+    figures_of_all = ordering_figures(problem, used, [name for name in CHAINS if name != used], position)
     textbook = numbering.textbook
     if textbook:
         n, N = numbering.images, numbering.strips
@@ -36,23 +36,22 @@ def report_orderings(done: Round, used: Ordering, reporter: Reporter) -> Orderin
             f"{N} parallel strips of up to {n} images; the textbook numbers {better} the strips, n {n}, "
             f"2N - 1 {2 * N - 1}"
         )
-    for figures in found:
-        reporter.log(
-            _told(figures, textbook.get(figures.ordering), len(problem.tree.nodes) == 1 and figures is found[0])
-        )
+    for k, figures in enumerate(figures_of_all):
+        one_front = len(problem.tree.nodes) == 1 and k == 0
+        reporter.log(_described(figures, textbook.get(figures.ordering), one_front))
     return Orderings(
-        ordering=np.array([f.ordering for f in found]),
-        used=np.arange(len(found)) == 0,
-        textbook_images=np.array([textbook.get(f.ordering, -1) for f in found], dtype=np.int32),
-        images=np.array([f.half_bandwidth for f in found], dtype=np.int32),
-        unknowns=np.array([f.half_bandwidth_unknowns for f in found], dtype=np.int64),
-        border=np.array([f.border_unknowns for f in found], dtype=np.int64),
-        stored=np.array([f.stored for f in found], dtype=np.int64),
-        gflop=np.array([1e-9 * f.flops for f in found]),
+        ordering=np.array([f.ordering for f in figures_of_all]),
+        used=np.arange(len(figures_of_all)) == 0,
+        textbook_images=np.array([textbook.get(f.ordering, -1) for f in figures_of_all], dtype=np.int32),
+        images=np.array([f.half_bandwidth for f in figures_of_all], dtype=np.int32),
+        unknowns=np.array([f.half_bandwidth_unknowns for f in figures_of_all], dtype=np.int64),
+        border=np.array([f.border_unknowns for f in figures_of_all], dtype=np.int64),
+        stored=np.array([f.stored for f in figures_of_all], dtype=np.int64),
+        gflop=np.array([1e-9 * f.flops for f in figures_of_all]),
     )
 
 
-def _told(f: OrderingFigures, textbook: int | None, one_front: bool) -> str:
+def _described(f: OrderingFigures, textbook: int | None, one_front: bool) -> str:
     expected = f" (textbook {textbook})" if textbook is not None else ""
     band = f"half bandwidth {f.half_bandwidth} images{expected}, {f.half_bandwidth_unknowns} unknowns, "
     return (

@@ -22,13 +22,14 @@ def given_orientations(block: Block) -> tuple[Float, Float]:
     n = len(block.images)
     position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     exterior = block.exterior
-    known = np.flatnonzero(np.isfinite(exterior.angles_rad).all(axis=1))
-    if len(known):
-        image = exterior.image[known]
-        given = Given(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
+    with_angles = np.flatnonzero(np.isfinite(exterior.angles_rad).all(axis=1))
+    if len(with_angles):
+        image = exterior.image[with_angles]
+        source = Given(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
         cameras = block.images.camera[image]
-        ground = ground_of_angles(given, exterior.position_m[known])
-        angles = ObservedAngles(exterior.angles_rad[known], block.rotation, ground, block.cameras.mount_deg[cameras])
+        ground = ground_of_angles(source, exterior.position_m[with_angles])
+        mount_deg, angles_rad = block.cameras.mount_deg[cameras], exterior.angles_rad[with_angles]
+        angles = ObservedAngles(angles_rad, block.rotation, ground, mount_deg)
         observed, _ = angles.rotations()
         rotation[image] = observed @ exp_rotation(block.cameras.boresight_rad[cameras])
     position[exterior.image] = exterior.position_m

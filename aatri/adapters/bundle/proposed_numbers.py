@@ -5,21 +5,21 @@ import numpy as np
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.blunders.swaps import is_of_rays
-from aatri.orientation.bundle.rounds import Key, Round, with_keys
+from aatri.orientation.bundle.rounds import AdjustedBlock, Key, with_keys
 
 
-def proposed_numbers(done: Round) -> ProposedNumbers:
+def proposed_numbers(done: AdjustedBlock) -> ProposedNumbers:
     """All proposals of a search.
 
     Parameters
     ----------
-    done : Round
+    done : AdjustedBlock
     """
     rows: list[tuple[Observed, int, str, bool]] = []
     observed = [o.observed for o in done.result.observations]
     for pair in done.swapped:
         for one, other in (pair, pair[::-1]):
-            (o, row), (of_other, other_row) = (_found(observed, key) for key in (one, other))
+            (o, row), (of_other, other_row) = (_place_of(observed, key) for key in (one, other))
             rows.append((o, row, str(of_other.names(np.array([other_row]))[1][0]), True))
     if done.renumbered and done.given.rays is not None:
         o = next(o for o in observed if is_of_rays(o, done.given.rays))
@@ -37,6 +37,6 @@ def proposed_numbers(done: Round) -> ProposedNumbers:
     )
 
 
-def _found(observed: list[Observed], key: Key) -> tuple[Observed, int]:
+def _place_of(observed: list[Observed], key: Key) -> tuple[Observed, int]:
     """The observation with a key, and its place in it."""
     return next((o, int(np.argmax(has))) for o in observed if (has := with_keys(o, [key])).any())

@@ -19,27 +19,27 @@ def uncontrolled_of(result: BundleResult) -> Uncontrolled | None:
     result : BundleResult
         None without covariances.
     """
-    known = [o for o in result.observations if not o.observed.exact and np.isfinite(o.covariance[o.used]).any()]
-    if result.adjusted.down_weighted or not known:
+    determined = [o for o in result.observations if not o.observed.exact and np.isfinite(o.covariance[o.used]).any()]
+    if result.adjusted.down_weighted or not determined:
         return None
-    return stacked([Uncontrolled.empty(), *map(_of_kind, known)])
+    return stacked([Uncontrolled.empty(), *map(_of_kind, determined)])
 
 
-def _of_kind(found: AdjustedObservations) -> Uncontrolled:
-    o = found.observed
-    rows = found.rows[found.used[found.rows]]
+def _of_kind(adjusted: AdjustedObservations) -> Uncontrolled:
+    o = adjusted.observed
+    rows = adjusted.rows[adjusted.used[adjusted.rows]]
     records, m = o.records, o.records.rows
-    R = np.eye(m) - found.covariance[rows]
+    R = np.eye(m) - adjusted.covariance[rows]
     observed = records.observed_components()[rows]
     if o.components:
-        return _of_parameters(found, rows, R)
-    some, least, direction = uncontrolled_directions(R, observed, records.whitener[rows])
-    return uncontrolled_table(o, rows[some], least, direction)
+        return _of_parameters(adjusted, rows, R)
+    weak, least, direction = uncontrolled_directions(R, observed, records.whitener[rows])
+    return uncontrolled_table(o, rows[weak], least, direction)
 
 
-def _of_parameters(found: AdjustedObservations, rows: Int, R: Float) -> Uncontrolled:
+def _of_parameters(adjusted: AdjustedObservations, rows: Int, R: Float) -> Uncontrolled:
     """Of weighted parameters one by one: they have no common direction."""
-    o, r = found.observed, np.einsum("nii->ni", R)
+    o, r = adjusted.observed, np.einsum("nii->ni", R)
     weighted = np.isfinite(o.sigmas()[rows])
     row, component = np.nonzero(weighted & (np.where(weighted, r, 1.0) < BELOW))
     label = np.array(o.components, dtype=np.str_)[component]

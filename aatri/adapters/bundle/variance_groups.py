@@ -46,25 +46,25 @@ def _parts(o: Observed) -> list[str]:
 
 def _component(o: Observed) -> Int:
     """Part of each component."""
-    found = np.zeros(o.records.rows, dtype=np.int64)
+    part_of = np.zeros(o.records.rows, dtype=np.int64)
     for k, (_, components) in enumerate(o.parts):
-        found[list(components)] = k
-    return found
+        part_of[list(components)] = k
+    return part_of
 
 
 def _of_rows(block: Block, o: Observed, levels: Collection[Level]) -> Text:
     """What distinguishes the observations of one kind, (n,) str."""
     image, _ = o.names(np.arange(len(o)))
     row = rows_of(image, block.images.id)
-    known = row >= 0
+    of_image = row >= 0
     texts = np.full(len(o), "", dtype="U256")
     in_image = {POSE, POINT} <= {group for group, _ in o.records.touches}
     if "camera" in levels and in_image and len(block.cameras) > 1:
         camera = block.cameras.id[block.images.camera[np.maximum(row, 0)]]
-        texts = np.where(known, np.char.add(texts, np.char.add(" camera ", camera)), texts)
-    if "flight" in levels and known.any():
+        texts = np.where(of_image, np.char.add(texts, np.char.add(" camera ", camera)), texts)
+    if "flight" in levels and of_image.any():
         flight = block.images.flight[np.maximum(row, 0)]
-        texts = np.where(known & (flight != ""), np.char.add(texts, np.char.add(" flight ", flight)), texts)
+        texts = np.where(of_image & (flight != ""), np.char.add(texts, np.char.add(" flight ", flight)), texts)
     if "group" in levels and o.group is not None:
         texts = np.where(o.group != "", np.char.add(texts, np.char.add(" group ", o.group)), texts)
     return np.char.strip(texts)

@@ -42,13 +42,13 @@ CALLED = {
 
 def names_of(result: TiedResult, rows: Int) -> list[str]:
     """What messages call some of all observations."""
-    found = []
+    texts = []
     for row in rows.tolist():
         k = int(np.searchsorted(result.problem.edges, row, side="right")) - 1
         o = result.problem.observed[k]
         image, point = o.names(np.array([row - result.problem.edges[k]]))
-        found.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
-    return found
+        texts.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
+    return texts
 
 
 def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -> Bool:
@@ -90,12 +90,12 @@ def residuals_of(result: TiedResult, state: State | None = None) -> Residuals:
         Other values of the unknowns, such as points that are held against control.
     """
     values = result.state if state is None else state
-    return stacked([Residuals.empty(), *(residual_table(found, values) for found in _shown(result))])
+    return stacked([Residuals.empty(), *(residual_table(adjusted, values) for adjusted in _shown(result))])
 
 
 def tests_of(result: TiedResult) -> Tests:
     """Redundancy numbers, tests and detectable errors of the observations in the order of `residuals_of`."""
-    return stacked([Tests.empty(), *(reliability_table(found, result.state) for found in _shown(result))])
+    return stacked([Tests.empty(), *(reliability_table(adjusted, result.state) for adjusted in _shown(result))])
 
 
 def components_of(result: TiedResult) -> VarianceComponents:
@@ -104,7 +104,7 @@ def components_of(result: TiedResult) -> VarianceComponents:
     As the residuals of this adjustment have them: they are proposed, and not iterated.
     """
     names, shown, numbers = list[str](), list(_shown(result)), list[Int]()
-    for o in (found.observed for found in shown):
+    for o in (adjusted.observed for adjusted in shown):
         number = np.full((len(o), o.records.rows), len(names))
         for k, (_, components) in enumerate(o.parts):
             number[:, components] += k
@@ -117,17 +117,17 @@ def components_of(result: TiedResult) -> VarianceComponents:
 def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
     """What is observed of the ground, then ties of several bodies."""
     native = [o.kind for o, _ in _native(result)]
-    for found in sorted(result.observations, key=lambda found: found.observed.spread is not None):
-        if found.observed.kind in native:
-            yield _of_several(found)
+    for adjusted in sorted(result.observations, key=lambda adjusted: adjusted.observed.spread is not None):
+        if adjusted.observed.kind in native:
+            yield _of_several(adjusted)
 
 
-def _of_several(found: AdjustedObservations) -> AdjustedObservations:
-    of = [block for group, block in found.observed.records.touches if group != BODY]
-    if found.observed.spread is None or not of:
-        return found
+def _of_several(adjusted: AdjustedObservations) -> AdjustedObservations:
+    of = [block for group, block in adjusted.observed.records.touches if group != BODY]
+    if adjusted.observed.spread is None or not of:
+        return adjusted
     shared = np.bincount(of[0])[of[0]] > 1
-    return replace(found, rows=found.rows[shared[found.rows]])
+    return replace(adjusted, rows=adjusted.rows[shared[adjusted.rows]])
 
 
 def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | None = None) -> Suspects:
@@ -143,10 +143,10 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
         To the ground, from the frame of the bodies.
     """
     tables = [Suspects.empty()]
-    for o, mine in _native(result):
-        active, above = result.active[mine], result.above[mine]
-        listed = np.flatnonzero(~active | ~began[mine] | above)
-        error, test = result.size[mine][listed], result.test[mine][listed]
+    for o, part in _native(result):
+        active, above = result.active[part], result.above[part]
+        listed = np.flatnonzero(~active | ~began[part] | above)
+        error, test = result.size[part][listed], result.test[part][listed]
         error = error if to is None else to.scale * error @ to.rotation.T
         verdict = np.where(active[listed], np.where(above[listed], "kept", "readmitted"), "rejected")
         tables.append(suspect_table(stage, o, listed, error, test, verdict))
@@ -157,8 +157,8 @@ def not_tested(before: Suspects, result: TiedResult, bodies: Text) -> Suspects:
     """Suspects of earlier stages but those tested here anew: ties of some bodies, and what was observed."""
     again = np.zeros(len(before), dtype=bool)
     for o, _ in _native(result):
-        mine = np.isin(before.row, o.row) if (o.row >= 0).any() else np.isin(before.image, bodies)
-        again |= (before.kind == o.kind) & mine
+        part = np.isin(before.row, o.row) if (o.row >= 0).any() else np.isin(before.image, bodies)
+        again |= (before.kind == o.kind) & part
     return before.take(~again)
 
 
@@ -166,10 +166,10 @@ def seen_points(result: TiedResult) -> Bool:
     """Points that several bodies hold, or control, (n_points,)."""
     n = len(result.state[POINT])
     bodies, seen = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
-    for o, mine in _native(result):
+    for o, part in _native(result):
         touched = [block for group, block in o.records.touches if group == POINT]
         if len(touched) == 1:
-            points = touched[0][result.active[mine]]
+            points = touched[0][result.active[part]]
             if o.spread is None:
                 seen[points] = True
             else:
@@ -183,8 +183,8 @@ def uncontrolled_kinds(result: TiedResult, turned: Float | None = None) -> Uncon
     along = direction if turned is None else direction @ turned.T
     tables = [Uncontrolled.empty()]
     for o, part in _native(result):
-        mine = (few >= part.start) & (few < part.stop)
-        tables.append(uncontrolled_table(o, few[mine] - part.start, least[mine], along[mine]))
+        of_kind = (few >= part.start) & (few < part.stop)
+        tables.append(uncontrolled_table(o, few[of_kind] - part.start, least[of_kind], along[of_kind]))
     return stacked(tables)
 
 

@@ -22,12 +22,12 @@ from aatri.notes import Note
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.parameter_estimates import column_kinds
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 
 
 def findings_after(
     source: Given,
-    done: Round,
+    done: AdjustedBlock,
     groups: tuple[AcceptedGroup, ...],
     max_sigma0: float,
     *,
@@ -39,7 +39,7 @@ def findings_after(
     ----------
     source : Given
         What the observations of the block were taken from.
-    done : Round
+    done : AdjustedBlock
         Without covariances where none are wanted.
     tests : bool
         Observations are tested too.

@@ -88,7 +88,7 @@ def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
     """N of all coefficients, the ground points eliminated."""
     ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
     held = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
-    weights = problem.weights(use & problem.held(use), [*ties, *held])
+    weights = problem.weights(use & problem.taking_part(use), [*ties, *held])
     return reduced_normals(with_weights(problem.index, weights), problem.start).N
 
 

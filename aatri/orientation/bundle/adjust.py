@@ -75,11 +75,11 @@ def adjust_bundle(
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
         onto = _datum_of(given, start)
         free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
-    held = unknowns if free is None else minimally_held(free)
+    datum_held = unknowns if free is None else minimally_held(free)
 
     def adjusted_from(values: State) -> Adjusted:
         return adjust_large(
-            held,
+            datum_held,
             records,
             values,
             constraints=constraints,
@@ -136,8 +136,8 @@ def _without_open(
     result = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     for name, more in result.set_aside.items():
         aside[name] = aside[name] | more if name in aside else more
-    told = [note for note in adjusted.notes if note.text.startswith(SET_ASIDE)]
-    return replace(result, notes=(*told, *result.notes), set_aside=aside)
+    of_aside = [note for note in adjusted.notes if note.text.startswith(SET_ASIDE)]
+    return replace(result, notes=(*of_aside, *result.notes), set_aside=aside)
 
 
 _WITHOUT_FACTOR = (

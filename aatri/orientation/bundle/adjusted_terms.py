@@ -25,7 +25,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.result import BundleResult, from_result
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 
 FITS = 3.0
 """Median of |v| / sigma up to which the coordinates computed from a start are adjusted ones."""
@@ -59,12 +59,12 @@ def adjusted_with_terms(given: BundleInput, adjust: Adjust, roughly: Adjust) -> 
     return adjust(given if formed is None else formed)
 
 
-def with_settled_terms(done: Round, adjust: Adjust) -> Round:
+def with_settled_terms(done: AdjustedBlock, adjust: Adjust) -> AdjustedBlock:
     """The adjusted block, adjusted again until its parameters are those by which its terms were formed.
 
     Parameters
     ----------
-    done : Round
+    done : AdjustedBlock
     adjust : callable
         With the terms at the coordinates of its start.
     """

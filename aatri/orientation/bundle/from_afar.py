@@ -91,22 +91,22 @@ def _best_restart(
     if has_shapes(given.observed):
         try:
             given = start_without_shapes(given, settings, reporter)
-            found = adjust_bundle(given, settings, reporter=reporter)
-            best = found if best is None or _rank(given, found) < _rank(given, best) else best
+            tried = adjust_bundle(given, settings, reporter=reporter)
+            best = tried if best is None or _rank(given, tried) < _rank(given, best) else best
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start without relative control: {error.what}")
         if _trusted(given, best, restarted=True):
             return best
-    for factor, held in TRIALS if given.rays is not None else ():
+    for factor, rotations_held in TRIALS if given.rays is not None else ():
         try:
-            started = start_in_space(given, factor, held)
-            found = adjust_bundle(started, settings, reporter=reporter)
+            started = start_in_space(given, factor, rotations_held)
+            tried = adjust_bundle(started, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
-        again = best is not None and np.isclose(found.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
-        if best is None or _rank(given, found) < _rank(given, best):
-            best = found
+        again = best is not None and np.isclose(tried.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
+        if best is None or _rank(given, tried) < _rank(given, best):
+            best = tried
         if _trusted(given, best, restarted=True):
             return best
         if again and not _rank(given, best)[0]:
@@ -134,14 +134,14 @@ def _resected(
     known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
     poses, xyz = complete_start(rays, Poses(position, rotation), known)
     try:
-        found = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
+        tried = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         reporter.log(f"start by resection of {shown(np.asarray(given.image_ids)[bad])}: {error.what}")
         return best
-    complete = (found.image_adjusted >= best.image_adjusted).all() and (
-        found.point_adjusted >= best.point_adjusted
+    complete = (tried.image_adjusted >= best.image_adjusted).all() and (
+        tried.point_adjusted >= best.point_adjusted
     ).all()
-    return found if complete and _rank(given, found) < _rank(given, best) else best
+    return tried if complete and _rank(given, tried) < _rank(given, best) else best
 
 
 def _known_points(given: BundleInput) -> Bool:

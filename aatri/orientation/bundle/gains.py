@@ -23,11 +23,11 @@ def gains_of_observations(result: BundleResult) -> list[Gains | None]:
     adjusted = result.adjusted
     if not adjusted.has_factor:
         return [None] * len(result.observations)
-    found = marginal_covariances(adjusted, gains_of=(POINT, POSE))
+    marginal = marginal_covariances(adjusted, gains_of=(POINT, POSE))
     if result.free is not None:
-        known = np.asarray(np.isfinite(found.groups[POINT]).all(axis=(1, 2)))
-        transformation = transformation_of(result.free, adjusted, known)
-        for records, gains in zip(adjusted.problem.records, found.gains):
+        determined = np.asarray(np.isfinite(marginal.groups[POINT]).all(axis=(1, 2)))
+        transformation = transformation_of(result.free, adjusted, determined)
+        for records, gains in zip(adjusted.problem.records, marginal.gains):
             transformation.move_gains(gains, records, adjusted.state)
-    in_turn = iter(found.gains)
+    in_turn = iter(marginal.gains)
     return [None if o.observed.exact or not len(o.rows) else next(in_turn) for o in result.observations]

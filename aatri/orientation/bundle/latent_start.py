@@ -36,16 +36,16 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
         If the others do not determine the block.
     """
     rest = tuple(o for o in given.observed if not _is_shape(o))
-    found = adjust_bundle(
+    without = adjust_bundle(
         replace(given, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
     )
-    xyz = np.where(np.isfinite(found.xyz_m), found.xyz_m - given.origin_m, given.xyz_m)
+    xyz = np.where(np.isfinite(without.xyz_m), without.xyz_m - given.origin_m, given.xyz_m)
     poses = Poses(
         *(
             np.where(np.isfinite(new), new, old)
             for new, old in (
-                (found.poses.position_m - given.origin_m, given.poses.position_m),
-                (found.poses.ground_from_image, given.poses.ground_from_image),
+                (without.poses.position_m - given.origin_m, given.poses.position_m),
+                (without.poses.ground_from_image, given.poses.ground_from_image),
             )
         )
     )

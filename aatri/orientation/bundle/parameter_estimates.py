@@ -55,12 +55,12 @@ def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
 
 def column_kinds(given: BundleInput) -> dict[str, str]:
     """What the additional parameters do, by their columns at the image points."""
-    found: dict[str, str] = {}
+    kinds: dict[str, str] = {}
     for rows in given.parameters:
         if is_additional(rows.group) and rows.basis is not None and given.rays is not None:
-            known = np.flatnonzero(np.isfinite(given.rays.xy_mm).all(axis=1))[:MOST_COLUMNS]
-            found |= kinds_of_columns(rows.labels, rows.basis[known], given.rays.xy_mm[known])
-    return found
+            finite = np.flatnonzero(np.isfinite(given.rays.xy_mm).all(axis=1))[:MOST_COLUMNS]
+            kinds |= kinds_of_columns(rows.labels, rows.basis[finite], given.rays.xy_mm[finite])
+    return kinds
 
 
 @dataclass(frozen=True)
@@ -109,4 +109,4 @@ def idle_parameters(given: BundleInput, result: BundleResult) -> IdleParameters:
 
 def with_free(parameters: Sequence[ParameterRows], free: Sequence[Bool]) -> tuple[ParameterRows, ...]:
     """The parameters with others of them free."""
-    return tuple(replace(p, free=some) for p, some in zip(parameters, free, strict=True))
+    return tuple(replace(p, free=scalars) for p, scalars in zip(parameters, free, strict=True))

@@ -92,11 +92,11 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     rows = np.flatnonzero(known)
     position, rotation = poses.position_m[rows], poses.ground_from_image[rows]
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
         now: Poses = state[POSE]
-        turned = log_rotation(now.ground_from_image[rows[some]] @ rotation[some].swapaxes(1, 2))
-        v = np.concatenate([now.position_m[rows[some]] - position[some], turned], axis=1)
-        return v, (np.broadcast_to(np.eye(6), (len(some), 6, 6)),)
+        turned = log_rotation(now.ground_from_image[rows[chosen]] @ rotation[chosen].swapaxes(1, 2))
+        v = np.concatenate([now.position_m[rows[chosen]] - position[chosen], turned], axis=1)
+        return v, (np.broadcast_to(np.eye(6), (len(chosen), 6, 6)),)
 
     whitener = whitener_of_covariances(covariance[rows], np.ones((len(rows), 6), dtype=bool))
     touches = ((POSE, rows.astype(np.int32)),)

@@ -13,12 +13,12 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool
 
 
-def readmitted(found: AdjustedObservations, state: State, limit: float = 3.0) -> Bool:
+def readmitted(adjusted: AdjustedObservations, state: State, limit: float = 3.0) -> Bool:
     """Which of the rejected rows fit the adjusted block after all; what cannot be predicted does not.
 
     Parameters
     ----------
-    found : AdjustedObservations
+    adjusted : AdjustedObservations
     state : mapping
         The adjusted block.
     limit : float
@@ -28,15 +28,15 @@ def readmitted(found: AdjustedObservations, state: State, limit: float = 3.0) ->
     -------
     (n,) bool
     """
-    fits = np.zeros(len(found.observed), dtype=bool)
-    rejected = found.observed.rejected
+    fits = np.zeros(len(adjusted.observed), dtype=bool)
+    rejected = adjusted.observed.rejected
     if rejected is None:
         return fits
-    rows = found.rows[rejected[found.rows]]
-    covariance = found.covariance[rows]
-    if not np.isfinite(found.covariance[found.rows]).any():
+    rows = adjusted.rows[rejected[adjusted.rows]]
+    covariance = adjusted.covariance[rows]
+    if not np.isfinite(adjusted.covariance[adjusted.rows]).any():
         covariance = np.zeros_like(covariance)  # adjusted without: held against the measurement's own alone
-    records = found.observed.records.take(rows)
+    records = adjusted.observed.records.take(rows)
     tests = record_tests(records, state, covariance, whitened_residuals(records, state, np.arange(len(rows))))
     fits[rows[tests.test <= limit]] = True
     return fits

@@ -92,9 +92,9 @@ class BundleResult:
     def in_problem(self, place: int) -> tuple[Records, Int]:
         """Observations of a kind as records of the adjustment, and the row of each there; -1 where it takes no part."""
         taking_part = [k for k, o in enumerate(self.observations) if len(o.rows) and not o.observed.exact]
-        found = self.observations[place]
-        row = np.full(len(found.observed), -1, dtype=np.int64)
-        row[found.rows] = np.arange(len(found.rows))
+        observations = self.observations[place]
+        row = np.full(len(observations.observed), -1, dtype=np.int64)
+        row[observations.rows] = np.arange(len(observations.rows))
         return self.adjusted.problem.records[taking_part.index(place)], row
 
 
@@ -135,8 +135,8 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
     )
     observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
     datum = [
-        old if known is None else known
-        for known, old in ((given.datum_position_m, given.poses.position_m), (given.datum_xyz_m, given.xyz_m))
+        old if chosen is None else chosen
+        for chosen, old in ((given.datum_position_m, given.poses.position_m), (given.datum_xyz_m, given.xyz_m))
     ]
     return replace(
         given,

@@ -38,15 +38,15 @@ def keys_of(o: Observed, rows: Int | Bool) -> tuple[Key, ...]:
 
 def with_keys(o: Observed, keys: Collection[Key]) -> Bool:
     """Which observations of a kind have one of the keys, (n,)."""
-    mine = [row for kind, row in keys if kind == o.kind]
-    found = np.isin(o.row, [row for row in mine if row >= 0])
-    place = [-1 - row for row in mine if row < 0]
-    found[[k for k in place if k < len(o) and o.row[k] < 0]] = True
-    return found
+    of_kind = [row for kind, row in keys if kind == o.kind]
+    has_key = np.isin(o.row, [row for row in of_kind if row >= 0])
+    place = [-1 - row for row in of_kind if row < 0]
+    has_key[[k for k in place if k < len(o) and o.row[k] < 0]] = True
+    return has_key
 
 
 @dataclass(frozen=True)
-class Round:
+class AdjustedBlock:
     """An adjusted block and what led to it.
 
     Attributes
@@ -78,7 +78,7 @@ class Round:
     considered: tuple[Bool, ...] = ()
 
 
-def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
+def with_readmission(given: BundleInput, adjust: Adjust) -> AdjustedBlock:
     """Adjust without what was rejected, then once more with those of it that fit.
 
     Parameters
@@ -89,7 +89,7 @@ def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
     result = adjust(given)
     fits = [readmitted(o, result.adjusted.state) for o in result.observations]
     if not any(f.any() for f in fits):
-        return Round(given, result)
+        return AdjustedBlock(given, result)
     observed, notes = [], []
     for o, back in zip(given.observed, fits):
         if o.rejected is None or not back.any():
@@ -101,15 +101,15 @@ def with_readmission(given: BundleInput, adjust: Adjust) -> Round:
         text = f"{o.kind}: {int(back.sum())} of {int(o.rejected.sum())} rejected fit the block and are re-admitted"
         notes.append(Note("note", text, ids))
     again = from_result(replace(given, observed=tuple(observed)), result)
-    return Round(again, adjust(again), tuple(notes))
+    return AdjustedBlock(again, adjust(again), tuple(notes))
 
 
-def without_idle_parameters(before: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
+def without_idle_parameters(before: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> AdjustedBlock:
     """Adjust once more without additional parameters that are not worth keeping.
 
     Parameters
     ----------
-    before : Round
+    before : AdjustedBlock
         With standard deviations.
     adjust, rebuilt : callable
 
@@ -133,7 +133,7 @@ def without_idle_parameters(before: Round, adjust: Adjust, rebuilt: Rebuilt) -> 
     return replace(before, given=reduced, result=adjust(reduced), notes=notes, considered=idle.considered)
 
 
-def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
+def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> AdjustedBlock:
     """The same result; what was left out as not significant counts in the covariances of points and orientations.
 
     A parameter that is held at zero errs by what it truly is, p. Of a size that no test has found it may still be: with
@@ -146,7 +146,7 @@ def with_considered(done: Round, adjust: Adjust, rebuilt: Rebuilt) -> Round:
 
     Parameters
     ----------
-    done : Round
+    done : AdjustedBlock
         After all changes of weights.
     adjust, rebuilt : callable
 

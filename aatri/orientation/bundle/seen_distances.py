@@ -17,9 +17,9 @@ def median_distance_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -
     """Median distance of the points from the images that see them, m; None where nothing tells it."""
     if rays is None:
         return None
-    some = slice(None, None, max(1, len(rays.image) // MOST_RAYS_LOOKED_AT))
-    away = xyz_m[rays.point[some]] - poses.position_m[rays.image[some]]
-    away = away[np.isfinite(away).all(axis=1) & rays.active[some]]
+    evenly = slice(None, None, max(1, len(rays.image) // MOST_RAYS_LOOKED_AT))
+    away = xyz_m[rays.point[evenly]] - poses.position_m[rays.image[evenly]]
+    away = away[np.isfinite(away).all(axis=1) & rays.active[evenly]]
     return float(np.median(np.linalg.norm(away, axis=1))) if len(away) else None
 
 
@@ -28,11 +28,11 @@ def seen_distances_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) ->
     n = len(poses.position_m)
     if rays is None or not len(rays.image):
         return np.zeros(n)
-    some = slice(None, None, max(1, len(rays.image) // (RAYS_OF_AN_IMAGE * n)))
-    image, point = rays.image[some], rays.point[some]
+    evenly = slice(None, None, max(1, len(rays.image) // (RAYS_OF_AN_IMAGE * n)))
+    image, point = rays.image[evenly], rays.point[evenly]
     away = xyz_m[point] - poses.position_m[image]
     depth = -np.einsum("ni,ni->n", poses.ground_from_image[image, :, 2], away)
-    usable = np.isfinite(depth) & rays.active[some]
+    usable = np.isfinite(depth) & rays.active[evenly]
     image, depth = image[usable], depth[usable]
     count = np.bincount(image, minlength=n)
     middle = np.minimum(np.cumsum(count) - count + count // 2, max(len(depth) - 1, 0))

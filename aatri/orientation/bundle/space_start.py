@@ -48,9 +48,9 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
         pose = np.repeat(image[:, None], 6, axis=1)
         pose[:, 3:] &= turning
         unknowns = [u for u in unknowns_of(given, part, pose, given.poses.position_m) if u.name in (POSE, POINT)]
-        found = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
-        state = found.state
-    poses, xyz = found.state[POSE], found.state[POINT]
+        solved = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
+        state = solved.state
+    poses, xyz = solved.state[POSE], solved.state[POINT]
     for k in np.flatnonzero(images_turned_over(rays, poses, xyz)):
         poses = _mirrored(poses, int(k), xyz[rays.point[rays.image == k]])
     return replace(given, poses=poses, xyz_m=np.where(point[:, None], xyz, given.xyz_m))
@@ -82,12 +82,12 @@ def _ray_rows(given: BundleInput, part: Participants) -> Int:
 
 def _other_records(given: BundleInput, part: Participants) -> list[Records]:
     """Observations of poses and points that are no image points: control, positions ..."""
-    found = []
+    records = []
     for o, rows in zip(given.observed, part.rows):
         groups = {group for group, _ in o.records.touches}
         if len(rows) and not o.exact and groups < {POSE, POINT}:
-            found.append(o.records.take(rows))
-    return found
+            records.append(o.records.take(rows))
+    return records
 
 
 def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:

@@ -60,9 +60,9 @@ def strip_numbering(position_m: Float, strip: Int, sequence: Float) -> StripNumb
         Place in the strip.
     """
     xy = position_m[:, :2]
-    known = np.isfinite(xy).all(axis=1) & (strip >= 0)
+    finite = np.isfinite(xy).all(axis=1) & (strip >= 0)
     order = np.lexsort((sequence, strip))
-    order = order[known[order]]
+    order = order[finite[order]]
     of, step, base_m = _steps(xy[order], strip[order])
     if not len(step):
         return StripNumbering(xy.copy(), 0, 0)
@@ -73,12 +73,12 @@ def strip_numbering(position_m: Float, strip: Int, sequence: Float) -> StripNumb
     parallel = of[np.cos(doubled - 2 * direction) > 0]
     place = turned.copy()
     columns = turned[:, 0] / base_m
-    mine = known & np.isin(strip, parallel)
-    phase = np.angle(np.exp(2j * np.pi * columns[mine]).mean()) / (2 * np.pi)
-    place[:, 0] = np.where(mine, np.round(columns - phase), columns - phase)
+    of_strip = finite & np.isin(strip, parallel)
+    phase = np.angle(np.exp(2j * np.pi * columns[of_strip]).mean()) / (2 * np.pi)
+    place[:, 0] = np.where(of_strip, np.round(columns - phase), columns - phase)
     for k in parallel:
-        place[mine & (strip == k), 1] = np.median(turned[mine & (strip == k), 1])
-    return StripNumbering(place, len(parallel), int(np.bincount(strip[mine]).max()))
+        place[of_strip & (strip == k), 1] = np.median(turned[of_strip & (strip == k), 1])
+    return StripNumbering(place, len(parallel), int(np.bincount(strip[of_strip]).max()))
 
 
 def _steps(xy: Float, strip: Int) -> tuple[Int, Float, float]:

@@ -80,12 +80,12 @@ def variance_components(
     factor, frozen = np.ones(n), np.zeros(n, dtype=bool)
     now, adjusted = given, result
     for _ in range(ROUNDS):
-        found = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
-        frozen |= ~found.estimable
-        change = np.where(frozen, 1.0, found.factor)
+        sigmas = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
+        frozen |= ~sigmas.estimable
+        change = np.where(frozen, 1.0, sigmas.factor)
         factor = np.where(frozen, 1.0, factor)
         if np.abs(change - 1).max(initial=0.0) < SAME:
-            return replace(found, factor=factor, estimable=~frozen), now, adjusted
+            return replace(sigmas, factor=factor, estimable=~frozen), now, adjusted
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
             break
@@ -99,20 +99,20 @@ def variance_components(
     )
 
 
-def variance_notes(names: Sequence[str], found: GroupSigmas, *, applied: bool) -> list[Note]:
+def variance_notes(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool) -> list[Note]:
     """What the components say; a warning where given standard deviations do not fit."""
-    low, high = found.limits
+    low, high = sigmas.limits
     texts = [
-        f"{names[g]}: {found.factor[g]:.3g} times ({low[g]:.3g} to {high[g]:.3g}, 95 %)"
-        for g in np.flatnonzero(found.differs).tolist()
+        f"{names[g]}: {sigmas.factor[g]:.3g} times ({low[g]:.3g} to {high[g]:.3g}, 95 %)"
+        for g in np.flatnonzero(sigmas.differs).tolist()
     ]
     notes = []
     if texts:
         what = "applied" if applied else "proposed, not applied: set them in the block, or `apply: true`"
         notes.append(Note("warning", f"standard deviations from the residuals, {what}", tuple(texts)))
-    some = [names[g] for g in np.flatnonzero(~found.estimable).tolist()]
-    if some:
-        notes.append(Note("note", "standard deviation not estimable (redundancy below 10), as given", tuple(some)))
+    others = [names[g] for g in np.flatnonzero(~sigmas.estimable).tolist()]
+    if others:
+        notes.append(Note("note", "standard deviation not estimable (redundancy below 10), as given", tuple(others)))
     if not texts:
         notes.append(Note("note", "variance components: the given standard deviations fit the residuals"))
     return notes
@@ -143,11 +143,11 @@ def grouped(observed: Sequence[Observed], labels: Sequence[Sequence[str]], parts
     parts : sequence of (n, m) int
         Place among the labels; -1 none.
     """
-    names = sorted({label for some in labels for label in some})
+    names = sorted({label for of_one in labels for label in of_one})
     place = {name: k for k, name in enumerate(names)}
     number = []
-    for some, part in zip(labels, parts):
-        of = np.array([place[label] for label in some] + [-1], dtype=np.int64)
+    for of_one, part in zip(labels, parts):
+        of = np.array([place[label] for label in of_one] + [-1], dtype=np.int64)
         number.append(of[part])
     used = np.zeros(len(names), dtype=bool)
     for o, n in zip(observed, number):

@@ -18,7 +18,7 @@ from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult, from_result
-from aatri.orientation.bundle.rounds import Round, with_readmission
+from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
 
 ROUNDS = 40
 
@@ -51,7 +51,7 @@ class AdjustOptions:
 Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]
 
 
-def robustly(given: BundleInput, adjust: Adjust, options: SearchOptions) -> Round:
+def robustly(given: BundleInput, adjust: Adjust, options: SearchOptions) -> AdjustedBlock:
     """A robust adjustment for its own sake: nothing is rejected, and there are no statistics."""
     squares = adjust(given, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
     start = given if squares is None else from_result(given, squares)

@@ -42,7 +42,7 @@ from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates,
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, known_covariance, tests_of
 from aatri.orientation.bundle.complete_start import where_most_meet
 from aatri.orientation.bundle.result import BundleResult, from_result
-from aatri.orientation.bundle.rounds import Round, keys_of, with_readmission
+from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_readmission
 
 UNTESTED = (
     "gross errors were not searched for: no observation has a test, for nothing controls it, or the block was solved "
@@ -56,7 +56,7 @@ def search(
     options: SearchOptions,
     tolerance: float = 1e-3,
     squares: BundleResult | None = None,
-) -> Round:
+) -> AdjustedBlock:
     """Adjust a block and leave out its gross errors.
 
     Parameters
@@ -86,7 +86,7 @@ class _Search(FittedSigmas):
         self.tolerance = tolerance
         self.whole = np.zeros(len(self.all.native), dtype=bool)
 
-    def run(self, squares: BundleResult | None) -> Round:
+    def run(self, squares: BundleResult | None) -> AdjustedBlock:
         """Search."""
         active = self.began = self.all.native & ~self.all.rejected_in(self.given)
         first, failure = (self._tested(squares, active), None) if squares else self._first(active)
@@ -128,7 +128,7 @@ class _Search(FittedSigmas):
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
-        return Round(
+        return AdjustedBlock(
             *self._with_sigmas_of_the_result(tried),
             notes,
             self.all.keys(undecided),

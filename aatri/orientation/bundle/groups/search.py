@@ -31,9 +31,9 @@ from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, significant_groups
 from aatri.orientation.bundle.result import BundleResult, from_result
-from aatri.orientation.bundle.rounds import Round
+from aatri.orientation.bundle.rounds import AdjustedBlock
 
-Single = Callable[[BundleInput, BundleResult | None], Round]
+Single = Callable[[BundleInput, BundleResult | None], AdjustedBlock]
 
 MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
@@ -62,7 +62,7 @@ class AcceptedGroup:
 
 def search_with_groups(
     given: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, options: SearchOptions
-) -> tuple[Round, tuple[AcceptedGroup, ...]]:
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """Adjust a block, find groups that are wrong together, and leave out single gross errors.
 
     Parameters
@@ -126,7 +126,7 @@ def _with_rejected_together(given: BundleInput) -> BundleInput | None:
 
 def _carried(
     given: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
-) -> Round | None:
+) -> AdjustedBlock | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
     try:
         return single(with_groups(given, groups), squares)
@@ -198,8 +198,8 @@ def _misfit(result: BundleResult, limit: float) -> float:
 
 
 def _as_given(
-    given: BundleInput, done: Round, groups: list[Group], adjust: Adjust, options: SearchOptions
-) -> tuple[Round, tuple[AcceptedGroup, ...]]:
+    given: BundleInput, done: AdjustedBlock, groups: list[Group], adjust: Adjust, options: SearchOptions
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
     plain = without_groups(given, groups, done.given)
     left_out = options.method != "none"
