@@ -38,13 +38,13 @@ def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
 
 
 def say_parameters(stage: str, solution: Solution) -> None:
-    """The table of parameters, and pairs that the data hardly separate."""
+    """The table of parameters that were estimated, and pairs that the data hardly separate."""
     from aatri.cli.terminal.figures import number
     from aatri.formats.results.parameter_units import parameter_units
     from aatri.formats.results.solution_tables import removed_parameters
 
     p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
-    rows = [k for k in range(len(p)) if p.group[k] != "film"]
+    rows = [k for k in range(len(p)) if p.group[k] != "film" and (removed[k] or p.sigma[k] != 0)]
     if not rows:
         return
     cells = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +16,7 @@ EDITS = "edits.yaml"
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.locate import LocatedRun
+    from aatri.formats.edits.edit import Edit
 
 
 @reports_errors
@@ -50,25 +51,30 @@ def edit(
     assert block is not None
     adjusted = store.load(located.folder, solution.name, Solution)
     made, others = proposals(store.load(located.folder, block.name, Block), adjusted, solution.name)
-    if not made:
-        say(f"{solution.name} proposes nothing")
-    else:
-        rows = [[str(k), str(one), one.reason] for k, one in enumerate(made, start=1)]
-        say_table(("", "proposal", "reason"), rows, ("",))
-    if others:
-        say(f"{others} more are ties of models and strips: what they are made of is judged by the bundle")
     if not apply:
-        if made:
-            say("nothing is written; choose with --apply all, or --apply 1,3-5")
+        _show(made, others, solution.name)
         return
-    target = into or block.edits
     chosen = [made[k] for k in _chosen(apply, len(made))]
+    target = into or block.edits
     old = read_edits(target) if target.exists() else ()
     write_edits(target, [*old, *chosen])
-    say(f"{len(chosen)} edits written to {target}{f', after {len(old)} that it had' if old else ''}")
+    after = f", after {len(old)} that it had" if old else ""
+    say(f"{len(chosen)} edit{'s' * (len(chosen) != 1)} written to {target}{after}")
     if target.resolve() != block.edits.resolve() or not block.reads_edits:
         say(f"the block reads it with `edits: {target}` among the options of stage {block.name}")
     say("next: aatri run")
+
+
+def _show(made: Sequence[Edit], others: int, stage: str) -> None:
+    if made:
+        rows = [[str(k), str(one), one.reason] for k, one in enumerate(made, start=1)]
+        say_table(("", "proposal", "reason"), rows, ("",))
+    else:
+        say(f"{stage} proposes nothing")
+    if others:
+        say(f"{others} more are ties of models and strips: what they are made of is judged by the bundle")
+    if made:
+        say("nothing is written; choose with --apply all, or --apply 1,3-5")
 
 
 @dataclass(frozen=True)

@@ -112,11 +112,8 @@ def wrong_observations(solution: Solution) -> list[str]:
 
 def _image_points_left_out(solution: Solution) -> str:
     out = int((staying_out(solution.suspects) & (solution.suspects.kind == "image_point")).sum())
-    return (
-        f"{number(out)} of {number(out + int(solution.images.image_points.sum()))} image points are left out."
-        if out
-        else ""
-    )
+    used = int(solution.images.image_points.sum())
+    return f"{number(out)} of {number(out + used)} image points {'is' if out == 1 else 'are'} left out." if out else ""
 
 
 _NOUNS = {"control": "control point", "position": "position", "attitude": "attitude"}

@@ -1,0 +1,67 @@
+"""The tutorial is followed literally: every command in it is run, and every output shown is the output.
+
+APPROVE=1 pytest -m slow tests/acceptance/test_tutorial.py     draws its pictures anew
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE, FOLDER = ROOT / "docs/tutorial.md", ROOT / "docs/tutorial"
+SECONDS = re.compile(r"\d+\.\d\d$")
+
+
+def _steps(page: str) -> list[tuple[str, str]]:
+    """Commands and what they print, as the page has them."""
+    steps = []
+    for block in re.findall(r"^```console\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, _, output = part.partition("\n")
+            steps.append((command, output))
+    return steps
+
+
+def _without_seconds(text: str) -> str:
+    """The column of seconds differs from run to run."""
+    return "\n".join(SECONDS.sub("", line.rstrip()).rstrip() for line in text.rstrip().splitlines())
+
+
+def _picture(report: str, title: str) -> str:
+    """A picture of the report as a file of its own, with the light colours of the page."""
+    svg = next(s for s in re.findall(r"<svg.*?</svg>", report, flags=re.DOTALL) if title in s)
+    style = (ROOT / "aatri/report/templates/style.css").read_text(encoding="utf-8")
+    colours = dict(re.findall(r"--(\w+): (#\w+)", style[: style.index("@media")]))
+    rules = "\n".join(line for line in style.splitlines() if line.startswith("svg ") and not line.startswith("svg {"))
+    for name, colour in colours.items():
+        rules = rules.replace(f"var(--{name})", colour)
+    return svg.replace(">", f' xmlns="http://www.w3.org/2000/svg"><style>\n{rules}\n</style>', 1) + "\n"
+
+
+@pytest.mark.slow
+def test_the_tutorial_is_what_happens(tmp_path: Path) -> None:
+    project = tmp_path / "tutorial"
+    shutil.copytree(FOLDER, project)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), "LC_ALL": "C.UTF-8", "COLUMNS": "200"}
+    steps = _steps(PAGE.read_text(encoding="utf-8"))
+    assert len(steps) > 8
+    drawn = False
+    for command, shown in steps:
+        done = subprocess.run(
+            ["bash", "-c", command], cwd=project, env=environment, capture_output=True, text=True, check=False
+        )
+        assert _without_seconds(done.stdout) == _without_seconds(shown), f"$ {command}\n{done.stderr}"
+        if command.startswith("aatri run") and not drawn:
+            picture = _picture((project / "run/report.html").read_text(encoding="utf-8"), "Block plan")
+            if os.environ.get("APPROVE"):
+                (FOLDER / "plan.svg").write_text(picture, encoding="utf-8")
+            drawn = (FOLDER / "plan.svg").read_text(encoding="utf-8") == picture
+            assert drawn, "docs/tutorial/plan.svg is not what the report draws"
