@@ -54,6 +54,8 @@ def deformation_components(
         The smallest that phi may be.
     """
     n = int(component.max(initial=-1)) + 1
+    if not n:
+        return DeformationComponents(np.zeros(0), np.zeros(0), max(squares / redundancy, least))
     # To begin with each deformation explains its own misfit.
     share = S.diagonal()
     of = np.maximum(np.bincount(component, minlength=n), 1)
@@ -64,7 +66,12 @@ def deformation_components(
         # Of M = I + root S root / phi = L L' the inverse is wanted on the diagonal, and times one vector.
         M = root[:, None] * S * (root / phi)
         np.einsum("ii->i", M)[:] += 1.0
-        L_inverse = dtrtri(dpotrf(M, lower=True, overwrite_a=True)[0], lower=True, overwrite_c=True)[0]
+        L, fails = dpotrf(M, lower=True, overwrite_a=True)
+        if fails:  # of points at infinity S is a difference of large numbers, and no longer semidefinite
+            values, vectors = np.linalg.eigh(S)
+            S = (vectors * np.maximum(values, 0.0)) @ vectors.T
+            continue
+        L_inverse = dtrtri(L, lower=True, overwrite_c=True)[0]
         z = root * (L_inverse.T @ (L_inverse @ (root * g))) / phi
         r = np.bincount(component, 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), minlength=n).astype(np.float64)
         theta = np.bincount(component, z**2, minlength=n) / np.maximum(r, 1e-12)

@@ -127,6 +127,19 @@ def _errors_and_variances(seed: int, strips=6, every=23):
 
 
 @pytest.mark.slow
+def test_a_normal_matrix_that_rounding_leaves_indefinite_gives_what_the_exact_one_gives() -> None:
+    """Of points at infinity it is a difference of large numbers: here 1e-5 of its largest is lost."""
+    rng = np.random.default_rng(7)
+    vectors = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    exact, lost = (vectors * v @ vectors.T for v in ([1e9, 1e8, 1e7, 1e6, 0.0, 0.0], [1e9, 1e8, 1e7, 1e6, -1e4, -1e4]))
+    component, g = np.array([0, 0, 0, 1, 1, 1]), exact @ rng.normal(0, 30.0, 6)
+    wanted = deformation_components(exact, g, component, 400.0, 200, 0.5)
+    found = deformation_components(lost, g, component, 400.0, 200, 0.5)
+    np.testing.assert_allclose(found.variance, wanted.variance, rtol=1e-3)
+    np.testing.assert_allclose(found.redundancy, wanted.redundancy, rtol=1e-3)
+    assert not len(deformation_components(exact[:0, :0], g[:0], component[:0], 400.0, 200, 0.5).variance)
+
+
 def test_standard_deviations_of_strips_that_sum_up_errors_hold() -> None:
     squares = np.array([_errors_and_variances(seed)[0] for seed in range(1, 9)]).sum(axis=0)
     ratio = np.sqrt(squares[0] / squares[1])
