@@ -126,7 +126,6 @@ def _errors_and_variances(seed: int, strips=6, every=23):
     return np.array([(error[new] ** 2).mean(axis=0), np.einsum("nii->ni", C[new]).mean(axis=0)]), deformed
 
 
-@pytest.mark.slow
 def test_a_normal_matrix_that_rounding_leaves_indefinite_gives_what_the_exact_one_gives() -> None:
     """Of points at infinity it is a difference of large numbers: here 1e-5 of its largest is lost."""
     rng = np.random.default_rng(7)
@@ -140,6 +139,7 @@ def test_a_normal_matrix_that_rounding_leaves_indefinite_gives_what_the_exact_on
     assert not len(deformation_components(exact[:0, :0], g[:0], component[:0], 400.0, 200, 0.5).variance)
 
 
+@pytest.mark.slow
 def test_standard_deviations_of_strips_that_sum_up_errors_hold() -> None:
     squares = np.array([_errors_and_variances(seed)[0] for seed in range(1, 9)]).sum(axis=0)
     ratio = np.sqrt(squares[0] / squares[1])
