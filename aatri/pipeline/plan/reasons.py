@@ -82,7 +82,8 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
     elif old["version"] != new["version"]:
         yield Reason(Why.plugin_version, "", str(old["version"]), str(new["version"]))
     for name, before, after in _changed(flat(old["options"]), flat(new["options"])):
-        yield Reason(Why.options, name, _shown(before), _shown(after))
+        if before is not None or after is not None:  # of a group of options, one that neither states
+            yield Reason(Why.options, name, _shown(before), _shown(after))
     inputs = {port: digest for port, digest in new["inputs"].items() if digest is not None}
     before = {port: digest for port, digest in old["inputs"].items() if port in inputs or port not in new["inputs"]}
     for port, one, other in _changed(before, inputs):
