@@ -23,15 +23,16 @@ Source: docs/formulas.md 5.6; Baeumker and Heimes 2001 (OEEPE), calibration of I
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from aatri.adjustment.records import Records, whitener_of_sigmas
-from aatri.adjustment.unknowns import State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
 from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation, left_jacobian
 from aatri.geometry.vectors import finite_rows
@@ -42,17 +43,14 @@ from aatri.observations.angle_differences import (
     whole_differences,
 )
 from aatri.observations.carried_vectors import BORESIGHT, BORESIGHTS
-from aatri.observations.drift import free_drift, group_times, time_notes
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.drift import drift_term, group_times, observed_with_terms, time_notes
+from aatri.observations.observed import Given, Observed
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
 
-if TYPE_CHECKING:
-    pass
-
 KIND = "attitude"
-DRIFT = "attitude drift"
+ATTITUDE_DRIFT = "attitude drift"
 
 USES = ("exterior.angles_rad", "cameras.boresight_rad", "cameras.mount_deg", *uses_of_vector("boresight"))
 
@@ -106,6 +104,11 @@ class Attitudes:
         """Images with all three angles, (n,)."""
         return np.ones(len(self.row), dtype=bool) if self.angles is None else self.angles.whole
 
+    def by_exactness(self) -> Iterator[tuple[bool, Int]]:
+        """False with the rows that have weighted angles, True with those that have exact ones."""
+        for exact, angles in ((False, self.sigma_rad > 0), (True, self.sigma_rad == 0)):
+            yield exact, np.flatnonzero(angles.any(axis=1))
+
     def take(self, some: Int) -> Attitudes:
         """The chosen ones."""
         columns = {name: getattr(self, name)[some] for name in self.__dataclass_fields__ if name != "angles"}
@@ -119,54 +122,26 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
     if not options.use or not len(rows.row):
         return ()
     group = block.exterior.drift_group[rows.row] if options.drift != "none" else np.full(len(rows.row), "")
-    time = np.zeros(len(rows.row))
-    if options.drift == "linear":
-        time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
-    drift = _drift(group, time, rows.sigma_rad, LABELS[block.rotation])
+    terms = []
+    if (group != "").any():
+        time = np.zeros(len(rows.row))
+        if options.drift == "linear":
+            time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
+        given_angles = np.isfinite(rows.sigma_rad)
+        terms.append(drift_term(group, time, given_angles, name=ATTITUDE_DRIFT, labels=LABELS[block.rotation]))
     boresights = BORESIGHTS.unknowns(block, np.unique(rows.camera))
-    new = {BORESIGHT: (boresights, block.cameras.boresight_rad.copy())}
-    found: list[Observed] = []
-    for drifting in (False, True):
-        for exact in (False, True):
-            observed = (rows.sigma_rad == 0) if exact else rows.sigma_rad > 0
-            some = np.flatnonzero(((group != "") == drifting) & observed.any(axis=1))
-            if not len(some):
-                continue
-            if drifting and not any(u.name == DRIFT for o in found for u in o.unknowns):
-                new[DRIFT] = (drift.unknowns, np.zeros((len(drift.unknowns.free), 6)))
-            part = rows.take(some)
-            records = attitude_records(part, (drift.group[some], time[some]) if drifting else None, exact=exact)
-            found.append(
-                Observed(
-                    records,
-                    part.row,
-                    named(image=block.images.id[part.image]),
-                    "rad",
-                    exact=exact,
-                    unknowns=tuple(u for u, _ in new.values()),
-                    start={name: start for name, (_, start) in new.items()},
-                )
-            )
-            new = {}
-    if options.drift == "linear" and found:
-        found[0] = replace(found[0], notes=time_notes(block.images, rows.image, group))
-    return (*found, *BORESIGHTS.priors(block, block.cameras.boresight_rad, boresights))
-
-
-@dataclass(frozen=True)
-class _Drift:
-    """Shift and drift of groups, and the group of each attitude."""
-
-    unknowns: Unknowns
-    group: Int
-
-
-def _drift(group: Text, time: Float, sigma_rad: Float, labels: tuple[str, ...]) -> _Drift:
-    ids, number = np.unique(group, return_inverse=True)
-    block = np.where(group != "", number, -1)
-    names = tuple(f"{word} {label}" for word in ("shift", "drift") for label in labels)
-    free = free_drift(block, len(ids), time, np.isfinite(sigma_rad))
-    return _Drift(Unknowns(DRIFT, free, names, ids, add_step), number.astype(np.int32))
+    observed = observed_with_terms(
+        lambda some, exact, _: attitude_records(rows.take(some), exact=exact),
+        rows.by_exactness(),
+        terms,
+        rows.row,
+        block.images.id[rows.image],
+        "rad",
+        {BORESIGHT: (boresights, block.cameras.boresight_rad.copy())},
+    )
+    if options.drift == "linear" and observed:
+        observed = (replace(observed[0], notes=time_notes(block.images, rows.image, group)), *observed[1:])
+    return (*observed, *BORESIGHTS.priors(block, block.cameras.boresight_rad, boresights))
 
 
 def attitudes_of(given: Given) -> Attitudes:
@@ -196,11 +171,8 @@ def ground_of_angles(given: Given, place: Float) -> Float:
     return given.north_east_down_at(place)
 
 
-def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *, exact: bool = False) -> Records:
-    """Records of observed attitudes, of their weighted angles or of their exact ones.
-
-    They touch pose, boresight, and drift where there is one.
-    """
+def attitude_records(rows: Attitudes, *, exact: bool = False) -> Records:
+    """Records of observed attitudes, of their weighted angles or of their exact ones; they touch pose and boresight."""
     image, camera = rows.image.astype(np.int32), rows.camera.astype(np.int32)
 
     def differences(predicted: Any, some: Int) -> tuple[Any, Any]:
@@ -222,20 +194,9 @@ def attitude_records(rows: Attitudes, drift: tuple[Int, Float] | None = None, *,
         v, by_turn = differences(predicted, some)
         nothing = np.zeros((len(some), 3, 3))
         by_pose = np.concatenate([nothing, by_turn @ B], axis=2)
-        jacobians = [by_pose, -by_turn @ predicted @ left_jacobian(b)]
-        if drift is not None:
-            number, time = drift
-            by_drift = np.concatenate([nothing + np.eye(3), time[some, None, None] * np.eye(3)], axis=2)
-            v = v + np.einsum("nij,nj->ni", by_drift, state[DRIFT][number[some]])
-            jacobians.append(by_drift)
-        return v, tuple(jacobians)
+        return v, (by_pose, -by_turn @ predicted @ left_jacobian(b))
 
-    touches: list[tuple[str, Int]] = [(POSE, image), (BORESIGHT, camera)]
-    if drift is not None:
-        touches.append((DRIFT, drift[0]))
-    whitener = np.where(rows.sigma_rad == 0, 1.0, 0.0) if exact else whitener_of_sigmas(_weighted(rows.sigma_rad))
-    return Records(KIND, tuple(touches), evaluate, whitener, np.ones(len(image), dtype=bool))
-
-
-def _weighted(sigma_rad: Float) -> Float:
-    return np.where(sigma_rad > 0, sigma_rad, np.nan)
+    weighted = whitener_of_sigmas(np.where(rows.sigma_rad > 0, rows.sigma_rad, np.nan))
+    whitener = np.where(rows.sigma_rad == 0, 1.0, 0.0) if exact else weighted
+    touches = ((POSE, image), (BORESIGHT, camera))
+    return Records(KIND, touches, evaluate, whitener, np.ones(len(image), dtype=bool))

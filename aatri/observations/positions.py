@@ -1,19 +1,20 @@
 """Observed positions of projection centres or antennas (GNSS).
 
-    v = D (X0 + R a - X_observed),    dv/dX0 = D,    dv/dd = -D [R a]x
+    v = D (X0 + R a - X_observed) + s + (t - t_mean) d + u dt
+    dv/dX0 = D,   dv/dd = -D [R a]x,   dv/da = D R,   dv/d(dt) = u
 
 D turns the residual into the axes of the block where the adjustment has other ones; positions given in part, such as
 heights of a statoscope, are compared in its coordinates (`given_coordinates`). a is the lever arm, antenna minus
 projection centre in the axes of the camera; zero where the projection centre itself was observed. Coordinates of
-variance zero are exact: constraints, whatever the arm. Positions with unknowns of their own (shift and drift, unknown
-lever arm, exposure time): see `drift`.
-Source: docs/formulas.md 5.2.
+variance zero are exact: constraints, whatever the arm. The arm is unknown where the block says so (`carried_vectors`),
+shift s and drift of a group, of the block, of a strip or of a flight (`drift`) run along the axes of the block, and dt
+is estimated where the options say so (`exposure_time`). Source: docs/formulas.md 5.2, 5.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -26,9 +27,12 @@ from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.geometry.rotations import skew
 from aatri.ids import shown
-from aatri.observations.carried_vectors import ARMS
+from aatri.observations.carried_vectors import ARMS, LEVER_ARM
+from aatri.observations.drift import DRIFT, Term, drift_term, group_times, observed_with_terms, time_notes
+from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import Given, Observed
+from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
 
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
 
 KIND = "position"
 
-USES = ("exterior.position_m", "cameras.lever_arm_m")
+USES = ("exterior.position_m", "cameras.lever_arm_m", "exterior.drift_group", *uses_of_vector(ARMS.name))
 
 
 class PositionOptions(Options):
@@ -111,25 +115,40 @@ def positions_of(block: Block) -> Positions:
 
 
 def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
-    """Observed positions of the block that have no unknowns of their own."""
-    found = positions_of(given.block)
-    if not options.use:
+    """Observed positions of the block, with the unknowns that they share."""
+    block, rows = given.block, positions_of(given.block)
+    if not options.use or not len(rows.row):
         return ()
-    found = found.take(~with_unknowns(given.block, found, options))
-    coordinates = given_coordinates(given, found.position_m, found.given)
-    return observed_positions(found, given.origin_m, given.block.images.id[found.image], coordinates)
+    coordinates = given_coordinates(given, rows.position_m, rows.given)
+    names, terms = block.images.id[rows.image], terms_of(given, rows, options)
+    observed = observed_positions(rows, given.origin_m, names, coordinates, terms)
+    drifting = next((k for k, o in enumerate(observed) if DRIFT in o.start), None)
+    if options.drift == "linear" and drifting is not None:
+        notes = time_notes(block.images, rows.image, drift_groups(block, rows, options))
+        observed = (*observed[:drifting], replace(observed[drifting], notes=notes), *observed[drifting + 1 :])
+    if not any(t.unknowns.name == LEVER_ARM for t in terms):
+        return observed
+    return (*observed, *ARMS.priors(block, block.cameras.lever_arm_m, ARMS.unknowns(block)))
 
 
-def with_unknowns(block: Block, found: Positions, options: PositionOptions) -> Bool:
-    """Which positions have a drift, an unknown lever arm or an exposure-time offset, (n,)."""
+def terms_of(given: Given, rows: Positions, options: PositionOptions) -> list[Term]:
+    """The unknowns of positions beside the poses: drift, unknown lever arms, exposure-time offsets."""
+    block, terms = given.block, []
+    group = drift_groups(block, rows, options)
+    if (group != "").any():
+        time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
+        terms.append(drift_term(group, time, rows.given, linear=options.drift == "linear"))
+    camera = block.images.camera[rows.image]
+    armed = np.asarray(ARMS.open(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[rows.row] == ANTENNA)
+    if armed.any():
+        terms.append(Term(ARMS.unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1)))
     if options.time_offset:
-        return np.ones(len(found.row), dtype=bool)
-    armed = np.asarray(ARMS.open(block)[0].any(axis=1))[block.images.camera[found.image]]
-    armed &= block.exterior.refers_to[found.row] == ANTENNA
-    return np.asarray(armed | (drift_groups(block, found, options) != ""))
+        u = velocities(block, rows.image, rows.position_m)
+        terms.append(Term(offset_unknowns(block), np.zeros((len(block.cameras), 1)), camera, u[:, :, None]))
+    return terms
 
 
-def drift_groups(block: Block, found: Positions, options: PositionOptions) -> Text:
+def drift_groups(block: Block, rows: Positions, options: PositionOptions) -> Text:
     """Name of the group that shares shift and drift, (n,) str; empty where there is none.
 
     Raises
@@ -137,16 +156,16 @@ def drift_groups(block: Block, found: Positions, options: PositionOptions) -> Te
     InputError
         If an image has no strip or flight that it is to be grouped by.
     """
-    n = len(found.row)
+    n = len(rows.row)
     if options.drift == "none":
         return np.full(n, "")
     if options.per == "block":
         return np.full(n, "block")
     if options.per == "group":
-        return block.exterior.drift_group[found.row]
+        return block.exterior.drift_group[rows.row]
     images, strips = block.images, np.append(block.strips.id, "")
-    group = strips[images.strip[found.image]] if options.per == "strip" else images.flight[found.image]
-    without = images.id[found.image[group == ""]]
+    group = strips[images.strip[rows.image]] if options.per == "strip" else images.flight[rows.image]
+    without = images.id[rows.image[group == ""]]
     if len(without):
         raise InputError(
             f"positions.per: {options.per}, but images {shown(without.tolist())} have no {options.per}",
@@ -161,32 +180,41 @@ def uses_positions(block: Block, options: PositionOptions) -> bool:
 
 
 def observed_positions(
-    rows: Positions, origin_m: Float, names: Text, coordinates: GivenCoordinates | None = None
+    rows: Positions,
+    origin_m: Float,
+    names: Text,
+    coordinates: GivenCoordinates | None = None,
+    terms: Sequence[Term] = (),
 ) -> tuple[Observed, ...]:
-    """Weighted and exact positions, given the names of their images and their coordinates in the adjustment."""
+    """Weighted and exact positions, given the names of their images, their coordinates in the adjustment, and terms."""
     given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
-    return tuple(
-        Observed(
-            position_records(rows.take(some), given.take(some), exact=exact),
-            rows.row[some],
-            named(image=names[some]),
-            "m",
-            exact=exact,
-        )
-        for exact, some in rows.by_exactness()
-    )
+
+    def records(some: Int, exact: bool, touched: Sequence[Term]) -> Records:
+        arm = next((t.block.astype(np.int32) for t in touched if t.basis is None), None)
+        return position_records(rows.take(some), given.take(some), arm, exact=exact)
+
+    return observed_with_terms(records, rows.by_exactness(), terms, rows.row, names, "m")
 
 
-def position_records(rows: Positions, coordinates: GivenCoordinates, *, exact: bool) -> Records:
-    """Records of observed positions: of their weighted coordinates, or of their exact ones."""
+def position_records(
+    rows: Positions, coordinates: GivenCoordinates, camera: Int | None = None, *, exact: bool
+) -> Records:
+    """Records of observed positions: of their weighted coordinates, or of their exact ones.
+
+    `camera` is that of each, where its lever arm is unknown: they touch it, too.
+    """
 
     def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
         image = rows.image[some]
-        arm = np.einsum("nij,nj->ni", poses.ground_from_image[image], rows.lever_arm_m[some])
+        R = poses.ground_from_image[image]
+        own = rows.lever_arm_m[some] if camera is None else state[LEVER_ARM][camera[some]]
+        arm = np.einsum("nij,nj->ni", R, own)
         v, D = coordinates.residuals(poses.position_m[image] + arm, some)
-        return v, (np.concatenate([D, -D @ skew(arm)], axis=2),)
+        by_pose = np.concatenate([D, -D @ skew(arm)], axis=2)
+        return v, (by_pose,) if camera is None else (by_pose, D @ R)
 
     weighted = whitener_of_covariances(rows.covariance_m2, rows.given & ~rows.exact)
     whitener = np.where(rows.exact, 1.0, 0.0) if exact else weighted
-    return Records(KIND, ((POSE, rows.image),), evaluate, whitener, np.ones(len(rows.row), dtype=bool))
+    touches = ((POSE, rows.image), *(() if camera is None else ((LEVER_ARM, camera),)))
+    return Records(KIND, touches, evaluate, whitener, np.ones(len(rows.row), dtype=bool))

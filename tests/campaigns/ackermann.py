@@ -29,7 +29,7 @@ import numpy as np
 
 from aatri.errors import AatriError
 from aatri.observations.control import Control, observed_control
-from aatri.observations.drift import drift_term, observed_terms
+from aatri.observations.drift import drift_term
 from aatri.observations.image_points import ImagePointRows, observed_image_points
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions
@@ -150,7 +150,7 @@ def adjusted(
             observed += observed_positions(gps, zero, images)
         else:
             group = np.full(n, "block") if drift == "block" else np.char.add("s", block.strip.astype(str))
-            observed += observed_terms(gps, zero, [drift_term(group, time)], images)
+            observed += observed_positions(gps, zero, images, None, [drift_term(group, time)])
     poses = Poses(block.stations, R)
     return adjust_bundle(BundleInput(images, points, tuple(observed), poses, X, zero, rays))
 

@@ -13,13 +13,14 @@ from aatri.artifacts.block import Block
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.angle_differences import ObservedAngles
 from aatri.observations.attitudes import (
+    ATTITUDE_DRIFT,
     BORESIGHT,
-    DRIFT,
     AttitudeOptions,
     Attitudes,
     attitude_records,
     attitudes,
 )
+from aatri.observations.drift import drift_term, with_terms
 from aatri.observations.observed import Given
 from aatri.observations.poses import POSE, Poses
 from tests.complex_step import complex_step
@@ -41,8 +42,13 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
     rotation = B @ exp_rotation(size * rng.normal(size=(n, 3)) / 2) @ observed
     camera, group, time = np.array([0, 1, 0]), np.array([0, 0, 1], np.int32), rng.normal(size=n)
     rows = Attitudes(np.arange(n), np.arange(n), camera, observed, G, np.full((n, 3), 0.1), B)
-    records = attitude_records(rows, (group, time))
-    state: dict[str, Any] = {POSE: Poses(np.zeros((n, 3)), rotation), BORESIGHT: b, DRIFT: rng.normal(size=(2, 6))}
+    term = drift_term(np.array(list("aab")), time, name=ATTITUDE_DRIFT)
+    records = with_terms(attitude_records(rows), [term])
+    state: dict[str, Any] = {
+        POSE: Poses(np.zeros((n, 3)), rotation),
+        BORESIGHT: b,
+        ATTITUDE_DRIFT: rng.normal(size=(2, 6)),
+    }
     _, J = records.evaluate(state, np.arange(n))
     for k in range(n):
         row = np.array([k])
@@ -58,13 +64,13 @@ def test_derivatives_are_those_of_the_residual_by_complex_step(system: str, size
             return records.evaluate({**state, BORESIGHT: turned}, row)[0]
 
         def by_drift(value: Any, row: Any = row, k: int = k) -> Any:
-            drift = state[DRIFT].astype(complex)
+            drift = state[ATTITUDE_DRIFT].astype(complex)
             drift[group[k]] = value
-            return records.evaluate({**state, DRIFT: drift}, row)[0]
+            return records.evaluate({**state, ATTITUDE_DRIFT: drift}, row)[0]
 
         np.testing.assert_allclose(J[0][k], complex_step(by_pose, np.zeros(6)), atol=1e-10)
         np.testing.assert_allclose(J[1][k], complex_step(by_boresight, b[camera[k]]), atol=1e-10)
-        np.testing.assert_allclose(J[2][k], complex_step(by_drift, state[DRIFT][group[k]]), atol=1e-10)
+        np.testing.assert_allclose(J[2][k], complex_step(by_drift, state[ATTITUDE_DRIFT][group[k]]), atol=1e-10)
 
 
 def error_free(**imu: Any) -> Block:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.geometry.rotations import rotation_from_angles, skew
-from aatri.observations.drift import DRIFT, drift_term, group_times, observed_terms
+from aatri.observations.drift import DRIFT, drift_term, group_times
 from aatri.observations.poses import POSE, Poses
-from aatri.observations.positions import Positions
+from aatri.observations.positions import Positions, observed_positions
 from tests.complex_step import complex_step
 
 
@@ -21,7 +21,7 @@ def test_derivatives_are_those_of_the_complex_step() -> None:
     rows, n = _positions(rng, 3), 3
     R = np.stack([rotation_from_angles(rng.uniform(-3, 3, 3)) for _ in range(n)])
     X0, d, time = rng.normal(0, 50, (n, 3)), rng.normal(0, 1, (1, 6)), np.array([-2.0, 0.5, 1.5])
-    (o,) = observed_terms(rows, np.zeros(3), [drift_term(np.full(n, "g"), time)], np.array(list("abc")))
+    (o,) = observed_positions(rows, np.zeros(3), np.array(list("abc")), None, [drift_term(np.full(n, "g"), time)])
     v, (by_pose, by_drift) = o.records.evaluate({POSE: Poses(X0, R), DRIFT: d}, np.arange(n))
     for k in range(n):
 
@@ -45,7 +45,7 @@ def test_times_are_reduced_to_the_mean_of_their_group_and_sequence_stands_in_for
 def test_a_group_of_one_time_has_a_shift_and_no_drift() -> None:
     rng = np.random.default_rng(0)
     group, time = np.array(["a", "b", "b"]), np.array([0.0, -1.0, 1.0])
-    (o,) = observed_terms(_positions(rng, 3), np.zeros(3), [drift_term(group, time)], np.array(list("abc")))
+    (o,) = observed_positions(_positions(rng, 3), np.zeros(3), np.array(list("abc")), None, [drift_term(group, time)])
     (u,) = o.unknowns
     assert list(u.ids) == ["a", "b"]
     assert u.free.tolist() == [[True] * 3 + [False] * 3, [True] * 6]

@@ -13,10 +13,10 @@ from aatri.codes import ANTENNA
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles, skew
 from aatri.observations.carried_vectors import ARMS, LEVER_ARM
-from aatri.observations.drift import DRIFT, Term, drift_term, observed_terms
+from aatri.observations.drift import DRIFT, Term, drift_term
 from aatri.observations.exposure_time import EXPOSURE_TIME, offset_unknowns
 from aatri.observations.poses import POSE, Poses
-from aatri.observations.positions import PositionOptions, Positions, drift_groups, positions_of
+from aatri.observations.positions import PositionOptions, Positions, drift_groups, observed_positions, positions_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.campaigns.variance_components import error_free
@@ -58,17 +58,17 @@ def test_derivatives_are_those_of_the_complex_step(block: Block) -> None:
         Term(ARMS.unknowns(block), block.cameras.lever_arm_m, of_camera),
         Term(offset_unknowns(block), np.zeros((2, 1)), of_camera, u[:, :, None]),
     ]
-    (o,) = observed_terms(rows, np.zeros(3), terms, np.array(list("abc")))
+    (o,) = observed_positions(rows, np.zeros(3), np.array(list("abc")), None, terms)
     d, a, dt = rng.normal(0, 1, (1, 6)), rng.normal(0, 1, (2, 3)), rng.normal(0, 1, (2, 1))
     state = {POSE: Poses(X0, R), DRIFT: d, LEVER_ARM: a, EXPOSURE_TIME: dt}
     v, jacobians = o.records.evaluate(state, np.arange(n))
     for k in range(n):
 
         def f(z: np.ndarray, k: int = k) -> np.ndarray:
-            turned = (np.eye(3) + skew(z[3:6])) @ R[k] @ z[12:15]
-            return z[:3] + turned + z[6:9] + time[k] * z[9:12] + u[k] * z[15] - rows.position_m[k]
+            turned = (np.eye(3) + skew(z[3:6])) @ R[k] @ z[6:9]
+            return z[:3] + turned + z[9:12] + time[k] * z[12:15] + u[k] * z[15] - rows.position_m[k]
 
-        z = np.concatenate([X0[k], np.zeros(3), d[0], a[0], dt[0]])
+        z = np.concatenate([X0[k], np.zeros(3), a[0], d[0], dt[0]])
         np.testing.assert_allclose(v[k], f(z), atol=1e-10)
         np.testing.assert_allclose(np.hstack([J[k] for J in jacobians]), complex_step(f, z), atol=1e-11)
 

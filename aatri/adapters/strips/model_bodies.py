@@ -146,6 +146,7 @@ def _ground(block: Block, initial: Solution) -> tuple[Float, Poses, list[Observe
     origin = pieces.origin_of(control, positions_of(block))
     poses = Poses(images.position_m - origin, images.ground_from_image)
     observed = positions(Given(block, None, origin, {POSE: poses}), PositionOptions())
+    observed = tuple(o for o in observed if not o.unknowns and len(o.records.touches) == 1)
     ground = [*observed_control(control, origin, block.points.id[control.point])]
     ground += [o.take(np.flatnonzero(images.oriented[o.records.touches[0][1]])) for o in observed]
     drifting = positions_of(block).image[block.exterior.drift_group[positions_of(block).row] != ""]

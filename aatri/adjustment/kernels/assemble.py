@@ -1,7 +1,5 @@
 """Adding into fronts: the update of a child, and records of kept unknowns alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Back substitution of eliminated blocks, from the step of the kept unknowns."""
 
-from __future__ import annotations
-
 from numba import njit
 
 from aatri.adjustment.kernels.eliminate import OPTIONS

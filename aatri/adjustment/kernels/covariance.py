@@ -9,8 +9,6 @@ Blocks are worked on in the groups of `eliminate`: the part of S that a group me
 serves all its blocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

@@ -13,8 +13,6 @@ one list of places; their Y' stand below one another in one matrix, zero where a
 group, and the product of that matrix with itself enters the front once for the whole group.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

@@ -4,8 +4,6 @@ Two vertices are neighbours if some observation or eliminated block touches both
 vertices; every vertex marks the vertices of its groups once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

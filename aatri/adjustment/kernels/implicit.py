@@ -5,8 +5,6 @@
 With t = v and w = L^-1 (B'v + h0), which elimination has left, the same sum is the gradient.
 """
 
-from __future__ import annotations
-
 from numba import njit
 
 from aatri.adjustment.kernels.eliminate import OPTIONS

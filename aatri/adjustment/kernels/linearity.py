@@ -1,7 +1,5 @@
 """How far residuals are from what the linear model foretold: the compiled part."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

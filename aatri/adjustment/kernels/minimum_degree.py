@@ -12,8 +12,6 @@ all sizes in unknowns. Vertices of one element with equal lists are merged: they
 Source: Amestoy, Davis, Duff 1996, An approximate minimum degree ordering algorithm.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

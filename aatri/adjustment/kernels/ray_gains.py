@@ -5,8 +5,6 @@ With the front's covariance S, the block's covariance Q and X, minus that of the
     K_k = S A' - X B',    K_p = Q B' - X'A'
 """
 
-from __future__ import annotations
-
 from numba import njit
 
 from aatri.adjustment.kernels.eliminate import OPTIONS

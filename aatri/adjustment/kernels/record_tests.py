@@ -1,7 +1,5 @@
 """Test statistic and estimated gross error of every record, from whitened residuals and their cofactors."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """What eliminated blocks leave of effects on their rays, unit by unit; see `elimination.effects`."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -10,8 +10,6 @@ kind; nothing is shared between problems, so that results do not depend on how t
 Condition: the smallest eigenvalue of D^-1 N D^-1 is at least 1 / |L^-1|_F^2, and at most u times that for u unknowns.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

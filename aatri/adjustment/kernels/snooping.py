@@ -7,8 +7,6 @@ stands in a column of an array of its own.
 Source: Baarda 1968; Foerstner 1980.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Rotations, compiled: the exponential map of `aatri.geometry.rotations`, applied to one matrix."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

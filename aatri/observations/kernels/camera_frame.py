@@ -4,8 +4,6 @@ The camera model stands between two kernels: u = R'(X - X0) before it, and the c
 compiled too are in `camera_models`.
 """
 
-from __future__ import annotations
-
 from numba import njit
 
 SCENE = "int32[::1], int32[::1], float64[:,::1], float64[:,:,::1], float64[:,::1]"

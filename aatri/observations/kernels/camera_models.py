@@ -4,8 +4,6 @@ Brown's is the model of most self-calibrations; its equations are those of `aatr
 are those of `aatri.camera.models.projection`. A model is a function of this signature, and an entry in the lane's table.
 """
 
-from __future__ import annotations
-
 from numba import njit
 
 MODEL = (

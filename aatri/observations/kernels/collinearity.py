@@ -3,8 +3,6 @@
 The equations are those of `aatri.geometry.collinearity`; results are whitened by independent standard deviations.
 """
 
-from __future__ import annotations
-
 from numba import njit
 
 SIGNATURE = (

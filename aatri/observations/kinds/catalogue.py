@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from aatri.notes import Note
-from aatri.observations import attitudes, control, drift, image_points, positions, rigs
+from aatri.observations import attitudes, control, image_points, positions, rigs
 from aatri.observations.attitudes import AttitudeOptions
 from aatri.observations.geodetic import covariances, directions, distances, zenith_angles
 from aatri.observations.geodetic import differences as geodetic_differences
@@ -63,7 +63,6 @@ KINDS = (
     Kind(image_points.image_points),
     Kind(control.control, "ground_points", uses=control.USES),
     Kind(positions.positions, "exterior", lambda o: o.positions, uses=positions.USES),
-    Kind(drift.drift, "exterior", lambda o: o.positions, uses=drift.USES),
     Kind(attitudes.attitudes, "exterior", lambda o: o.attitudes, uses=attitudes.USES),
     Kind(rigs.rigs, "rig_members", lambda o: o.rigs, uses=rigs.USES),
     Kind(distances.distances, "geodetic", lambda o: o.distances, uses=distances.USES),

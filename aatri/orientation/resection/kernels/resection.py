@@ -4,8 +4,6 @@ With u = R'(X - X0) the row of a residual is J = (-q, q x (X - X0)), q = du'(dx/
 to the ground point. The rows are not stored, their products are added to the normal equations at once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 
