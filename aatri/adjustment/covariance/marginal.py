@@ -20,7 +20,7 @@ from aatri.adjustment.covariance.constrained import covariance_reduction, reduce
 from aatri.adjustment.covariance.gains import Gains, empty_gains, gains_of_rays
 from aatri.adjustment.covariance.of_records import direct_covariances, kept_covariances, place_of
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.chunks import linearised, predicted_side_by_side
+from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
@@ -130,7 +130,7 @@ class _Down:
         self.fill = problem.predicting_lane(state) if rays is not None and blocks else None
         self.active = taken(rays.records.active, rays.rows) if rays is not None else np.zeros(0, dtype=bool)
         self.ray_residual = np.empty(self.ray.shape[:2] if residuals else (0, m))
-        self.kept = [(k, *predicted_side_by_side(k, problem.layout, state)) for k in problem.kept] if blocks else []
+        self.kept = [(k, *side_by_side(k, problem.layout, state, all_=True)) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.gains = tuple(empty_gains(r, problem, gains_of) for r in problem.records) if gains_of else ()
         self.boundary: dict[int, Float] = {}

@@ -3,14 +3,12 @@
 Back substitution linearises the rays once more instead of keeping their Jacobians.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.chunks import over_rays
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
-from aatri.adjustment.elimination.schedule import Stretch, in_parallel, stretches
+from aatri.adjustment.elimination.schedule import stretches
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -46,35 +44,28 @@ def _block_steps(problem: IndexedProblem, factored: Factored, state: State, dx: 
     fill = problem.ray_lane(state)
     parts, column = rays.parts, problem.ray_columns
 
-    def one(some: Sequence[Stretch]) -> None:
-        for stretch in some:
-            for p0, p1, _, A, B in linearised(problem, fill, stretch, masked=False):  # dx is zero where held
-                base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-                rows = (p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start)
-                substitute(*rows, dx, problem.block_free, factored.block_factor, factored.block_y, dy)
+    def one(_: int, p0: int, p1: int, _v: Float, A: Float, B: Float) -> None:  # dx is zero where held
+        base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+        rows = (p0, p1, base, rays.ray_start, A, B, column[base:last], parts.size, parts.start)
+        substitute(*rows, dx, problem.block_free, factored.block_factor, factored.block_y, dy)
 
-    in_parallel(problem, one)
+    over_rays(problem, fill, one)
     return dy
 
 
 def cost_of(problem: IndexedProblem, state: State) -> float:
     """Cost of all active records: the sum of squares of the whitened residuals, unless there is a loss."""
     total, of_stretch = 0.0, np.zeros(len(stretches(problem)))
-    for kept in problem.kept:
-        v, _ = whitened(kept.records, state, kept.rows)
-        total += float((v**2).sum()) + excess(kept.records, v)
-    for records, rows, _ in problem.direct:
+    for records, rows in problem.beside_rays:
         v, _ = whitened(records, state, rows)
         total += float((v**2).sum()) + excess(records, v)
     if problem.rays is not None:
         fill, ray_records = problem.ray_lane(state), problem.rays.records
 
-        def one(some: Sequence[Stretch]) -> None:
-            for stretch in some:
-                for _, _, v, _, _ in linearised(problem, fill, stretch, masked=False):
-                    of_stretch[stretch.number] += float((v**2).sum()) + excess(ray_records, v)
+        def one(stretch: int, _p0: int, _p1: int, v: Float, _A: Float, _B: Float) -> None:
+            of_stretch[stretch] += float((v**2).sum()) + excess(ray_records, v)
 
-        in_parallel(problem, one)
+        over_rays(problem, fill, one)
     return total + float(of_stretch.sum())
 
 

@@ -1,10 +1,10 @@
 """Linearised observations as the kernels take them: rays in chunks, other records side by side."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from aatri.adjustment.elimination.schedule import Stretch
+from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.records import Fill, predicted, whitened
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -16,6 +16,20 @@ CHUNK = 4096
 """Rays linearised at once: their Jacobians stay in the cache."""
 
 Chunk = tuple[int, int, Float, Float, Float]
+
+
+def over_rays(problem: IndexedProblem, fill: Fill, work: Callable[[int, int, int, Float, Float, Float], None]) -> None:
+    """Linearise all rays, shared out among the threads: `work` gets the stretch, first and last block, v, A, B.
+
+    A is as it is where an unknown is held.
+    """
+
+    def one(some: Sequence[Stretch]) -> None:
+        for stretch in some:
+            for chunk in linearised(problem, fill, stretch, masked=False):
+                work(stretch.number, *chunk)
+
+    in_parallel(problem, one)
 
 
 def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bool = True) -> Iterator[Chunk]:
@@ -46,18 +60,11 @@ def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bo
         p0 = p1
 
 
-def side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
-    """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held."""
-    return _as_kernels_take_it(kept, layout, *whitened(kept.records, state, kept.rows))
+def side_by_side(kept: KeptRecords, layout: Layout, state: State, *, all_: bool = False) -> tuple[Float, Float]:
+    """Whitened residuals and Jacobians of kept records, the Jacobians side by side and zero where held.
 
-
-def predicted_side_by_side(kept: KeptRecords, layout: Layout, state: State) -> tuple[Float, Float]:
-    """The same of all kept records, active or not."""
-    return _as_kernels_take_it(kept, layout, *predicted(kept.records, state, kept.rows))
-
-
-def _as_kernels_take_it(
-    kept: KeptRecords, layout: Layout, v: Float, jacobians: tuple[Float, ...]
-) -> tuple[Float, Float]:
+    `all_`: also of records that are not active, and without their loss.
+    """
+    v, jacobians = (predicted if all_ else whitened)(kept.records, state, kept.rows)
     free = part_columns(kept.parts, layout) >= 0
     return np.ascontiguousarray(v), np.ascontiguousarray(np.concatenate(jacobians, axis=2) * free[:, None, :])

@@ -1,4 +1,4 @@
-"""A factorised linearisation; the factor of its reduced normal equations in its two forms, and what each can give.
+"""A factorised linearisation, and the factor of its reduced normal equations.
 
 A direct factor holds L, front by front: solutions of any right-hand side, covariances and null vectors follow from it.
 Conjugate gradients leave nothing but the solution of the one right-hand side they were asked for. Whoever needs more
@@ -7,7 +7,6 @@ asks `whole` first, or asks for a panel and is refused.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -17,12 +16,25 @@ from aatri.arrays import Float
 from aatri.errors import ResourceError
 
 
-class Factor(Protocol):
-    """What a linearisation was solved with."""
+@dataclass(frozen=True)
+class Factor:
+    """What a linearisation was solved with: L of the whole matrix, or the solution alone.
+
+    Attributes
+    ----------
+    panels : Panels of (n, m) float64, optional
+        L11 and L21 of each node.
+    x : (n_kept,) float64, optional
+        The solution that conjugate gradients have reached.
+    """
+
+    panels: Panels | None = None
+    x: Float | None = None
 
     @property
     def whole(self) -> bool:
         """Whether panels can be asked for: covariances, other right-hand sides, null vectors."""
+        return self.panels is not None
 
     def panel(self, k: int) -> Float:
         """L11 and L21 of a node, (n, m).
@@ -32,73 +44,22 @@ class Factor(Protocol):
         ResourceError
             If there is no factor.
         """
-
-    def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
-        """Solution of the reduced normal equations, (n_kept,), whose forward-substituted right-hand side is y."""
-
-    def clear(self) -> None:
-        """Give back the room; nothing can be asked any more."""
-
-
-@dataclass(frozen=True)
-class DirectFactor:
-    """L of the whole matrix.
-
-    Attributes
-    ----------
-    panels : Panels of (n, m) float64
-        L11 and L21 of each node.
-    """
-
-    panels: Panels
-
-    @property
-    def whole(self) -> bool:
-        """Everything follows from it."""
-        return True
-
-    def panel(self, k: int) -> Float:
-        """L11 and L21 of a node, (n, m)."""
+        if self.panels is None:
+            raise without_factor()
         return self.panels[k]
 
     def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
-        """Back substitution, down the tree."""
+        """Solution of the reduced normal equations, (n_kept,), whose forward-substituted right-hand side is y."""
+        if self.x is not None:
+            return self.x
         x = forward_substituted(tree, y, n_kept)
         down_the_tree(tree, self.panel, x[:, None])
         return x
 
     def clear(self) -> None:
-        """Give back the room of the panels."""
-        self.panels.clear()
-
-
-@dataclass(frozen=True)
-class IterativeFactor:
-    """What conjugate gradients leave.
-
-    Attributes
-    ----------
-    x : (n_kept,) float64
-        The solution.
-    """
-
-    x: Float
-
-    @property
-    def whole(self) -> bool:
-        """There is nothing but the solution."""
-        return False
-
-    def panel(self, k: int) -> Float:  # noqa: ARG002 (there is none)
-        """Refuse."""
-        raise without_factor()
-
-    def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:  # noqa: ARG002
-        """What the iterations have reached."""
-        return self.x
-
-    def clear(self) -> None:
-        """Nothing takes room."""
+        """Give back the room; nothing can be asked any more."""
+        if self.panels is not None:
+            self.panels.clear()
 
 
 @dataclass

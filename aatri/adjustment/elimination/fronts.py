@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
-from aatri.adjustment.elimination.factor import DirectFactor, Factored, without_factor
+from aatri.adjustment.elimination.factor import Factor, Factored, without_factor
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
@@ -159,7 +159,7 @@ class Work:
         weak = np.flatnonzero(~held & ~(pivot > RANK_TOLERANCE * d[:m]))
         if info or len(weak):
             self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
-        self.panels[k] = F[:, :m]
+        self.panels[k] = np.array(F[:, :m], order="F")
         self.diagonal[node.columns[:m]] = d[:m]
         lapack.forward(F[:, :m], g)
         self.y[k] = g[:m].copy()
@@ -203,7 +203,7 @@ class Work:
     def result(self) -> Factored:
         """All that later steps need."""
         weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
-        factor, cost = DirectFactor(self.panels), float(self.cost.sum())
+        factor, cost = Factor(self.panels), float(self.cost.sum())
         return Factored(
             factor, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak, cost, self.damping
         )

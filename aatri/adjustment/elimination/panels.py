@@ -11,7 +11,6 @@ import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
-from typing import Protocol
 
 import numpy as np
 
@@ -19,19 +18,6 @@ from aatri.adjustment.elimination import lapack
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
-
-
-class Panels(Protocol):
-    """One panel for each node, (n, m) float64, column-major."""
-
-    def __getitem__(self, k: int) -> Float:
-        """Panel of a node."""
-
-    def __setitem__(self, k: int, panel: Float) -> None:
-        """Keep a panel; it is copied, and its front may be used again."""
-
-    def clear(self) -> None:
-        """Give back the room; no panel can be read any more."""
 
 
 def up_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:
@@ -61,30 +47,6 @@ def down_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: It
             front = np.asfortranarray(x[columns])
             lapack.backward_columns(panel(k), front)
             x[columns[:own]] = front[:own]
-
-
-def panels_of(tree: Tree, spill: bool) -> Panels:
-    """Room for the panels of a tree, in memory or in a file."""
-    if spill:
-        return PanelsInFile([(node.size, node.panel) for node in tree.nodes])
-    return PanelsInMemory(len(tree.nodes))
-
-
-class PanelsInMemory:
-    """Panels as arrays."""
-
-    def __init__(self, n_nodes: int) -> None:
-        self._panels: list[Float] = [np.zeros((0, 0))] * n_nodes
-
-    def __getitem__(self, k: int) -> Float:
-        return self._panels[k]
-
-    def __setitem__(self, k: int, panel: Float) -> None:
-        self._panels[k] = np.array(panel, order="F")
-
-    def clear(self) -> None:
-        """Give back the room; no panel can be read any more."""
-        self._panels.clear()
 
 
 class PanelsInFile:
@@ -124,7 +86,7 @@ class PanelsInFile:
         with self._turn:
             try:
                 self._file.seek(self._first[k])
-                rest = np.asfortranarray(panel).T.data.cast("B")
+                rest = panel.T.data.cast("B")
                 while rest:
                     rest = rest[self._file.write(rest) :]
             except OSError as error:
@@ -140,3 +102,14 @@ def _no_room(size: int, error: OSError) -> ResourceError:
         f"{tempfile.gettempdir()} has no room for the factor of {size / 1e9:.2g} GB ({error.strerror})",
         remedy="set TMPDIR to a larger disk, or memory_gb to more memory",
     )
+
+
+Panels = list[Float] | PanelsInFile
+"""One panel for each node, (n, m) float64, column-major; a panel that is put in is no part of its front."""
+
+
+def panels_of(tree: Tree, spill: bool) -> Panels:
+    """Room for the panels of a tree, in memory or in a file."""
+    if spill:
+        return PanelsInFile([(node.size, node.panel) for node in tree.nodes])
+    return [np.zeros((0, 0))] * len(tree.nodes)

@@ -9,16 +9,15 @@ the kept unknowns, N Z = R goes in two steps,
 The first step touches only blocks and fronts with a right-hand side below them; U'U = R'N^-1 R needs no more than it.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from aatri.adjustment.elimination.chunks import linearised
+from aatri.adjustment.elimination.chunks import over_rays
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
-from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
@@ -146,13 +145,11 @@ def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: S
     found, columns = np.zeros_like(right), np.ascontiguousarray(x.T)
     fill, parts = problem.ray_lane(state), rays.parts
 
-    def one(some: Sequence[Stretch]) -> None:
-        for stretch in some:
-            for p0, p1, _, A, B in linearised(problem, fill, stretch, masked=False):  # x is zero where held
-                base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-                rows = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], parts.size, parts.start)
-                for j in range(m):
-                    substitute(*rows, columns[j], problem.block_free, factored.block_factor, right[j], found[j])
+    def one(_: int, p0: int, p1: int, _v: Float, A: Float, B: Float) -> None:  # x is zero where held
+        base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
+        rows = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], parts.size, parts.start)
+        for j in range(m):
+            substitute(*rows, columns[j], problem.block_free, factored.block_factor, right[j], found[j])
 
-    in_parallel(problem, one)
+    over_rays(problem, fill, one)
     return np.moveaxis(found, 0, 2)

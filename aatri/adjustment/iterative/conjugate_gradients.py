@@ -28,7 +28,7 @@ import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
-from aatri.adjustment.elimination.factor import Factored, IterativeFactor
+from aatri.adjustment.elimination.factor import Factor, Factored
 from aatri.adjustment.elimination.schedule import Stretch, stretches
 from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
@@ -83,7 +83,7 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
         x = conjugate_gradients(S.times, S.gradient(), preconditioner.solve, ACCURACY, SMALL)
         factored.y = [np.array([np.sqrt(max(float(x @ S.times(x)), 0.0))])]
     preconditioner.panels.clear()
-    return replace(factored, factor=IterativeFactor(x))
+    return replace(factored, factor=Factor(x=x))
 
 
 def null_vector(problem: IndexedProblem, state: State) -> Float | None:

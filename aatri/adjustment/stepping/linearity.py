@@ -36,8 +36,7 @@ def after_step(problem: IndexedProblem, old: State, new: State, step: dict[str, 
     """
     if any(records.loss is not None for records in problem.records):
         return 0.0, cost_of(problem, new)
-    few = [(k.records, k.rows) for k in problem.kept] + [(r, rows) for r, rows, _ in problem.direct]
-    found = [_of_records(records, rows, old, new, step) for records, rows in few]
+    found = [_of_records(records, rows, old, new, step) for records, rows in problem.beside_rays]
     if problem.rays is not None:
         found.append(_of_rays(problem, old, new, step))
     return max((departure for departure, _ in found), default=0.0), sum(cost for _, cost in found)

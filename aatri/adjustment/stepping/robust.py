@@ -35,8 +35,7 @@ ENOUGH = 0.9
 
 def down_weighted(problem: IndexedProblem, state: State) -> int:
     """Number of records beyond the bound of their loss."""
-    few = [(k.records, k.rows) for k in problem.kept] + [(r, rows) for r, rows, _ in problem.direct]
-    count = sum(int(_beyond(records, state, rows).sum()) for records, rows in few)
+    count = sum(int(_beyond(records, state, rows).sum()) for records, rows in problem.beside_rays)
     return count + int(rays_beyond(problem, state).sum())
 
 

@@ -15,14 +15,13 @@ Source: Golub & Pereyra 1973, The differentiation of pseudo-inverses and nonline
 variables separate; Okatani & Deguchi 2007, On the Wiberg algorithm for matrix factorization.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from aatri.adjustment.elimination.chunks import linearised
-from aatri.adjustment.elimination.schedule import Stretch, in_parallel
+from aatri.adjustment.elimination.chunks import over_rays
 from aatri.adjustment.loss import NEWTON
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -91,12 +90,10 @@ def rays_beyond(problem: IndexedProblem, state: State) -> Bool:
     loss, fill = rays.records.loss, problem.ray_lane(state)
     beyond = np.zeros(len(rays.rows), dtype=bool)
 
-    def one(some: Sequence[Stretch]) -> None:
-        for stretch in some:
-            for p0, p1, v, _, _ in linearised(problem, fill, stretch, masked=False):
-                beyond[rays.ray_start[p0] : rays.ray_start[p1]] = loss.beyond(v)
+    def one(_: int, p0: int, p1: int, v: Float, _A: Float, _B: Float) -> None:
+        beyond[rays.ray_start[p0] : rays.ray_start[p1]] = loss.beyond(v)
 
-    in_parallel(problem, one)
+    over_rays(problem, fill, one)
     return beyond
 
 

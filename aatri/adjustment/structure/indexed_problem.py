@@ -96,6 +96,11 @@ class IndexedProblem:
         """The records without the constraints."""
         return self.records[: len(self.records) - len(self.constraints)]
 
+    @property
+    def beside_rays(self) -> list[tuple[Records, Int]]:
+        """Records that are no rays of eliminated blocks, and their rows."""
+        return [(k.records, k.rows) for k in self.kept] + [(records, rows) for records, rows, _ in self.direct]
+
     @cached_property
     def ray_lane(self) -> Callable[[State], Fill]:
         """The rays' observation type in the order of the rays, zero where they are not active."""
