@@ -153,3 +153,47 @@ def test_a_weak_point_is_set_aside_by_name_and_the_rest_is_as_without_it() -> No
 def test_a_nearly_singular_problem_that_does_not_converge_is_diagnosed_as_such() -> None:
     with pytest.raises(GeometryError, match=r"no convergence in 2 iterations: .* nearly leave 1 .* x0 of x b0"):
         adjust_large(*_linear(_kahan(24), 24, bend=0.3, start=0.5), max_iterations=2)
+
+
+def _beside(*parts: np.ndarray) -> np.ndarray:
+    """Problems that have nothing in common, as one."""
+    J = np.zeros((sum(len(part) for part in parts), sum(len(part) for part in parts)))
+    at = 0
+    for part in parts:
+        J[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    return J
+
+
+def test_what_is_open_by_its_ratio_and_by_its_limit_counts_once() -> None:
+    (unknowns,), records, start = _linear(_kahan(24), 24)
+    limited = replace(unknowns, implausible=np.array([1e3]))  # of about 2^22
+    with pytest.raises(GeometryError, match=r"nearly leave 1 combination\(s\) of unknowns open"):
+        adjust_large([limited], records, start)
+
+
+def test_what_is_open_by_its_ratio_alone_and_what_by_its_limit_alone_are_two() -> None:
+    # sum and difference of the last two blocks: known to 1 and to 1e4, far from the ratio, beyond the limit of 1e3
+    pair = np.array([[1.0, 1.0], [1e-4, -1e-4]])
+    (unknowns,), records, start = _linear(_beside(_kahan(24), pair), 26)
+    limited = replace(unknowns, implausible=np.array([1e3]))
+    with pytest.raises(GeometryError, match=r"nearly leave 2 combination\(s\).*x0 of x b24 with x0 of x b25"):
+        adjust_large([limited], records, start)
+
+
+def test_of_many_open_combinations_seven_are_named_and_the_others_counted() -> None:
+    with pytest.raises(GeometryError, match=r"nearly leave 8 combination\(s\).* and 1 more") as refused:
+        adjust_large(*_linear(_beside(*[_kahan(24)] * 9), 9 * 24))
+    assert refused.value.what.count("; ") == 6
+
+
+def test_points_that_nothing_determines_are_refused_by_name_where_there_are_no_others() -> None:
+    unknowns, records, start = posed_problem(1, n_kept=14, n_points=40)
+    whole = records[0].evaluate
+
+    def evaluate(state, rows):
+        v, (a, p) = whole(state, rows)
+        return v, (a, p * [1.0, 1.0, 0.0])
+
+    with pytest.raises(GeometryError, match=r"40 of 40 are not determined .*: p p0, p p1, .*, p p9 and 30 more"):
+        adjust_large(unknowns, (replace(records[0], evaluate=evaluate), records[1]), start)
