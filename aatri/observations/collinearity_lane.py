@@ -23,71 +23,56 @@ if TYPE_CHECKING:
 COMPILED_MODELS = {"brown": brown, "opencv": opencv}
 
 
-def compiled_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection]) -> Compiled:
-    """The compiled lane, equal to the NumPy form to 1e-12."""
+def compiled_lane(
+    rows: ImagePointRows, corrections: Sequence[LinearCorrection], cameras: CameraRows | None = None
+) -> Compiled:
+    """The compiled lane, equal to the NumPy form to 1e-12.
+
+    Of cameras with models of their own these are compiled where all are Brown's or all OpenCV's; others are NumPy in
+    between.
+    """
+    models = set() if cameras is None else set(cameras.model)
+    model = COMPILED_MODELS.get(models.pop()) if len(models) == 1 else None
 
     def prepared(order: Int) -> Weigh:
         image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
         xy, c = taken(rows.xy_mm, order), taken(rows.c_mm, order)
         unweighted = [(k.group, k.block[order], k.basis[order]) for k in corrections]
+        block = None if cameras is None else _int32(cameras.block[order])
 
         def weigh(weight: Float) -> Bind:
-            terms = [(group, block, -basis * weight[:, :, None]) for group, block, basis in unweighted]
+            terms = [(group, of_ray, -basis * weight[:, :, None]) for group, of_ray, basis in unweighted]
 
             def bind(state: State) -> Fill:
                 poses: Poses = state[POSE]
-                X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
+                scene = (image, point, *(_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])))
 
-                def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-                    linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
-                    for target, (group, block, basis) in zip(J[1:-1], terms):
-                        target[:] = basis[first:last]
-                        v += np.einsum("nij,nj->ni", target, state[group][block[first:last]])
+                parameters = _own(np.zeros((0, 0)) if cameras is None else cameras.parameters(state))
 
-                return fill
-
-            return bind
-
-        return weigh
-
-    return prepared
-
-
-def camera_lane(rows: ImagePointRows, corrections: Sequence[LinearCorrection], cameras: CameraRows) -> Compiled:
-    """The compiled lane of cameras with models of their own: where all are Brown's or all OpenCV's, these are compiled,
-    others are NumPy in between.
-    """
-    models = set(cameras.model)
-    model = COMPILED_MODELS.get(models.pop()) if len(models) == 1 else None
-    unknown = cameras.known is None
-
-    def prepared(order: Int) -> Weigh:
-        image, point = taken(_int32(rows.image), order), taken(_int32(rows.point), order)
-        xy, block = taken(rows.xy_mm, order), _int32(cameras.block[order])
-        unweighted = [(k.group, k.block[order], k.basis[order]) for k in corrections]
-
-        def weigh(weight: Float) -> Bind:
-            def bind(state: State) -> Fill:
-                poses: Poses = state[POSE]
-                X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
-                parameters = _own(cameras.parameters(state))
-
-                def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                def by_model(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                    assert cameras is not None
                     u, by_u = np.empty((last - first, 3)), np.empty((last - first, 2, 3))
-                    into_camera(first, last, image, point, X0, R, X, u)
+                    into_camera(first, last, *scene, u)
                     if model is not None:
                         by_camera = np.empty((last - first, 2, parameters.shape[1]))
                         model(first, last, block, xy, parameters, u, v, by_u, by_camera)
                     else:
                         v[:], by_u, by_camera = compared(cameras, parameters, order[first:last], u, xy[first:last])
-                    w = weight[first:last, :, None]
-                    for target, (group, of_ray, basis) in zip(J[1:-1], unweighted):
-                        v -= np.einsum("nij,nj->ni", basis[first:last], state[group][of_ray[first:last]])
-                        target[:] = -basis[first:last] * w
-                    if unknown:
-                        np.multiply(by_camera, w, out=J[-2])
-                    v *= w[:, :, 0]
-                    out_of_camera(first, last, image, point, X0, R, X, weight, by_u, J[0], J[-1])
+                    w = weight[first:last]
+                    if cameras.known is None:
+                        np.multiply(by_camera, w[:, :, None], out=J[-2])
+                    v *= w
+                    out_of_camera(first, last, *scene, weight, by_u, J[0], J[-1])
+
+                def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
+                    if cameras is None:
+                        image_of, point_of, X0, R, X = scene
+                        linearise(first, last, image_of, point_of, xy, weight, c, X0, R, X, v, J[0], J[-1])
+                    else:
+                        by_model(first, last, v, J)
+                    for target, (group, of_ray, basis) in zip(J[1:-1], terms):
+                        target[:] = basis[first:last]
+                        v += np.einsum("nij,nj->ni", target, state[group][of_ray[first:last]])
 
                 return fill
 

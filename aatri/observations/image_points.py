@@ -29,7 +29,7 @@ from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.camera_models import CameraRows, compared, known_beforehand
-from aatri.observations.collinearity_lane import camera_lane, compiled_lane, side_veto
+from aatri.observations.collinearity_lane import compiled_lane, side_veto
 from aatri.observations.coordinates import observed_priors
 from aatri.observations.observed import Given, Names, Observed
 from aatri.observations.parameters import ParameterRows, parameter_unknowns
@@ -231,7 +231,7 @@ def image_point_records(
     if cameras is not None and cameras.known is None:
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
-    lane = compiled_lane(rows, corrections) if cameras is None else camera_lane(rows, corrections, cameras)
+    lane = compiled_lane(rows, corrections, cameras)
     return Records(KIND, tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
 
 
