@@ -55,26 +55,20 @@ def oriented_images(
         Image points used.
     covariance : (n, 6, 6) float64, optional
     """
-    n = len(block.images)
-    return ImageOrientations(
+    return ImageOrientations.of(
         id=block.images.id,
         oriented=finite_rows(position_m),
         position_m=position_m,
         ground_from_image=ground_from_image,
-        covariance=np.full((n, 6, 6), np.nan) if covariance is None else covariance,
-        image_points=used.astype(np.int32),
+        covariance=np.nan if covariance is None else covariance,
+        image_points=used,
     )
 
 
 def ground_points(block: Block, xyz_m: Float, rays: Int, covariance_m2: Float | None = None) -> SolvedPoints:
     """Point table."""
-    n = len(block.points)
-    return SolvedPoints(
-        id=block.points.id,
-        xyz_m=xyz_m,
-        covariance_m2=np.full((n, 3, 3), np.nan) if covariance_m2 is None else covariance_m2,
-        rays=rays.astype(np.int32),
-    )
+    covariance_m2 = np.full((len(xyz_m), 3, 3), np.nan) if covariance_m2 is None else covariance_m2
+    return SolvedPoints(block.points.id, xyz_m, covariance_m2, rays)
 
 
 def solved_cameras(block: Block) -> SolvedCameras:
@@ -108,18 +102,12 @@ def residuals(
     unit : str or (n,) str, optional
         Of value and sigma; default mm for image points, else m.
     """
-    n, m = value.shape
-    filled = [np.full((n, 3), np.nan), np.full((n, 3), np.nan)]
-    filled[0][:, :m], filled[1][:, :m] = value, sigma
-    return Residuals(
-        kind=np.full(n, kind),
-        row=row.astype(np.int32),
-        image=image,
-        point=point,
-        residual=filled[0],
-        sigma=filled[1],
-        active=np.ones(n, dtype=bool) if active is None else active,
-        unit=np.full(n, unit if unit is not None else "mm" if kind == "image_point" else "m"),
+    unit = unit if unit is not None else "mm" if kind == "image_point" else "m"
+    filled = (np.pad(values, ((0, 0), (0, 3 - values.shape[1])), constant_values=np.nan) for values in (value, sigma))
+    residual, sigma = filled
+    used = True if active is None else active
+    return Residuals.of(
+        kind=kind, row=row, image=image, point=point, residual=residual, sigma=sigma, active=used, unit=unit
     )
 
 
@@ -150,23 +138,8 @@ def suspect_rows(
         Ids.
     row, size, sigma, test : (n,) or one for all
     """
-    n = len(image)
-
-    def numbers(values: npt.ArrayLike) -> Float:
-        return np.broadcast_to(np.asarray(values, dtype=np.float64), n)
-
-    return Suspects(
-        kind=np.full(n, kind),
-        row=np.broadcast_to(np.asarray(row, dtype=np.int32), n),
-        image=image,
-        point=point,
-        stage=np.full(n, stage),
-        size=numbers(size),
-        unit=np.full(n, unit),
-        sigma=numbers(sigma),
-        test=numbers(test),
-        verdict=np.full(n, verdict),
-    )
+    of_all = {"kind": kind, "stage": stage, "unit": unit, "verdict": verdict}
+    return Suspects.of(row=row, image=image, point=point, size=size, sigma=sigma, test=test, **of_all)
 
 
 def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:

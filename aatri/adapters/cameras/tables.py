@@ -230,13 +230,13 @@ def calibration_tables(
         units = units_of(block, part.per)
         n, scales = len(units.id), [camera_scale(block, int(k)) for k in units.camera]
         sets.append(
-            CalibratedSets(
+            CalibratedSets.of(
                 object=units.id,
                 camera=block.cameras.id[units.camera],
-                per=np.full(n, part.per),
-                set=np.full(n, name),
-                parameters=np.full(n, len(part.parameters), dtype=np.int32),
-                interior=np.full(n, interior),
+                per=part.per,
+                set=name,
+                parameters=len(part.parameters),
+                interior=interior,
                 principal_distance_mm=np.array([s.principal_distance_mm for s in scales]),
                 principal_point_mm=block.cameras.principal_point_mm[units.camera],
                 half_format_mm=np.array([s.half_format_mm for s in scales]).reshape(n, 2),

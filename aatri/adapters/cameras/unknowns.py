@@ -5,6 +5,8 @@ in mm, weighted by one standard deviation around zero, or free. Parameters of a 
 block says (`sigmas` of block.yaml); their measurements must not have been corrected for distortion before.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adapters.cameras.sharing import Sharing, camera_scale, units_of
@@ -169,20 +171,10 @@ def _by_image(block: Block, rows: ParameterRows) -> ParameterRows:
         return rows
     image_of = np.empty(len(camera), dtype=np.int64)
     image_of[camera] = np.arange(len(camera))
-    return ParameterRows(
-        rows.group,
-        block.cameras.id[camera],
-        rows.labels,
-        rows.start[camera],
-        rows.free[camera],
-        rows.prior[camera],
-        rows.covariance[camera],
-        rows.weighted[camera],
-        image_of[rows.block],
-        None,
-        tuple(rows.model[k] for k in camera),
-        per_image=True,
-    )
+    columns = {name: getattr(rows, name)[camera] for name in ("start", "free", "prior", "covariance", "weighted")}
+    models = tuple(rows.model[k] for k in camera)
+    ids, of_ray = block.cameras.id[camera], image_of[rows.block]
+    return replace(rows, ids=ids, block=of_ray, model=models, per_image=True, **columns)
 
 
 def nominal_point_mm(cameras: Cameras, camera: str) -> Float:

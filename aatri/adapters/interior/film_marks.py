@@ -98,28 +98,13 @@ def film_interior(marks: FilmMarks, fit: FiducialFit) -> Interior:
     """Interior orientation of the film images that have one."""
     good = fit.determined
     scale, shear = scales_and_shear(fit.photo_from_nominal[good])
-    return Interior(
-        image=marks.image[good].astype(np.int32),
-        model=np.full(int(good.sum()), fit.model),
-        matrix=fit.matrix[good],
-        terms=fit.terms[good],
-        covariance=fit.covariance[good],
-        sigma0=fit.sigma0[good],
-        redundancy=fit.redundancy[good].astype(np.int32),
-        film_scale=scale,
-        film_shear_rad=shear,
-    )
+    of_fit = {name: getattr(fit, name)[good] for name in ("matrix", "terms", "covariance", "sigma0", "redundancy")}
+    return Interior.of(image=marks.image[good], model=fit.model, film_scale=scale, film_shear_rad=shear, **of_fit)
 
 
 def film_residuals(block: Block, marks: FilmMarks, fit: FiducialFit) -> FiducialResiduals:
     """Residuals of the marks of images with redundancy: without it they are zero by construction and say nothing."""
     shown = marks.present & (fit.determined & (fit.redundancy > 0))[:, None]
-    rows = marks.row[shown].astype(np.int32)
-    marked = block.fiducial_points
-    return FiducialResiduals(
-        row=rows,
-        image=marked.image[rows],
-        fiducial=block.fiducials.id[marked.fiducial[rows]],
-        residual_mm=fit.residual_mm[shown],
-        active=fit.used[shown],
-    )
+    rows, marked = marks.row[shown], block.fiducial_points
+    ids = block.fiducials.id[marked.fiducial[rows]]
+    return FiducialResiduals(rows, marked.image[rows], ids, fit.residual_mm[shown], fit.used[shown])

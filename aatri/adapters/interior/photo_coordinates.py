@@ -17,7 +17,7 @@ from aatri.artifacts.image_points import (
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
-from aatri.geometry.plane_transformations import MOST_PARAMETERS, transform_plane
+from aatri.geometry.plane_transformations import transform_plane
 
 
 def image_points_of(
@@ -78,22 +78,13 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
     InputError
         If a camera's coordinates cannot be transformed without fiducial marks.
     """
-    camera, n = block.images.camera[images], len(images)
-    matrix = np.zeros((n, 2, 3))
+    camera = block.images.camera[images]
+    matrix = np.zeros((len(images), 2, 3))
     for one in np.unique(camera):
         matrix[camera == one] = _calibrated_matrix(block, int(one))
     finite = np.isfinite(matrix).all(axis=(1, 2))
-    return Interior(
-        image=images.astype(np.int32),
-        model=np.full(n, "calibrated"),
-        matrix=matrix,
-        terms=np.zeros((n, 2)),
-        covariance=np.zeros((n, MOST_PARAMETERS, MOST_PARAMETERS)),
-        sigma0=np.full(n, np.nan),
-        redundancy=np.zeros(n, dtype=np.int32),
-        film_scale=np.full((n, 2), np.nan),
-        film_shear_rad=np.full(n, np.nan),
-    ).take(finite)
+    known = {"terms": 0.0, "covariance": 0.0, "redundancy": 0}
+    return Interior.of(image=images, model="calibrated", matrix=matrix, **known).take(finite)
 
 
 def _transformed(interior: Interior, row: Int, uv: Float) -> Float:
