@@ -21,7 +21,7 @@ from aatri.adjustment.covariance.constrained import covariance_reduction, covari
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Bool, Float, Int
 
-EXACT = 64
+MOST_UNIT_VECTORS = 64
 """Sets up to this size are taken unit vector by unit vector."""
 
 VECTORS = 8
@@ -50,21 +50,17 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
         NaN where a scalar has no members or no error.
     """
     times = _covariance_times(adjusted, group)
-    n, k = members.shape
-    found = np.full(k, np.nan)
-    for scalar in range(k):
-        rows = np.flatnonzero(members[:, scalar])
-        if not len(rows):
-            continue
-        z, weight = _vectors(len(rows))
-        right = np.zeros((n, k, z.shape[1]))
+    total = variance + others
+
+    def products(rows: Int, scalar: int, z: Float) -> Float:
+        right = np.zeros((*members.shape, z.shape[1]))
         right[rows, scalar] = z
-        Cz = times(right)[rows, scalar] + others[rows, scalar, None] * z
-        trace = float((variance + others)[rows, scalar].sum())
-        square = weight * float((Cz**2).sum())
-        if square > 0:  # held scalars have no errors
-            found[scalar] = trace**2 / square
-    return found
+        return times(right)[rows, scalar] + others[rows, scalar, None] * z
+
+    def trace(rows: Int, scalar: int, _z: Float, _Cz: Float, _weight: float) -> float:
+        return float(total[rows, scalar].sum())
+
+    return _effective(members, products, trace)
 
 
 def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float, gain: Float) -> Float:
@@ -91,24 +87,38 @@ def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float
         NaN where no record has the component.
     """
     times = _covariance_times(adjusted, group)
-    _n, m = gain.shape[:2]
     size = next(u for u in adjusted.problem.unknowns if u.name == group).free.shape
-    found = np.full(m, np.nan)
-    for component in range(m):
-        rows = np.flatnonzero(gain[:, component].any(axis=1))
-        if not len(rows):
-            continue
-        z, weight = _vectors(len(rows))
+
+    def products(rows: Int, component: int, z: Float) -> Float:
         y = gain[rows, component][:, :, None] * z[:, None, :]
         right = np.zeros((*size, z.shape[1]))
         right[block[rows]] = np.einsum("nmk,nmv->nkv", J[rows], y)
         Qy = np.einsum("nmk,nkv->nmv", J[rows], times(right)[block[rows]])
-        Cz = np.einsum("nm,nmv->nv", gain[rows, component], y - Qy)
-        trace = weight * float((z * Cz).sum())
+        return np.asarray(np.einsum("nm,nmv->nv", gain[rows, component], y - Qy))
+
+    def trace(_rows: Int, _component: int, z: Float, Cz: Float, weight: float) -> float:
+        return weight * float((z * Cz).sum())
+
+    return _effective(gain.any(axis=2), products, trace)
+
+
+def _effective(
+    members: Bool,
+    products: Callable[[Int, int, Float], Float],
+    trace: Callable[[Int, int, Float, Float, float], float],
+) -> Float:
+    """(tr C)^2 / tr C^2 of each set of members, (k,), from the products C z."""
+    count = np.full(members.shape[1], np.nan)
+    for k in range(members.shape[1]):
+        rows = np.flatnonzero(members[:, k])
+        if not len(rows):
+            continue
+        z, weight = _vectors(len(rows))
+        Cz = products(rows, k, z)
         square = weight * float((Cz**2).sum())
-        if square > 0:
-            found[component] = trace**2 / square
-    return found
+        if square > 0:  # held scalars have no errors
+            count[k] = trace(rows, k, z, Cz, weight) ** 2 / square
+    return count
 
 
 def _covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float]:
@@ -121,6 +131,6 @@ def _covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float
 
 def _vectors(n: int) -> tuple[Float, float]:
     """Unit vectors, or random signs and the weight of each."""
-    if n <= EXACT:
+    if n <= MOST_UNIT_VECTORS:
         return np.eye(n), 1.0
     return np.random.default_rng(0).choice([-1.0, 1.0], size=(n, VECTORS)), 1.0 / VECTORS

@@ -168,12 +168,12 @@ def _add_rays(found: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, l
     """Units of rays, in place."""
     problem, factored, (n, k) = adjusted.problem, adjusted.factored, found.gradient.shape
     assert factored is not None
-    reduced = reduced_effects(problem, factored, adjusted.state, ray, H, unit, n)
-    found.gradient[:], found.whole[:], found.information[:] = reduced.gradient, reduced.whole, reduced.information
+    sums = found.whole, found.gradient, found.information
+    kept = reduced_effects(problem, factored, adjusted.state, ray, H, unit, sums)
     some = np.flatnonzero(found.gains(range(k))[0] >= least_gain)
     if not len(some):
         return
-    x = reduced.kept.reshape(-1, n, k)[:, some].reshape(-1, len(some) * k)
+    x = kept.reshape(-1, n, k)[:, some].reshape(-1, len(some) * k)
     forward_kept(problem, factored, x)
     found.gradient[some] -= (x.T @ _forward_gradient(adjusted)).reshape(-1, k)
     of_unit = x.reshape(-1, len(some), k).transpose(1, 0, 2)

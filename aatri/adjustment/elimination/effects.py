@@ -6,8 +6,6 @@ U = L^-1 c, what is left of them for the kept unknowns x is
     A'(H - B L^-T U),     H'H - U'U,     H'v - U'y            summed over rays and blocks,  y = L^-1 B'v
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.adjustment.elimination.chunks import linearised
@@ -22,29 +20,15 @@ GAP = 16
 """Blocks that are linearised without need rather than begin anew behind them."""
 
 
-@dataclass(frozen=True)
-class Reduced:
-    """What eliminated blocks leave of effects of units.
-
-    Attributes
-    ----------
-    kept : (n_kept, u * k) float64
-        Right-hand sides of the kept unknowns; zero for held scalars.
-    whole : (u, k) float64
-        Diagonal of H'H.
-    gradient, information : (u, k), (u, k, k) float64
-        With the kept unknowns held.
-    """
-
-    kept: Float
-    whole: Float
-    gradient: Float
-    information: Float
-
-
 def reduced_effects(
-    problem: IndexedProblem, factored: Factored, state: State, ray: Int, H: Float, unit: Int, units: int
-) -> Reduced:
+    problem: IndexedProblem,
+    factored: Factored,
+    state: State,
+    ray: Int,
+    H: Float,
+    unit: Int,
+    sums: tuple[Float, Float, Float],
+) -> Float:
     """Reduce effects on rays.
 
     Parameters
@@ -54,16 +38,17 @@ def reduced_effects(
     H : (e, m, k) float64
         Whitened; zero where the ray is not active.
     unit : (e,) int64
-    units : int
+    sums : (u, k), (u, k), (u, k, k) float64
+        Added to: the diagonal of H'H; gradient and information with the kept unknowns held.
+
+    Returns
+    -------
+    (n_kept, u * k) float64
+        Right-hand sides of the kept unknowns; zero for held scalars.
     """
     rays, fill, k = problem.rays, problem.ray_lane(state), H.shape[2]
     assert rays is not None
-    found = Reduced(
-        np.zeros((problem.layout.n_kept, units * k)),
-        np.zeros((units, k)),
-        np.zeros((units, k)),
-        np.zeros((units, k, k)),
-    )
+    kept = np.zeros((problem.layout.n_kept, len(sums[0]) * k))
     met = np.unique(np.searchsorted(rays.ray_start, ray, side="right") - 1)
     for blocks in np.split(met, np.flatnonzero(np.diff(met) > GAP) + 1) if len(met) else ():
         stretch = Stretch(0, 0, int(blocks[0]), int(blocks[-1]) + 1)
@@ -72,9 +57,7 @@ def reduced_effects(
             some = slice(*np.searchsorted(ray, [base, last]))
             rows = (p0, p1, base, rays.ray_start, v, A, B, problem.ray_columns[base:last])
             blocks_of_rows = (problem.block_free, factored.block_factor, factored.block_y)
-            sums = (found.kept, found.whole, found.gradient, found.information)
-            reduce_effects(
-                *rows, rays.parts.size, rays.parts.start, *blocks_of_rows, ray[some], unit[some], H[some], *sums
-            )
-    found.kept[problem.layout.held] = 0.0
-    return found
+            effects = (ray[some], unit[some], H[some], kept, *sums)
+            reduce_effects(*rows, rays.parts.size, rays.parts.start, *blocks_of_rows, *effects)
+    kept[problem.layout.held] = 0.0
+    return kept

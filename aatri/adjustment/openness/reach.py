@@ -8,7 +8,7 @@ lose. Only observations between blocks are changed; that of one block does no ha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -53,40 +53,29 @@ def within_reach(records: Sequence[Records], candidates: Sequence[int], state: S
     for parts in (p for p in pieces.values() if p):  # none of a group whose candidates are all inactive
         block, size, of, row = (np.concatenate([part[k] for part in parts]) for k in range(4))
         residuals = np.concatenate([np.full(len(part[0]), part[4]) for part in parts])
-        _bring(_Added(block, size, of, row, residuals), parts[0][5], factor)
+        _bring(block, size, of, row, residuals, parts[0][5], factor)
     return {i: f for i, f in factor.items() if (f < 1).any()}
 
 
-@dataclass(frozen=True)
-class _Added:
-    """What observations add to the blocks of one group: (n,) each."""
-
-    block: Int
-    size: Float
-    of: Int
-    row: Int
-    residuals: Int
-
-
-def _bring(added: _Added, scalars: int, factor: dict[int, Float]) -> None:
-    """Lower the factors of what is beyond reach at some blocks of one group."""
-    known = np.flatnonzero(np.isfinite(added.size) & (added.size > 0))
-    order = known[np.lexsort((added.size[known], added.block[known]))]
-    block, size = added.block[order], added.size[order]
+def _bring(block: Int, size: Float, of: Int, row: Int, residuals: Int, scalars: int, factor: dict[int, Float]) -> None:
+    """Lower the factors of what is beyond reach at some blocks of one group, by what observations add to them."""
+    known = np.flatnonzero(np.isfinite(size) & (size > 0))
+    order = known[np.lexsort((size[known], block[known]))]
+    block, size, of, row, residuals = (part[order] for part in (block, size, of, row, residuals))
     if not len(block):
         return
     new = np.concatenate([[True], block[1:] != block[:-1]])
     number = np.cumsum(new) - 1
     below = _sums_within(size, new)
-    from_here = _sums_within(added.residuals[order][::-1].astype(float), np.append(new[1:], True)[::-1])[::-1]
-    enough = from_here + added.residuals[order] >= scalars
+    from_here = _sums_within(residuals[::-1].astype(float), np.append(new[1:], True)[::-1])[::-1]
+    enough = from_here + residuals >= scalars
     gap = (below > 0) & (size > BEYOND * below) & ~enough
     limit = np.full(int(number[-1]) + 1, np.inf)
     limit[number[gap]] = WITHIN * below[gap]  # of several gaps the last
     share = np.sqrt(np.minimum(limit[number] / size, 1.0))
     for i, f in factor.items():
-        mine = (added.of[order] == i) & (share < 1)
-        np.minimum.at(f, added.row[order][mine], share[mine])
+        lowered = (of == i) & (share < 1)
+        np.minimum.at(f, row[lowered], share[lowered])
 
 
 def _sums_within(size: Float, new: np.ndarray) -> Float:

@@ -118,7 +118,7 @@ def _along(values: Float, start: Int, end: Int, difference: Float) -> Float:
 def _heights(network: Network, xyz: Float) -> Float:
     """Heights along height differences, and zenith angles where the length of the line is known."""
     parts = [(m.start, m.end, m.value - m.rise_m) for m in [network.get("height_difference")] if m is not None]
-    slope = {**_lengths(network.get("distance")), **_lengths(network.get("distance"), back=True)}
+    slope = _both_ways(network.get("distance"))
     if "zenith" in network:
         m = network["zenith"]
         plan = np.linalg.norm(xyz[m.end, :2] - xyz[m.start, :2], axis=1)
@@ -131,11 +131,10 @@ def _heights(network: Network, xyz: Float) -> Float:
     return _along(xyz[:, 2], start, end, difference)
 
 
-def _lengths(m: NetworkObservations | None, back: bool = False) -> dict[tuple[int, int], float]:
-    if m is None:
-        return {}
-    ends = (m.end, m.start) if back else (m.start, m.end)
-    return {(int(a), int(b)): float(v) for a, b, v in zip(*ends, m.value)}
+def _both_ways(m: NetworkObservations | None, turned: float = 0.0) -> dict[tuple[int, int], float]:
+    """Values by their ends, there and back; back they are larger by `turned`."""
+    there = {} if m is None else {(int(a), int(b)): float(v) for a, b, v in zip(m.start, m.end, m.value)}
+    return {**{(b, a): v + turned for (a, b), v in there.items()}, **there}
 
 
 def _with_horizontal(network: Network, xyz: Float) -> Network:
@@ -143,7 +142,7 @@ def _with_horizontal(network: Network, xyz: Float) -> Network:
     if "distance" not in network:
         return network
     m = network["distance"]
-    angles = {**_lengths(network.get("zenith")), **_lengths(network.get("zenith"), back=True)}
+    angles = _both_ways(network.get("zenith"))
     z = np.array([angles.get((int(a), int(b)), np.nan) for a, b in zip(m.start, m.end)])
     rise = np.nan_to_num(xyz[m.end, 2] - xyz[m.start, 2])
     by_height = np.sqrt(np.maximum(m.value**2 - rise**2, 0.0))
@@ -244,12 +243,7 @@ def _bearings(network: Network, xy: Float, known: Bool) -> Iterator[tuple[int, i
     if "azimuth" in network:
         m = network["azimuth"]
         yield from zip(m.start.tolist(), m.end.tolist(), m.value.tolist())
-    oriented: dict[tuple[int, int], float] = {}
-    for a, b in [] if "azimuth" not in network else zip(network["azimuth"].start, network["azimuth"].end):
-        oriented[int(a), int(b)] = float(
-            network["azimuth"].value[(network["azimuth"].start == a) & (network["azimuth"].end == b)][0]
-        )
-        oriented[int(b), int(a)] = oriented[int(a), int(b)] + np.pi
+    oriented = _both_ways(network.get("azimuth"), np.pi)
 
     def side(station: int, target: int) -> float | None:
         if known[station] and known[target]:
