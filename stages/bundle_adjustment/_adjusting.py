@@ -104,7 +104,7 @@ def adjusted(
         return adjusted_with_terms(given, once, roughly)
     except GeometryError as error:
         names = tuple(name for p in given.parameters for name in p.labels)
-        advice = rank_advice(error.what, names, column_kinds(given))
+        advice = rank_advice(error, names, column_kinds(given))
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error

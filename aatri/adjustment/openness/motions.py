@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.adjustment.openness.limits import MOTION_IF_OPEN, NAMED
+from aatri.adjustment.openness.open_directions import OpenCombination
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -31,6 +32,8 @@ PART = 0.02
 
 NAMES = ("scale", "rotation about X", "rotation about Y", "rotation about Z", "shift X", "shift Y", "shift Z")
 
+WHOLE_BLOCK = "the whole block"
+
 ORDER = np.array([6, 3, 4, 5, 0, 1, 2])
 """The columns of a generator (three shifts, three rotations, scale) in the order of `NAMES`."""
 
@@ -42,7 +45,7 @@ def open_motions(
     diagonal: Float,
     normals: Float | None = None,
     common: float = MOTION_IF_OPEN,
-) -> tuple[list[str], Float]:
+) -> tuple[list[OpenCombination], Float]:
     """The motions among open directions, by name, and what is left.
 
     Parameters
@@ -60,13 +63,13 @@ def open_motions(
 
     Returns
     -------
-    list of str
+    list of OpenCombination
     (n_kept, m) float64
         Open directions that are no motions, orthonormal.
     """
     moves = _moves(problem, state) * np.sqrt(np.maximum(diagonal, 0.0))[:, None]
     going_along = ~(moves != 0).any(axis=1) & ~_of_rays(problem)
-    texts: list[str] = []
+    combinations: list[OpenCombination] = []
     left = []
     for part in _parts(problem, normals):
         mine = _orthonormal(np.where(part[:, None], vectors, 0.0))
@@ -74,11 +77,13 @@ def open_motions(
         coefficients, directions = _common(moves * some[:, None], mine, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
-            names = list(dict.fromkeys(named(row, extent) for row in coefficients))
-            along = _along(problem, np.where(going_along[:, None], directions, 0.0))
-            texts.append(f"{', '.join(names)} of {_whole_or_part(problem, mine, moves @ coefficients.T)}{along}")
+            names = tuple(dict.fromkeys(named(row, extent) for row in coefficients))
+            along, unknowns = _along(problem, np.where(going_along[:, None], directions, 0.0))
+            of = _whole_or_part(problem, mine, moves @ coefficients.T)
+            text = f"{', '.join(names)} of {of}{along}"
+            combinations.append(OpenCombination(text, names, of == WHOLE_BLOCK, unknowns))
         left.append(_without(mine, directions))
-    return texts, np.concatenate(left, axis=1) if texts else vectors
+    return combinations, np.concatenate(left, axis=1) if combinations else vectors
 
 
 def _moves(problem: IndexedProblem, state: State) -> Float:
@@ -160,15 +165,17 @@ def _without(vectors: Float, directions: Float) -> Float:
     return np.asarray(vectors @ U[:, directions.shape[1] :])
 
 
-def _along(problem: IndexedProblem, directions: Float) -> str:
-    """What goes along with motions without being moved by them, by label."""
+def _along(problem: IndexedProblem, directions: Float) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """What goes along with motions without being moved by them: in words, and by label and group."""
     size = np.abs(directions).max(axis=1, initial=0.0)
-    names = []
+    names, unknowns = [], []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         own = np.where(columns >= 0, size[np.maximum(columns, 0)], 0.0)
-        names += [f"{u.label(int(k), int(j))}" for k, j in np.argwhere(own > NAMED * max(size.max(), 1e-9))[:4]]
-    return f" with {' with '.join(names)}" if names else ""
+        for k, j in np.argwhere(own > NAMED * max(size.max(), 1e-9))[:4].tolist():
+            names.append(u.label(k, j))
+            unknowns.append((u.labels[j], u.name))
+    return f" with {' with '.join(names)}" if names else "", tuple(unknowns)
 
 
 def _orthonormal(vectors: Float) -> Float:
@@ -219,7 +226,7 @@ def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str
     part = _taking_part(vectors)
     energy = (moves**2).sum(axis=1)
     if energy[part].sum() > WHOLE * energy.sum():
-        return "the whole block"
+        return WHOLE_BLOCK
     of: list[str] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)

@@ -24,7 +24,7 @@ from aatri.adjustment.elimination.backsolve import solve_columns
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, WARNED
 from aatri.adjustment.openness.motions import open_motions
-from aatri.adjustment.openness.open_directions import OpenDirections, described
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State
@@ -55,7 +55,7 @@ def nearly_open(problem: IndexedProblem, factored: Factored, state: State) -> Op
         if not whole[k]:
             vertices.append(int(share.argmax()))
 
-    def named(chosen: Bool) -> tuple[str, ...]:
+    def named(chosen: Bool) -> tuple[OpenCombination, ...]:
         motions, rest = open_motions(problem, state, U[:, chosen], factored.diagonal, common=MOTION_IF_NEARLY)
         others = (described(problem, u) for u in (rest.T if motions else U[:, chosen].T))
         return (*motions, *others)
@@ -96,7 +96,7 @@ def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> 
     with thread_control().limit(limits=1, user_api="blas"):
         U = _leading(problem, factored, D, 0.0)[1][:, :1]
     motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOTION_IF_WEAK)
-    return "; ".join([*motions, *(described(problem, u) for u in rest.T)])
+    return "; ".join(map(str, [*motions, *(described(problem, u) for u in rest.T)]))
 
 
 def _leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:

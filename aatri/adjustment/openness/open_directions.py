@@ -1,5 +1,6 @@
 """What is open, in words: the combinations of unknowns that a linearisation leaves without an answer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +17,39 @@ def _none() -> Int:
 
 
 @dataclass(frozen=True)
+class OpenCombination:
+    """A combination of unknowns that is open.
+
+    Attributes
+    ----------
+    text : str
+        What messages call it.
+    motions : tuple of str
+        The motions of a whole that it is (`motions.NAMES`), if any.
+    of_whole : bool
+        Of the whole block; else of a part of it.
+    unknowns : tuple of (str, str)
+        Labels and groups of the unknowns that are named.
+    """
+
+    text: str
+    motions: tuple[str, ...] = ()
+    of_whole: bool = False
+    unknowns: tuple[tuple[str, str], ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class OpenError(GeometryError):
+    """Combinations of unknowns are open: `combinations` are those that the message names."""
+
+    def __init__(self, what: str, *, remedy: str, combinations: Sequence[OpenCombination]) -> None:
+        self.combinations = tuple(combinations)
+        super().__init__(what, remedy=remedy)
+
+
+@dataclass(frozen=True)
 class OpenDirections:
     """What the observations leave open, or nearly so.
 
@@ -23,15 +57,15 @@ class OpenDirections:
     ----------
     count : int
         Open combinations of unknowns.
-    texts : tuple of str
-        What they are; motions of the whole in one text.
+    texts : tuple of OpenCombination
+        What they are; motions of the whole in one.
     directions : (n_kept, count) float64
         The combinations, in unknowns times the root of their diagonal.
     vertices : (k,) int
         Vertices that are open by themselves.
     blocks : (k,) int
         Eliminated blocks that are, by their place among the rays' blocks.
-    nearly : tuple of str
+    nearly : tuple of OpenCombination
         Combinations that are within a factor of ten of it.
     exact : bool
         A pivot vanishes; else rounding hides it.
@@ -40,11 +74,11 @@ class OpenDirections:
     """
 
     count: int
-    texts: tuple[str, ...]
+    texts: tuple[OpenCombination, ...]
     directions: Float
     vertices: Int = field(default_factory=_none)
     blocks: Int = field(default_factory=_none)
-    nearly: tuple[str, ...] = ()
+    nearly: tuple[OpenCombination, ...] = ()
     exact: bool = False
     more: int = 0
 
@@ -53,7 +87,7 @@ class OpenDirections:
 
         Raises
         ------
-        GeometryError
+        OpenError
         """
         if not self.texts:
             return
@@ -64,20 +98,21 @@ class OpenDirections:
         else:
             what = f"the observations nearly leave {self.count} combination(s) of unknowns open"
             remedy = "observe more, hold them or weigh them by a prior, or estimate fewer parameters"
-        raise GeometryError(f"{before}{what}: {'; '.join(self.texts)}{more}", remedy=remedy)
+        named = "; ".join(map(str, self.texts))
+        raise OpenError(f"{before}{what}: {named}{more}", remedy=remedy, combinations=self.texts)
 
     def notes(self) -> list[Note]:
         """Warnings of what is nearly open."""
         return [Note("warning", f"hardly determined by the observations: {text}") for text in self.nearly]
 
 
-def described(problem: IndexedProblem, vector: Float) -> str:
+def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     """The unknowns that take part most in a null vector: of each label up to four, or the one with most and a count.
 
     A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
     all images where the principal distance is open, is small in each of them.
     """
-    shares: list[tuple[float, float, str]] = []
+    shares: list[tuple[float, float, str, tuple[str, str]]] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
@@ -88,8 +123,9 @@ def described(problem: IndexedProblem, vector: Float) -> str:
                 large = np.argsort(-own, kind="stable")[: int((own > NAMED * most).sum())].tolist()
                 named = " with ".join(u.label(k, scalar) for k in large)
                 many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
-                shares.append((total, most, named if len(large) <= 4 else many))
+                shares.append((total, most, named if len(large) <= 4 else many, (u.labels[scalar], u.name)))
     shares.sort(key=lambda share: -share[0])
-    largest = max((own for _, own, _ in shares), default=0.0)
-    members = [name for total, own, name in shares if total > NAMED**2 * shares[0][0] or own > NAMED * largest][:5]
-    return " with ".join(members) or "unknowns of no group"
+    largest = max((own for _, own, _, _ in shares), default=0.0)
+    members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
+    text = " with ".join(name for _, _, name, _ in members) or "unknowns of no group"
+    return OpenCombination(text, unknowns=tuple(unknown for *_, unknown in members))

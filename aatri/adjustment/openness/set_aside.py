@@ -9,7 +9,7 @@ from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
 from aatri.adjustment.openness.nearly_open import nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
-from aatri.adjustment.openness.open_directions import OpenDirections, described
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import with_set_aside
@@ -123,7 +123,7 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     found = nearly_open(problem, factored, state)
     alone = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], found.vertices)) for u in problem.unknowns)
     names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, alone) for k in blocks]
-    texts = (*found.texts, *names, *found.nearly)
+    texts = (*found.texts, *map(OpenCombination, names), *found.nearly)
     replace(found, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
         f"no convergence in {iterations} iterations: "
     )

@@ -1,14 +1,20 @@
-"""What to do about a rank defect, by what its message names.
+"""What to do about a rank defect, by what is open.
 
 Seen: an adjustment that names what is open: a datum, a part, a set of directions, parameters that free each other.
 Test: that of `adjustment.openness`: none is made here.
 """
 
-from collections.abc import Mapping
-from itertools import combinations, pairwise
+from collections.abc import Mapping, Sequence
+from itertools import combinations as combinations_of
+from itertools import pairwise
 
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.camera.parameters.advice import advise
-from aatri.observations.poses import ADDITIONAL, CAMERA, POSE
+from aatri.errors import GeometryError
+from aatri.observations.carried_vectors import BORESIGHTS
+from aatri.observations.drift import DRIFT
+from aatri.observations.poses import CAMERA, POSE, is_additional
+from aatri.observations.rigs import MOUNT
 
 _SHARED = (
     *(f"{word} {axis}" for word in ("shift", "drift") for axis in "XYZ"),
@@ -37,52 +43,54 @@ _BORESIGHT = (
 )
 
 
-def rank_advice(what: str, names: tuple[str, ...], kinds: Mapping[str, str]) -> str:
+def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str, str]) -> str:
     """The remedy for a rank defect, or an empty text where there is none of its own.
 
     Parameters
     ----------
-    what : str
-        The message.
+    error : GeometryError
     names : tuple of str
         Names of additional and camera parameters.
     kinds : mapping
         What the additional ones do.
     """
-    text = f" {what}"
-    of_camera = [name for name in names if f" {name} of {CAMERA}" in text]
-    open_ = [name for name in names if f" {name} of {ADDITIONAL}" in text] + of_camera
-    pose = [name for name in _POSE if f" {name} of {POSE}" in text]
-    shared = [label for label in _SHARED if f" {label} of " in text] if not _shifted(text) else []
+    combinations = error.combinations if isinstance(error, OpenError) else ()
+    unknowns = [unknown for one in combinations for unknown in one.unknowns]
+    labels, shifted = {label for label, _ in unknowns}, any(map(_shifted, combinations))
+    of_camera = [name for name in names if (name, CAMERA) in unknowns]
+    additional = {label for label, group in unknowns if is_additional(group)}
+    open_ = [name for name in names if name in additional] + of_camera
+    pose = [name for name in _POSE if (name, POSE) in unknowns]
+    shared = [] if shifted else [label for label in _SHARED if label in labels]
     pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
-    pairs += [(a, b, 1.0) for a, b in combinations(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
+    pairs += [(a, b, 1.0) for a, b in combinations_of(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
     reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs, kinds))
     if of_camera:
         reasons["fix or weight the parameters: `sigmas` of the camera"] = None
     elif open_:
         reasons["weight the parameters: `self_calibration.sigma_um`"] = None
-    return "; ".join([*reasons, *_of_motions(text)])
+    carried = [_MOUNT] * any(group == MOUNT for _, group in unknowns) + [_BORESIGHT] * (BORESIGHTS.labels[2] in labels)
+    motions = _of_motions(combinations, shifted)
+    return "; ".join([*reasons, *carried, *(motions if motions != [_SET] or not carried else ())])
 
 
-def _shifted(text: str) -> bool:
+def _shifted(one: OpenCombination) -> bool:
     """Whether the whole block is shifted with what its groups of positions share."""
-    motion, whole, others = text.partition(" of the whole block with ")
-    return bool(whole) and " shift " in motion and "shift" in others and " of drift " in others
+    with_group = any(group == DRIFT and label.startswith("shift") for label, group in one.unknowns)
+    return one.of_whole and with_group and any("shift" in motion for motion in one.motions)
 
 
-def _of_motions(text: str) -> list[str]:
-    """The remedy for what is open of the datum, of sets and mounts."""
-    advice = [advice for word, advice in ((" mount ", _MOUNT), (" boresight z ", _BORESIGHT)) if word in text]
-    if " of the whole block" not in text and " of a part " not in text:
-        return advice
-    if " of a part " in text:
-        return [*advice, _PART]
-    if _shifted(text):
-        return [*advice, _SHIFTS]
-    if "shift" in text:
-        return [*advice, _DATUM]
-    if "rotation about the axis" in text or "rotation about X" in text or "rotation about Y" in text:
-        return [*advice, _TURN]
-    if "scale" in text:
-        return [*advice, _SCALE]
-    return advice or ([_SET] if "rotation about Z" in text else [])
+def _of_motions(combinations: Sequence[OpenCombination], shifted: bool) -> list[str]:
+    """The remedy for what is open of the datum and of sets."""
+    motions = " ".join(motion for one in combinations for motion in one.motions)
+    if any(one.motions and not one.of_whole for one in combinations):
+        return [_PART]
+    if shifted:
+        return [_SHIFTS]
+    if "shift" in motions:
+        return [_DATUM]
+    if any(f"rotation about {axis}" in motions for axis in ("the axis", "X", "Y")):
+        return [_TURN]
+    if "scale" in motions:
+        return [_SCALE]
+    return [_SET] if "rotation about Z" in motions else []
