@@ -61,7 +61,7 @@ def _bring(block: Int, size: Float, of: Int, row: Int, residuals: Int, scalars: 
     """Lower the factors of what is beyond reach at some blocks of one group, by what observations add to them."""
     known = np.flatnonzero(np.isfinite(size) & (size > 0))
     order = known[np.lexsort((size[known], block[known]))]
-    block, size, of, row, residuals = (part[order] for part in (block, size, of, row, residuals))
+    size, (block, of, row, residuals) = size[order], (part[order] for part in (block, of, row, residuals))
     if not len(block):
         return
     new = np.concatenate([[True], block[1:] != block[:-1]])
