@@ -208,16 +208,16 @@ def log_rotation(rotation: npt.ArrayLike) -> npt.NDArray[Any]:
     largest = np.argmax(four.real, axis=1)
     q = np.empty((len(R), 4), dtype=R.dtype)
     for k in range(4):
-        mine = largest == k
-        S, d = R[mine], np.sqrt(four[mine, k])
+        rows = largest == k
+        S, d = R[rows], np.sqrt(four[rows, k])
         odd = np.stack([S[:, 2, 1] - S[:, 1, 2], S[:, 0, 2] - S[:, 2, 0], S[:, 1, 0] - S[:, 0, 1]], axis=1)
         if k == 0:
-            q[mine] = 0.5 * np.column_stack([d, odd / d[:, None]])
+            q[rows] = 0.5 * np.column_stack([d, odd / d[:, None]])
             continue
         j = k - 1
         even = S[:, j, :] + S[:, :, j]
         even[:, j] = d * d
-        q[mine] = 0.5 * np.column_stack([odd[:, j] / d, even / d[:, None]])
+        q[rows] = 0.5 * np.column_stack([odd[:, j] / d, even / d[:, None]])
     q = q * np.where(q[:, :1].real < 0, -1.0, 1.0)
     s2 = (q[:, 1:] ** 2).sum(axis=1)
     small = np.abs(s2) < SMALL**2

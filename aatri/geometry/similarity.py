@@ -179,9 +179,7 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
     return Similarity(X0 - now.scale * now.rotation @ x0, now.scale, now.rotation)
 
 
-def robust_closed_form(
-    x: Float, X: Float, weight: Float | None = None, iterations: int = 50
-) -> tuple[Similarity, Float]:
+def robust_closed_form(x: Float, X: Float, iterations: int = 50) -> tuple[Similarity, Float]:
     """Similarity with the least sum of distances (not of their squares), by repeated closed forms.
 
     Weights are divided by the distance of the point in the iteration before (Weiszfeld), so that some wrong points
@@ -193,13 +191,12 @@ def robust_closed_form(
     distance : (n,) float64, target unit
         Distance of each transformed point from its target.
     """
-    w = np.ones(len(x)) if weight is None else weight
     # Points that fit exactly would get an infinite weight: distances below this share of the extent count as equal.
     least = 1e-9 * float(np.linalg.norm(X - X.mean(0), axis=1).max()) + np.finfo(float).tiny
-    similarity = closed_form(x, X, w)
+    similarity = closed_form(x, X)
     distance = np.linalg.norm(transform(similarity, x) - X, axis=1)
     for _ in range(iterations):
-        similarity = closed_form(x, X, w / np.maximum(distance, least))
+        similarity = closed_form(x, X, 1.0 / np.maximum(distance, least))
         before, distance = distance, np.linalg.norm(transform(similarity, x) - X, axis=1)
         if np.abs(distance - before).max() <= 1e-3 * max(np.median(distance), least):
             break

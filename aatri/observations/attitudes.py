@@ -181,8 +181,10 @@ def attitude_records(rows: Attitudes, *, exact: bool = False) -> Records:
             return whole_differences(predicted, rows.observed[some], rows.turning[some])
         assert rows.angles is not None
         v, by_turn = np.zeros((len(some), 3)), np.zeros((len(some), 3, 3))
-        mine, part = some[whole], some[~whole]
-        v[whole], by_turn[whole] = whole_differences(predicted[whole], rows.observed[mine], rows.turning[mine])
+        all_three, part = some[whole], some[~whole]
+        v[whole], by_turn[whole] = whole_differences(
+            predicted[whole], rows.observed[all_three], rows.turning[all_three]
+        )
         v[~whole], by_turn[~whole] = partial_differences(predicted[~whole], rows.angles.take(part))
         return v, by_turn
 

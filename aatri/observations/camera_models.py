@@ -70,13 +70,13 @@ def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePo
         return rows, cameras
     xy, c = rows.xy_mm.copy(), rows.c_mm.copy()
     for k in used:
-        mine = np.flatnonzero(cameras.block == k)
+        rays = np.flatnonzero(cameras.block == k)
         p = values[k]
-        q = xy[mine] - p[1:3]
+        q = xy[rays] - p[1:3]
         if cameras.model[k] == "brown":
             q[:, 0] *= 1 + p[3]
             q = q + brown_basis(q) @ p[4 : len(calibration.PARAMETERS["brown"])]
-        xy[mine], c[mine] = q, p[0]
+        xy[rays], c[rays] = q, p[0]
     return replace(rows, xy_mm=xy, c_mm=c), None
 
 
@@ -103,8 +103,8 @@ def compared(cameras: CameraRows, parameters: Float, some: Int, u: Float, xy_mm:
     by_camera = np.zeros((len(u), 2, parameters.shape[1]))
     models = np.array(cameras.model)[block]
     for model in np.unique(models):
-        mine, size = np.flatnonzero(models == model), len(calibration.PARAMETERS[str(model)])
-        v[mine], by_u[mine], by_camera[mine, :, :size] = calibration.residual(
-            str(model), u[mine], xy_mm[mine], parameters[block[mine], :size]
+        rays, size = np.flatnonzero(models == model), len(calibration.PARAMETERS[str(model)])
+        v[rays], by_u[rays], by_camera[rays, :, :size] = calibration.residual(
+            str(model), u[rays], xy_mm[rays], parameters[block[rays], :size]
         )
     return v, by_u, by_camera

@@ -169,15 +169,15 @@ def observed_with_terms(
     """
     touched = np.stack([t.block >= 0 for t in terms], axis=1) if terms else np.zeros((len(row), 0), dtype=bool)
     made, new, exactness = list[Observed](), dict[str, tuple[Unknowns, Any]](own or {}), tuple(by_exactness)
-    told = set[str]()
+    stated = set[str]()
     for pattern in np.unique(touched, axis=0) if terms else touched[:1]:
         for exact, chosen in exactness:
             some = chosen[(touched[chosen] == pattern).all(axis=1)]
             if not len(some):
                 continue
             of_these = [t.take(some) for t, has in zip(terms, pattern) if has]
-            new |= {t.unknowns.name: (t.unknowns, t.start) for t in of_these if t.unknowns.name not in told}
-            told |= set(new)
+            new |= {t.unknowns.name: (t.unknowns, t.start) for t in of_these if t.unknowns.name not in stated}
+            stated |= set(new)
             made.append(
                 Observed(
                     with_terms(records(some, exact, of_these), of_these),

@@ -205,8 +205,8 @@ def film_correction(
         return LinearCorrection(group, rows.image, open_basis("affine", photo, np.eye(2))[:, :, :size])
     basis = np.zeros((len(photo), 2, size))
     for one in np.unique(model):
-        mine = np.flatnonzero(model[rows.image] == one)
-        basis[mine] = open_basis(str(one), photo[mine], axes[rows.image[mine]])[:, :, :size]
+        rays_of_model = np.flatnonzero(model[rows.image] == one)
+        basis[rays_of_model] = open_basis(str(one), photo[rays_of_model], axes[rows.image[rays_of_model]])[:, :, :size]
     return LinearCorrection(group, rows.image, basis)
 
 

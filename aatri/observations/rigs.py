@@ -133,9 +133,9 @@ def _tight(given: Given, options: RigOptions) -> tuple[float, float]:
 
 def _scaled(state: State) -> Float:
     """A mount moves with the scale of the object space."""
-    found = np.zeros((len(state[MOUNT]), 6, 7))
-    found[:, :3, 6] = state[MOUNT][:, :3]
-    return found
+    moves = np.zeros((len(state[MOUNT]), 6, 7))
+    moves[:, :3, 6] = state[MOUNT][:, :3]
+    return moves
 
 
 def rig_pairs(block: Block) -> RigPairs:

@@ -129,9 +129,9 @@ def calibrated_units(block: Block, calibration: CalibratedPart) -> tuple[Sharing
         )
     rows = np.array([row[str(name)] for name in units.id], dtype=np.int64)
     for name, camera, k in zip(units.id, units.camera, rows):
-        mine, theirs = camera_scale(block, int(camera)), calibration.scale[k]
+        own, theirs = camera_scale(block, int(camera)), calibration.scale[k]
         point = block.cameras.principal_point_mm[camera]
-        here = np.array([mine.principal_distance_mm, *point, *mine.half_format_mm])
+        here = np.array([own.principal_distance_mm, *point, *own.half_format_mm])
         there = np.array([theirs.principal_distance_mm, *calibration.principal_point_mm[k], *theirs.half_format_mm])
         if not np.allclose(here, there, rtol=0.0, atol=_SAME):
             raise InputError(
@@ -252,8 +252,8 @@ def calibrated_correction(
         units, rows = calibrated_units(block, known)
         unit = units.of_image[image_points.measurements.image]
         for k, row in enumerate(rows):
-            mine, scale, (value, _) = unit == k, known.scale[row], known.in_mm(part.parameters, int(row))
-            found[mine] += correction(part.parameters, scale, value, xy[mine])
+            of_unit, scale, (value, _) = unit == k, known.scale[row], known.in_mm(part.parameters, int(row))
+            found[of_unit] += correction(part.parameters, scale, value, xy[of_unit])
     return found
 
 

@@ -207,9 +207,9 @@ def _pair(a: _Unit, b: _Unit, covariance: Float) -> ParameterCovariances:
     """Covariances of two units, or of one with itself, the earlier row first."""
     first, second = np.meshgrid(a.row, b.row, indexing="ij")
     values = covariance * np.outer(a.group.factor[a.number], b.group.factor[b.number])
-    told = (first >= 0) & (second >= 0) & ((first <= second) | np.bool_(a is not b))
-    low, high = np.minimum(first, second)[told], np.maximum(first, second)[told]
-    return ParameterCovariances(first=low.astype(np.int32), second=high.astype(np.int32), covariance=values[told])
+    listed = (first >= 0) & (second >= 0) & ((first <= second) | np.bool_(a is not b))
+    low, high = np.minimum(first, second)[listed], np.maximum(first, second)[listed]
+    return ParameterCovariances(first=low.astype(np.int32), second=high.astype(np.int32), covariance=values[listed])
 
 
 def calibration_tables(

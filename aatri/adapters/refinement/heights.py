@@ -149,7 +149,7 @@ def _estimated_by_strip(block: Block, image_points: ImagePoints, known_m: Float,
     # The last choice first: all that is known of the block, of the strip, and the photo scale in the strip.
     every = np.ones(len(strip), dtype=bool)
     for values, parts in ((known_m, [every]), (single, [every]), (known_m, strips), (single, strips)):
-        for mine in parts:
-            if np.isfinite(values[mine]).any():
-                estimated[mine] = np.nanmedian(values[mine])
+        for of_part in parts:
+            if np.isfinite(values[of_part]).any():
+                estimated[of_part] = np.nanmedian(values[of_part])
     return estimated

@@ -19,7 +19,6 @@ from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.backsolve import cost_of, steps
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
@@ -79,19 +78,15 @@ class LinearSolution:
     def _covariances(self) -> Covariances:
         return covariances_at(self.problem, self.state, self.factored, residuals=True)
 
-    def covariances(self, *, blocks: bool = True) -> Covariances:
-        """Marginal covariances, a priori; without `blocks` those of the kept unknowns alone."""
-        return self._covariances if blocks else covariances_at(self.problem, self.state, self.factored, blocks=False)
+    def covariances(self) -> Covariances:
+        """Marginal covariances, a priori."""
+        return self._covariances
 
     def tests(self) -> dict[str, RecordTests]:
         """Tests of all records by key of their type, predicted where not active; constraints are not tested."""
         observed, found = self.problem.observed, self._covariances
         each = zip(keys_of(observed), observed, found.records, found.whitened)
         return {key: record_tests(r, self.state, c, v) for key, r, c, v in each}
-
-    def reduced_normals(self) -> ReducedNormals:
-        """Normal equations of the kept unknowns at the state, blocks eliminated, before Cholesky."""
-        return reduced_normals(self.problem, self.state)
 
 
 def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] | None = None) -> LinearSolution:

@@ -130,8 +130,8 @@ class _Pieces:
         within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
         row = node.panel + np.arange(len(vertex))
         for q in np.unique(self.piece_of[vertex]):
-            mine = self.piece_of[vertex] == q
-            i, at = row[mine], (self.row_of[vertex] + within)[mine]
+            in_piece = self.piece_of[vertex] == q
+            i, at = row[in_piece], (self.row_of[vertex] + within)[in_piece]
             F, _, d = self.sums[q]
             F[np.ix_(at, at)] += np.tril(front[0][np.ix_(i, i)])
             d[at] += front[2][i]

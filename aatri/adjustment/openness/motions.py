@@ -72,17 +72,17 @@ def open_motions(
     combinations: list[OpenCombination] = []
     left = []
     for part in _parts(problem, normals):
-        mine = _orthonormal(np.where(part[:, None], vectors, 0.0))
-        some = _vertices_of(problem, _taking_part(mine))
-        coefficients, directions = _common(moves * some[:, None], mine, going_along, common)
+        open_here = _orthonormal(np.where(part[:, None], vectors, 0.0))
+        some = _vertices_of(problem, _taking_part(open_here))
+        coefficients, directions = _common(moves * some[:, None], open_here, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
             names = tuple(dict.fromkeys(named(row, extent) for row in coefficients))
             along, unknowns = _along(problem, np.where(going_along[:, None], directions, 0.0))
-            of = _whole_or_part(problem, mine, moves @ coefficients.T)
+            of = _whole_or_part(problem, open_here, moves @ coefficients.T)
             text = f"{', '.join(names)} of {of}{along}"
             combinations.append(OpenCombination(text, names, of == WHOLE_BLOCK, unknowns))
-        left.append(_without(mine, directions))
+        left.append(_without(open_here, directions))
     return combinations, np.concatenate(left, axis=1) if combinations else vectors
 
 

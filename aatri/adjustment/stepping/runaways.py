@@ -162,9 +162,9 @@ def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tup
     h = np.add.reduceat(np.einsum("nki,nk->ni", B, v), first)
     for records, rows, observed in problem.direct:
         place = np.searchsorted(blocks, observed)
-        mine = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
-        v, (own,) = whitened(records, state, rows[mine])
-        to, own = place[mine], own * problem.block_free[observed[mine]][:, None, :]
+        own_rows = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
+        v, (own,) = whitened(records, state, rows[own_rows])
+        to, own = place[own_rows], own * problem.block_free[observed[own_rows]][:, None, :]
         np.add.at(cost, to, (v**2).sum(axis=1) + _excess(records, v))
         np.add.at(D, to, np.einsum("nki,nkj->nij", own, own))
         np.add.at(h, to, np.einsum("nki,nk->ni", own, v))

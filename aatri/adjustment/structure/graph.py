@@ -146,7 +146,7 @@ def _separated(graph: Graph, left: Int, right: Int, side: Int) -> tuple[Int, Int
     return left[~separator], np.concatenate([left[separator], right[in_right]]), right[~in_right]
 
 
-def chain(graph: Graph, order: Int, width: int = LEAF) -> list[OrderedNode]:
+def chain(graph: Graph, order: Int) -> list[OrderedNode]:
     """The given order as a chain of nodes; border vertices last.
 
     Parameters
@@ -154,14 +154,12 @@ def chain(graph: Graph, order: Int, width: int = LEAF) -> list[OrderedNode]:
     graph : Graph
     order : (n,) int
         All vertices in the order of their elimination.
-    width : int
-        Vertices of a node.
     """
     last = border_vertices(graph)
     inner = order[~last[order]]
     nodes: list[OrderedNode] = []
-    for k in range(0, len(inner), width):
-        nodes.append(OrderedNode(inner[k : k + width], (len(nodes) - 1,) if nodes else ()))
+    for k in range(0, len(inner), LEAF):
+        nodes.append(OrderedNode(inner[k : k + LEAF], (len(nodes) - 1,) if nodes else ()))
     if last.any() or not nodes:
         nodes.append(OrderedNode(order[last[order]], (len(nodes) - 1,) if nodes else ()))
     return nodes

@@ -36,16 +36,6 @@ class ErrorField:
     sigma_mm: Float
     shape_mm: Float
 
-    @property
-    def rms_mm(self) -> float:
-        """Root mean square length of the error."""
-        return float(np.sqrt((self.error_mm**2).sum(axis=1).mean()))
-
-    @property
-    def largest_mm(self) -> float:
-        """Largest length of the error."""
-        return float(np.linalg.norm(self.error_mm, axis=1).max())
-
 
 def image_error_field(
     parameter_set: ParameterSet, scale: SetScale, values_mm: Float, covariance_mm2: Float, n: int = 15

@@ -37,13 +37,15 @@ def height_differences(given: Given) -> tuple[Observed, ...]:
 
 def coordinate_differences(given: Given) -> tuple[Observed, ...]:
     """Coordinate differences of the geodetic observations."""
-    found = list[Observed]()
+    observed = list[Observed]()
     for axis, type_ in enumerate(AXES):
         rows = sights_of(given.block, type_)
         rows = replace(rows, names=np.char.add(rows.names, f" {type_}"))
         sees = (axis == 0, axis == 1, axis == 2)
-        found += observed_sights(COORDINATE_DIFFERENCE, rows, given.level, along(axis), "m", sees, between_coordinates)
-    return tuple(found)
+        observed += observed_sights(
+            COORDINATE_DIFFERENCE, rows, given.level, along(axis), "m", sees, between_coordinates
+        )
+    return tuple(observed)
 
 
 def along(axis: int) -> Measured:

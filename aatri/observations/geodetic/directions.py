@@ -47,13 +47,13 @@ USES = (
 
 def directions(given: Given) -> tuple[Observed, ...]:
     """Directions of sets with an orientation each, azimuths and angles."""
-    found = list[Observed]()
+    observed = list[Observed]()
     for rows, between in by_surface(given, sights_of(given.block, AZIMUTH)):
-        found += observed_sights(AZIMUTH, rows, given.level, bearing, "rad", PLAN, between)
+        observed += observed_sights(AZIMUTH, rows, given.level, bearing, "rad", PLAN, between)
     rows = sights_of(given.block, DIRECTION)
     if len(rows):
-        found += _oriented(given, rows)
-    return (*found, *_angles(given))
+        observed += _oriented(given, rows)
+    return (*observed, *_angles(given))
 
 
 def by_surface(given: Given, rows: Sights) -> Iterator[tuple[Sights, Between]]:
@@ -133,9 +133,9 @@ def _turned(value: Float, step: Float) -> Float:
 
 def _generator(values: Float) -> Float:
     """A block turned counter-clockwise about the vertical has smaller bearings, (n, 1, 7)."""
-    found = np.zeros((len(values), 1, 7))
-    found[:, 0, 5] = -1.0
-    return found
+    moves = np.zeros((len(values), 1, 7))
+    moves[:, 0, 5] = -1.0
+    return moves
 
 
 def _angles(given: Given) -> Iterator[Observed]:

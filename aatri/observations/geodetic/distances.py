@@ -57,13 +57,13 @@ class DistanceOptions(Options):
 def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
     """Distances of the geodetic observations."""
     rows = sights_of(given.block, KIND, HORIZONTAL)
-    found: list[Observed] = []
+    observed: list[Observed] = []
     for kind, ways in _ways(given, rows):
         own = _groups(kind, [way.rows for way in ways], options)
         calibrated: list[Observed] = []
         for way in ways:
             grouped = way.rows.group != "" if own else np.zeros(len(way.rows), dtype=bool)
-            found += observed_sights(
+            observed += observed_sights(
                 kind, way.rows.take(~grouped), given.level, way.measured, "m", way.sees, way.between
             )
             if own and grouped.any():
@@ -71,11 +71,11 @@ def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
         if own:
             start = {own.name: np.zeros((len(own.ids), 2))}
             calibrated[0] = replace(calibrated[0], unknowns=(own,), start=start)
-        found += calibrated
+        observed += calibrated
     notes = not_reduced(given, rows.take(np.isin(rows.reduced, ("no", "horizon"))))
-    if found and notes:
-        found[0] = replace(found[0], notes=notes)
-    return tuple(found)
+    if observed and notes:
+        observed[0] = replace(observed[0], notes=notes)
+    return tuple(observed)
 
 
 @dataclass(frozen=True)
@@ -131,6 +131,6 @@ def _shown(distance: Float, unknowns: Float) -> tuple[Float, Float, Float]:
 
 def _generator(values: Float) -> Float:
     """A larger block has a smaller scale of its distances, (n, 2, 7)."""
-    found = np.zeros((len(values), 2, 7))
-    found[:, 0, 6] = -(1 + values[:, 0])
-    return found
+    moves = np.zeros((len(values), 2, 7))
+    moves[:, 0, 6] = -(1 + values[:, 0])
+    return moves

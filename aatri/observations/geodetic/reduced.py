@@ -130,7 +130,7 @@ def _middles(given: Given, rows: Sights) -> Float:
     ends = []
     for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target)):
         ends.append(np.full((len(rows), 3), np.nan))
-        for group, mine in ((POSE, image), (POINT, ~image)):
-            if mine.any():
-                ends[-1][mine] = position(given.start, group)[at[mine]]
+        for group, of_group in ((POSE, image), (POINT, ~image)):
+            if of_group.any():
+                ends[-1][of_group] = position(given.start, group)[at[of_group]]
     return np.asarray(0.5 * (ends[0] + ends[1]) + given.origin_m)

@@ -40,10 +40,10 @@ class ZenithOptions(Options):
 def zenith_angles(given: Given, options: ZenithOptions) -> tuple[Observed, ...]:
     """Zenith angles of the geodetic observations."""
     rows = sights_of(given.block, KIND)
-    found = list(observed_sights(KIND, rows, given.level, measured_with(given.level, options.refraction), "rad"))
-    if found and not given.level.curvature_per_m:
-        found[0] = replace(found[0], notes=_neglected(given, rows, options.refraction))
-    return tuple(found)
+    observed = list(observed_sights(KIND, rows, given.level, measured_with(given.level, options.refraction), "rad"))
+    if observed and not given.level.curvature_per_m:
+        observed[0] = replace(observed[0], notes=_neglected(given, rows, options.refraction))
+    return tuple(observed)
 
 
 def measured_with(level: Level, refraction: float) -> Measured:

@@ -84,11 +84,11 @@ USES = tuple(sorted({*covariances.USES, *(name for kind in KINDS for name in kin
 
 def observe(given: Given, options: KindOptions) -> tuple[Observed, ...]:
     """All observations of a block."""
-    found: list[Observed] = []
+    observed: list[Observed] = []
     for kind in KINDS:
         if not kind.table or len(getattr(given.block, kind.table)):
-            found += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
-    return covariances.with_geodetic_covariances(given.block, found)
+            observed += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
+    return covariances.with_geodetic_covariances(given.block, observed)
 
 
 def options_without_data(block: Block, options: KindOptions) -> list[Note]:

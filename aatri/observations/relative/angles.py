@@ -33,7 +33,7 @@ Pair = Callable[[Float, Float], tuple[Float, Float, Float]]
 
 def relative_angles(given: Given) -> tuple[Observed, ...]:
     """Angles, parallel and perpendicular lines of the relative control."""
-    found: list[Observed] = []
+    observed: list[Observed] = []
     control, xyz = given.block.relative_control, given.start[POINT]
     for type_, kind in (("angle", ANGLE), ("parallel", PARALLEL), ("perpendicular", PERPENDICULAR)):
         for some, exact in by_exactness(given.block, type_):
@@ -45,8 +45,8 @@ def relative_angles(given: Given) -> tuple[Observed, ...]:
             pair = _pair(type_, xyz, point)
             value = control.value[some] if type_ == "angle" else np.zeros(len(some))
             records = _records(kind, point, value, control.sigma[some], pair, 2 if type_ == "parallel" else 1)
-            found.append(Observed(records, some, named(point=names), "rad", exact=exact))
-    return tuple(found)
+            observed.append(Observed(records, some, named(point=names), "rad", exact=exact))
+    return tuple(observed)
 
 
 def _records(kind: str, point: Int, value: Float, sigma: Float, pair: Callable[[Int], Pair], rows: int) -> Records:

@@ -32,13 +32,13 @@ def relative_distances(given: Given) -> tuple[Observed, ...]:
 
 def relative_differences(given: Given) -> tuple[Observed, ...]:
     """Equal distances and coordinate differences of the relative control."""
-    found = [*observed_conditions(given, EQUAL, _equal, at_once=2)]
+    observed = [*observed_conditions(given, EQUAL, _equal, at_once=2)]
     sights = pairs_as_sights(given.block, "coordinate_difference")
     for axis, name in enumerate("XYZ"):
         of_axis = sights.take(given.block.relative_control.axis[sights.row] == name)
         sees = ALL if given.level.curved else (axis == 0, axis == 1, axis == 2)
-        found += observed_sights(DIFFERENCE, of_axis, given.level, along(axis), "m", sees, between_coordinates)
-    return tuple(found)
+        observed += observed_sights(DIFFERENCE, of_axis, given.level, along(axis), "m", sees, between_coordinates)
+    return tuple(observed)
 
 
 def _equal(given: Given, made: Conditions) -> Observed:

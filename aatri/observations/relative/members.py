@@ -116,7 +116,7 @@ class Conditions:
         labels : tuple of str
             Of the s unknowns.
         generator, similarity, implausible, free
-            See `Unknowns` and `Records`; all unknowns are free unless told.
+            See `Unknowns` and `Records`; all unknowns are free unless stated.
         sees
             See `Observed`.
         rows : int

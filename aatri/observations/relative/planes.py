@@ -25,10 +25,10 @@ USES = tuple(f"relative_control:{t}" for t in ("plane", "vertical_plane", *LEVEL
 
 def planes(given: Given) -> tuple[Observed, ...]:
     """Points of planes, and of equal height."""
-    found = [*observed_shapes(given, PLANE_SHAPE), *observed_shapes(given, VERTICAL)]
+    observed = [*observed_shapes(given, PLANE_SHAPE), *observed_shapes(given, VERTICAL)]
     for type_ in LEVEL_TYPES:
-        found += observed_conditions(given, type_, _level)
-    return tuple(found)
+        observed += observed_conditions(given, type_, _level)
+    return tuple(observed)
 
 
 def _plane(x: Float, t: Float) -> tuple[Float, Float, Float]:

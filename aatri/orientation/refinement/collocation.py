@@ -30,7 +30,6 @@ from aatri.errors import SpecError
 from aatri.orientation.refinement.residual_covariance import (
     MODELS,
     CovarianceFunction,
-    EmpiricalCovariance,
     empirical_covariance,
     fit_covariance,
     gathered,
@@ -49,7 +48,6 @@ class Collocation:
 
     Attributes
     ----------
-    empirical : EmpiricalCovariance
     function : CovarianceFunction or None
         None if the residuals have no correlated part: nothing is corrected.
     cells_mm : (m, 2) float64, mm
@@ -60,7 +58,6 @@ class Collocation:
         (C + D)^-1 v.
     """
 
-    empirical: EmpiricalCovariance
     function: CovarianceFunction | None
     cells_mm: Float
     factor: Float
@@ -100,17 +97,16 @@ def collocate(
     if not len(xy_mm):
         raise SpecError("collocation of no residuals", remedy="give a camera or session with active image points")
     cells = gathered(xy_mm, residual_mm, cells_per_side)
-    empirical = empirical_covariance(cells, float((residual_mm**2).mean()))
     if function is None and len(cells.weight) >= FEWEST_CELLS:
-        function = fit_covariance(empirical, model)
+        function = fit_covariance(empirical_covariance(cells, float((residual_mm**2).mean())), model)
     if function is None:
         nothing = np.zeros((0, 2))
-        return Collocation(empirical, None, nothing, np.zeros((0, 0)), nothing)
+        return Collocation(None, nothing, np.zeros((0, 0)), nothing)
     C = function(_distances(cells.xy_mm, cells.xy_mm))
     noise = function.noise_mm2 / cells.weight + NUGGET * function.variance_mm2
     factor = linalg.cholesky(C + np.diag(noise), lower=True)
     weights = linalg.cho_solve((factor, True), cells.mean_mm)
-    return Collocation(empirical, function, cells.xy_mm, factor, np.asarray(weights))
+    return Collocation(function, cells.xy_mm, factor, np.asarray(weights))
 
 
 def predict(collocation: Collocation, xy_mm: Float) -> tuple[Float, Float]:

@@ -11,6 +11,7 @@ from aatri.adjustment.covariance import marginal
 from aatri.adjustment.covariance import solve as solving
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.solve import solve
+from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.records import Records, whitener_of_covariances, whitener_of_sigmas
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
@@ -174,7 +175,7 @@ def test_the_reduced_normals_are_those_of_dense_elimination() -> None:
     J, _ = dense_jacobian(unknowns, records, start)
     A, E = J[:, :90], J[:, 90:]
     wanted = A.T @ (A - E @ np.linalg.lstsq(E, A, rcond=None)[0])
-    np.testing.assert_allclose(solved.reduced_normals().N, wanted, atol=1e-9)
+    np.testing.assert_allclose(reduced_normals(solved.problem, solved.state).N, wanted, atol=1e-9)
 
 
 def test_a_linear_problem_is_factorised_once_by_the_iteration_too(monkeypatch: pytest.MonkeyPatch) -> None:
