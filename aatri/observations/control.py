@@ -92,9 +92,9 @@ def control_of(block: Block) -> Control:
 
 def control(given: Given) -> tuple[Observed, ...]:
     """Control points of the block."""
-    found = control_of(given.block)
-    coordinates = given_coordinates(given, found.xyz_m, found.given)
-    observed = observed_control(found, given.origin_m, given.block.points.id[found.point], coordinates)
+    rows = control_of(given.block)
+    coordinates = given_coordinates(given, rows.xyz_m, rows.given)
+    observed = observed_control(rows, given.origin_m, given.block.points.id[rows.point], coordinates)
     c = given.block.ground_point_covariances
     if not len(c) or not observed:
         return observed

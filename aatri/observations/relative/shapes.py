@@ -38,9 +38,9 @@ NOTHING, TILT, TILT_ACROSS = "nothing", "tilt", "tilt across"
 
 def seeing(what: str) -> Evaluated:
     """Projectors (n, 7, 7) of shifts, rotations and scale onto what is seen: nothing, or tilts."""
-    found = np.zeros((7, 7))
-    found[3, 3] = found[4, 4] = 1.0 if what == TILT else 0.0
-    return lambda _, rows: np.broadcast_to(found, (len(rows), 7, 7))
+    projector = np.zeros((7, 7))
+    projector[3, 3] = projector[4, 4] = 1.0 if what == TILT else 0.0
+    return lambda _, rows: np.broadcast_to(projector, (len(rows), 7, 7))
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
     def tilt_across(state: State, some: Int) -> Float:
         """The tilt about the first residual's axis: of a horizontal line that across it."""
         axis = evaluate(state, some)[1][0][:, 0]
-        found = np.zeros((len(some), 7, 7))
-        found[:, 3:6, 3:6] = axis[:, :, None] * axis[:, None, :]
-        return found
+        projectors = np.zeros((len(some), 7, 7))
+        projectors[:, 3:6, 3:6] = axis[:, :, None] * axis[:, None, :]
+        return projectors
 
     seen = tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees)
     steep = np.array([MOST_TILT if name.startswith(TURNS) else np.inf for name in shape.labels])
@@ -118,13 +118,13 @@ def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
 def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:
     """Axes, centres and unknowns of the shapes from the start of their points."""
     xyz = given.start[POINT]
-    found = []
+    fitted = []
     for rows, radius in zip(points, radius_m.tolist()):
         known = xyz[rows][finite_rows(xyz[rows])]
         known = known if len(known) else np.zeros((1, 3))
         axes = given.level.axes(known.mean(axis=0)[None])[0][0]
-        found.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
-    F, c, t = (np.array(part) for part in zip(*found))
+        fitted.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
+    F, c, t = (np.array(part) for part in zip(*fitted))
     return F, c, t
 
 
