@@ -79,17 +79,13 @@ def _findings(correlated: list[tuple[str, str, float]], kinds: Mapping[str, str]
     findings = [Finding("correlations", "warning", a.text) for a in advise(correlated, kinds)[:7]]
     rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in correlated if abs(rho) < WARNED or len(findings) >= 7]
     if rest:
-        findings.append(
-            Finding("correlations", "note", f"correlations of {CORRELATION_LISTED:.2f} and more: {shown(rest)}")
-        )
+        text = f"correlations of {CORRELATION_LISTED:.2f} and more: {shown(rest)}"
+        findings.append(Finding("correlations", "note", text))
     return findings
 
 
 def _left_out(pairs: int) -> list[Finding]:
     if pairs <= MOST_PAIRS:
         return []
-    return [
-        Finding(
-            "correlations", "note", f"correlations of {MOST_PAIRS} of {pairs} pairs of shared unknowns were looked at"
-        )
-    ]
+    text = f"correlations of {MOST_PAIRS} of {pairs} pairs of shared unknowns were looked at"
+    return [Finding("correlations", "note", text)]

@@ -56,15 +56,9 @@ def _finding(accepted: AcceptedGroup) -> Finding:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
     else:
         text += f"; all {len(g.rows) + len(g.undecided)} are left out"
+    rows, wrong = {g.kind: g.rows}, contradicts(accepted)
     return Finding(
-        "groups",
-        "warning",
-        text,
-        remedy,
-        rows={g.kind: g.rows},
-        alternatives=others,
-        statistic=g.harm,
-        contradicts=contradicts(accepted),
+        "groups", "warning", text, remedy, rows=rows, alternatives=others, statistic=g.harm, contradicts=wrong
     )
 
 

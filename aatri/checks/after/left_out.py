@@ -45,9 +45,8 @@ def _idle(result: BundleResult) -> list[Finding]:
         idle = u.free.any(axis=1) & ~adjusted[u.name].any(axis=1)
         if idle.any() and not (u.free & ~adjusted[u.name])[~idle].any():
             ids = tuple(np.asarray(u.ids, dtype=np.str_)[idle].tolist())
-            findings.append(
-                Finding("left_out", "warning", f"not estimated, nothing in use observes them ({u.name})", ids=ids)
-            )
+            text = f"not estimated, nothing in use observes them ({u.name})"
+            findings.append(Finding("left_out", "warning", text, ids=ids))
     return findings
 
 
@@ -64,11 +63,5 @@ def _unused(adjusted: AdjustedObservations, tied: Bool, n_rays: int) -> list[Fin
     alone = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
     if alone and not tied[o.records.touches[0][1][rows]].any():
         return [Finding("left_out", "note", f"{o.kind}: nothing else is measured at {len(rows)} of {len(o)}", ids=ids)]
-    return [
-        Finding(
-            "left_out",
-            "warning",
-            f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out",
-            ids=ids,
-        )
-    ]
+    text = f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out"
+    return [Finding("left_out", "warning", text, ids=ids)]

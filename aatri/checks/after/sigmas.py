@@ -50,17 +50,9 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
             if test.sigma0 < 1
             else (f"{text}small", "correct them, or look for gross errors in them")
         )
+        kind, rows = adjusted.observed.kind, {adjusted.observed.kind: adjusted.observed.row}
         findings.append(
-            Finding(
-                "sigmas",
-                "warning",
-                text,
-                remedy,
-                where=adjusted.observed.kind,
-                statistic=squares,
-                significance=chance,
-                rows={adjusted.observed.kind: adjusted.observed.row},
-            )
+            Finding("sigmas", "warning", text, remedy, where=kind, statistic=squares, significance=chance, rows=rows)
         )
     return findings
 

@@ -26,14 +26,6 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
     order = np.argsort(-off.test)
     ids = tuple(f"{given.point_ids[off.row[k]]} ({off.height_m[k]:+.3g} m)" for k in order.tolist())
     text = f"{len(ids)} points lie off the terrain around them by more than {off.limit:.3g} times its roughness, and "
-    return [
-        Finding(
-            "terrain",
-            "warning",
-            f"{text}are doubtful",
-            "measure them in a third image, or leave them out",
-            ids=ids,
-            statistic=float(off.test.max()),
-            significance=ALARM,
-        )
-    ]
+    text, remedy = f"{text}are doubtful", "measure them in a third image, or leave them out"
+    test = float(off.test.max())
+    return [Finding("terrain", "warning", text, remedy, ids=ids, statistic=test, significance=ALARM)]

@@ -23,12 +23,12 @@ def rejected(
     old = block.rejects
     if not len(rows):
         return block
-    rejects = Rejects(
-        kind=np.array([*old.kind, *[kind] * len(rows)]),
-        id=np.array([*old.id, *names]),
-        reason=np.array([*old.reason, *reasons]),
-        file=np.append(old.file, table.file[rows]).astype(np.int32),
-        line=np.append(old.line, table.line[rows]).astype(np.int32),
+    rejects = Rejects.of(
+        kind=[*old.kind, *[kind] * len(rows)],
+        id=[*old.id, *names],
+        reason=[*old.reason, *reasons],
+        file=np.append(old.file, table.file[rows]),
+        line=np.append(old.line, table.line[rows]),
     )
     return replace(block, rejects=rejects)
 
@@ -39,14 +39,7 @@ def in_order(rejects: Rejects) -> Rejects:
     rows = sorted(set(zip(*(column.tolist() for column in columns))), key=lambda r: (r[0], r[1].encode(), *r[2:]))
     if not rows:
         return Rejects.empty()
-    kind, name, reason, file, line = zip(*rows)
-    return Rejects(
-        kind=np.array(kind),
-        id=np.array(name),
-        reason=np.array(reason),
-        file=np.array(file, np.int32),
-        line=np.array(line, np.int32),
-    )
+    return Rejects.of(**dict(zip(("kind", "id", "reason", "file", "line"), zip(*rows))))
 
 
 def told_rejects(rejects: Rejects) -> list[Finding]:

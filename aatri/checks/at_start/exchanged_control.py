@@ -47,15 +47,12 @@ def exchanged_control(source: Given, given: BundleInput) -> list[Finding]:
             f"control points {first} and {second} fit with their numbers exchanged, to {length(pair.exchanged_m)}; "
             f"as given they lie {length(pair.as_given_m)} from where the images find them"
         )
+        remedy, of_control = "exchange the two ids in the control, or in the images", {"control": control.row[both]}
+        where, ratio = (
+            read_at(block, block.ground_points, int(of_control["control"][0])),
+            pair.exchanged_m / pair.as_given_m,
+        )
         findings.append(
-            Finding(
-                "exchanged_control",
-                "error",
-                text,
-                "exchange the two ids in the control, or in the images",
-                where=read_at(block, block.ground_points, int(control.row[pair.first])),
-                rows={"control": control.row[both]},
-                statistic=pair.exchanged_m / pair.as_given_m,
-            )
+            Finding("exchanged_control", "error", text, remedy, where=where, rows=of_control, statistic=ratio)
         )
     return findings

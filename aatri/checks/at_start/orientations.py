@@ -40,17 +40,8 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         text = f"{length(float(np.median(height[of_camera])))} above its points"
         findings.append(Finding("orientations", "note", text, where=where))
         if behind > BEHIND:
-            text = f"{behind:.0%} of its points lie behind it"
-            findings.append(
-                Finding(
-                    "orientations",
-                    "warning",
-                    text,
-                    "check axes, angles and the sign of heights",
-                    where=where,
-                    statistic=behind,
-                )
-            )
+            text, remedy = f"{behind:.0%} of its points lie behind it", "check axes, angles and the sign of heights"
+            findings.append(Finding("orientations", "warning", text, remedy, where=where, statistic=behind))
         elif float(np.mean(height[of_camera] < -UPWARDS * np.abs(depth[of_camera]))) > 1 - BEHIND:
             text, remedy = "all its images look up at points above them", "unless this is a ceiling, check the sign of "
             remedy += "heights and the order of axes"
@@ -81,16 +72,8 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
     if len(outside):
         nearest = {k: float(np.linalg.norm(away[row == k, :2], axis=1).min()) for k in outside.tolist()}
         names = block.points.id[control.point]
-        ids = (f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
+        ids = tuple(f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
         text = "control points outside of what their images show, with the distance from the nearest"
-        findings.append(
-            Finding(
-                "orientations",
-                "warning",
-                text,
-                "check coordinates and ids",
-                ids=tuple(ids),
-                rows={"control": control.row[outside]},
-            )
-        )
+        rows = {"control": control.row[outside]}
+        findings.append(Finding("orientations", "warning", text, "check coordinates and ids", ids=ids, rows=rows))
     return findings

@@ -17,7 +17,7 @@ import numpy as np
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.errors import InputError
 from aatri.formats.tables.geodetic import right_handed_axis
-from aatri.formats.tables.source import FILES, Source, texts
+from aatri.formats.tables.source import FILES, Source
 from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import Document, load
 from aatri.units import ANGLE_RAD
@@ -101,21 +101,18 @@ def relative_control_tables(
 
 def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[RelativeControl, RelativeControlMembers]:
     """The tables of conditions that are in canonical order."""
-    n = len(conditions)
     members = [(k, part, name) for k, c in enumerate(conditions) for part, name in c.members]
     return (
-        RelativeControl(
-            type=texts(c.type for c in conditions),
-            value=np.array([c.value for c in conditions], float),
-            sigma=np.array([c.sigma for c in conditions], float),
-            axis=texts(c.axis for c in conditions),
-            file=np.full(n, file, np.int32),
-            line=np.array([c.line for c in conditions], np.int32),
+        RelativeControl.of(
+            type=[c.type for c in conditions],
+            value=[c.value for c in conditions],
+            sigma=[c.sigma for c in conditions],
+            axis=[c.axis for c in conditions],
+            file=file,
+            line=[c.line for c in conditions],
         ),
-        RelativeControlMembers(
-            condition=np.array([m[0] for m in members], np.int32),
-            part=texts(m[1] for m in members),
-            id=texts(m[2] for m in members),
+        RelativeControlMembers.of(
+            condition=[m[0] for m in members], part=[m[1] for m in members], id=[m[2] for m in members]
         ),
     )
 

@@ -1,7 +1,7 @@
 """What the readers of the tables of one block folder share: settings, files, ids and the list of faults."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import Errors, Faults, InputError
 from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
@@ -91,12 +91,6 @@ class Source:
             words = choice(table, name, tuple(stated.words), next(iter(stated.words)))
             return [stated.words.get(word) for word in words]
         return table.text[name] if stated.empty is None else yes_no(table, name, stated.empty)
-
-
-def texts(values: Iterable[str]) -> Text:
-    """A text column."""
-    listed = list(values)
-    return np.array(listed, dtype=np.str_) if listed else np.zeros(0, "U1")
 
 
 def look_up(table: CsvTable, column: str, row_of: Mapping[str, int], what: str, remedy: str) -> Int:

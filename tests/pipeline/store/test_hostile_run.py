@@ -27,15 +27,8 @@ LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
 MINE = b"mine, and no business of aatri's\n"
 
 FOLDERS = ["current", "objects", "previous", "running", "failed", "objects/s"]
-FILES = [
-    "run.json",
-    "current/s.json",
-    "running/s.log",
-    "running/s.json",
-    "previous/s.json",
-    "report.html",
-    "report.json",
-]
+OF_STAGE = [f"{folder}/s.json" for folder in ("current", "running", "previous")]
+FILES = ["run.json", "report.html", "report.json", "running/s.log", *OF_STAGE]
 
 
 @pytest.fixture
