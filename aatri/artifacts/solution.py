@@ -230,7 +230,7 @@ class Solution(Artifact):
     observations: int = attribute(doc="number of observations")
     unknowns: int = attribute(doc="number of unknowns")
     redundancy: int = attribute(doc="observations minus unknowns")
-    sigma0: float = attribute(doc="standard deviation a posteriori over a priori; NaN without redundancy")
+    sigma0: float = attribute(doc="standard deviation a posteriori over that given; NaN without redundancy")
     sigma0_um: float = attribute(unit="um", doc="sigma0 in the image; NaN where no image points are adjusted")
     iterations: int = attribute(doc="iterations of the last adjustment")
     images: ImageOrientations = table()
@@ -257,6 +257,10 @@ class Solution(Artifact):
         default=float("nan"),
     )
 
+    sigma_scale: float = attribute(
+        doc="standard deviations of most observations, as the covariances take them, over those given",
+        default=1.0,
+    )
     contradictions: int = attribute(
         doc="model errors that the tests of the result name, with an effect beyond its standard deviations", default=0
     )
@@ -266,12 +270,19 @@ class Solution(Artifact):
         """Redundancy of sigma0, as its global test takes it."""
         return self.redundancy if np.isnan(self.sigma0_redundancy) else round(self.sigma0_redundancy)
 
+    @property
+    def remaining_sigma0(self) -> float:
+        """The part of sigma0 that the covariances do not have: a posteriori over the standard deviations in use."""
+        return self.sigma0 / self.sigma_scale
+
     def metrics(self) -> dict[str, float | int | None]:
         """Counts, redundancy and sigma0."""
         determined = np.isfinite(self.points.xyz_m)  # of a network without images a height, or a place, is all there is
         optional: dict[str, float] = {} if np.isnan(self.sigma0_um) else {"sigma0_um": self.sigma0_um}
         if not np.isnan(self.sigma0_redundancy):
             optional["sigma0_redundancy"] = self.sigma0_redundancy
+        if self.sigma_scale != 1.0:
+            optional["sigma_scale"] = self.sigma_scale
         return {
             "images": int(self.images.oriented.sum()),
             "points": int((determined.all(axis=1) if len(self.images) else determined.any(axis=1)).sum()),

@@ -87,9 +87,12 @@ def _sigma0(stage: StageView | None) -> Light:
     redundancy = round(figures.get("sigma0_redundancy") or figures.get("redundancy") or 0)
     if stage is None or sigma0 is None or redundancy < 1:
         return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
-    test = global_test(float(sigma0), redundancy)
+    scale = float(figures.get("sigma_scale") or 1.0)
+    test = global_test(float(sigma0) / scale, redundancy)
     expected = f"expected {test.low:.3f} to {test.high:.3f} (95 %)"
     words = f"{stage.name}: {sigma0:.3f}, redundancy {number(redundancy)}, {expected}"
+    if scale != 1.0:
+        return Light("sigma0", LOOK, f"{words}: standard deviations of the result follow what fits, {scale:.3g} times")
     if test.verdict == "fits":
         return Light("sigma0", GOOD, words)
     size = "too large" if test.sigma0 > test.high else "too small"

@@ -67,7 +67,7 @@ def congruence(
             where="options of epochs/congruence: datum",
             remedy="datum: similarity, or adjust both epochs with control",
         )
-    squares = sum(s.sigma0**2 * s.counted_redundancy for s in solutions if np.isfinite(s.sigma0))
+    squares = sum(s.remaining_sigma0**2 * s.counted_redundancy for s in solutions if np.isfinite(s.sigma0))
     degrees = sum(s.counted_redundancy for s in solutions if np.isfinite(s.sigma0))
     pooled = options.sigma0 == "pooled" and degrees > 0
     between = None

@@ -25,7 +25,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
-from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Given
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM_PRIOR
 from aatri.orientation.bundle.block import BundleInput
@@ -72,8 +71,9 @@ def bundle_solution(
         observations=adjusted.observations,
         unknowns=adjusted.n_unknowns,
         redundancy=adjusted.redundancy,
-        sigma0=adjusted.sigma0,
-        sigma0_um=adjusted.sigma0 * rms_sigma_um,
+        sigma0=adjusted.sigma0 * done.scale,
+        sigma0_um=adjusted.sigma0 * done.scale * rms_sigma_um,
+        sigma_scale=done.scale,
         iterations=len(adjusted.history),
         images=assemble.oriented_images(
             block, result.poses.position_m, result.poses.ground_from_image, per_image, result.pose_covariance
@@ -140,7 +140,7 @@ def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, f
     return (
         np.bincount(given.rays.image[used], minlength=n_images),
         np.bincount(given.rays.point[used], minlength=n_points),
-        1e3 * float(np.sqrt((next(o for o in given.observed if o.kind == IMAGE_POINT).sigmas()[used] ** 2).mean())),
+        1e3 * float(np.sqrt((given.rays.sigma_mm[used] ** 2).mean())),
     )
 
 

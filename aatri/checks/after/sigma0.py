@@ -43,6 +43,6 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[
                 error=ConvergenceError,
             )
         ]
-    note = sigma0_note(test)
+    note = sigma0_note(test, "" if scale == 1.0 else "with standard deviations that fit")
     remedy = REMEDY if note.level == "warning" else ""
     return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]

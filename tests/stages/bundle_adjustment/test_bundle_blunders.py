@@ -111,7 +111,8 @@ def test_standard_deviations_that_are_guessed_wrong_cost_no_good_point(chain: Ch
             np.sqrt(np.nanmean((s.points.xyz_m[truth.point] - truth.xyz_m) ** 2, axis=0)) for s in (solution, right)
         ]
         assert (rmse[0] < 1.05 * rmse[1]).all()
-        assert solution.sigma0 == pytest.approx(1.0, rel=0.1)  # they follow, and so does all that comes of them
+        assert solution.sigma0 == pytest.approx(1 / times, rel=0.1)  # the ratio to standard deviations as given
+        assert solution.remaining_sigma0 == pytest.approx(1.0, abs=0.1)  # the covariances follow
         assert solution.sigma0_um == pytest.approx(right.sigma0_um, rel=0.02)
         sigma, of_right = (np.sqrt(np.einsum("nii->ni", s.points.covariance_m2)) for s in (solution, right))
         assert np.nanmedian(sigma / of_right) == pytest.approx(1.0, abs=0.05)
