@@ -2,58 +2,25 @@
 
 from __future__ import annotations
 
-from aatri.formats.parts.format import Reading
-from tests.formats.bingo.test_bingo import GEOIN, IMAGES
 from tests.formats.blocksexchange.test_blocksexchange import TEXT as BLOCKSEXCHANGE
 from tests.formats.damage.good_sample import GoodSample
 from tests.formats.damage.texts import (
-    APPLANIX,
     CALIBRATION,
-    GCP_LIST,
-    GEO,
     GROUND_CONTROL,
     OPF,
-    OPK,
-    ORI,
     ORIENTATION,
     PRJ,
     RECONSTRUCTION,
-    TABLE,
     TRACKS,
 )
 from tests.formats.metashape.test_metashape import local as local_chunk
-from tests.formats.navigation.test_navigation import MRK
-from tests.formats.navigation.test_xmp import PACKET
 from tests.formats.nvm.test_sparse_models import BUNDLER, NVM
 from tests.formats.opf.made_project import NAMES
 from tests.formats.pix4d.test_pix4d import HEAD, IMAGE
-from tests.formats.socet.test_socet import GPF, IPF
 
-NO_UNIT = "any number may stand here: only with the camera or control a unit can be wrong"
 NO_SIZE = "the files do not say how large the images are"
-PAIR = "the principal distance and pixels of the camera are in another file"
 
 OF_PROGRAMS = {
-    "bingo": GoodSample(
-        {"image.dat": IMAGES},
-        "image.dat",
-        "1.5 [2.25]",
-        "a.jpg",
-        ("-0.5 1.0", "-0.5 1.0 0 M 2"),
-        ("        -99\n        b.jpg", "        b.jpg"),
-        ("b.jpg", "a.jpg"),
-        PAIR,
-    ),
-    "bingo_geoin": GoodSample(
-        {"geoin.dat": GEOIN},
-        "geoin.dat",
-        "5 [10.0] 20.0",
-        "CONT               1",
-        ("COES                0.0050000000000000.0050000000000000.015000000000000", "COES   0.01"),
-        ("CAPA   FC300X_(3.61_mm)3.610000000000000\n", ""),
-        ("   5 10.0", "  41 10.0"),
-        PAIR,
-    ),
     "blocksexchange": GoodSample(
         {"block.xml": BLOCKSEXCHANGE},
         "block.xml",
@@ -63,26 +30,6 @@ OF_PROGRAMS = {
         ("<SensorSize>20</SensorSize>", ""),
         ("<Id>1<", "<Id>0<"),
         ("<SensorSize>20</SensorSize>", "<SensorSize>20000</SensorSize>"),
-    ),
-    "dji_mrk": GoodSample(
-        {"t_Timestamp.MRK": MRK},
-        "t_Timestamp.MRK",
-        "[31.5],Lat",
-        "2",
-        ("Ellh", "Alt"),
-        ("31.5,Lat\t", ""),
-        ("1\t99", "2\t99"),
-        ("31.5,Lat", "3486000.5,Lat"),
-    ),
-    "applanix": GoodSample(
-        {"eo.txt": APPLANIX},
-        "eo.txt",
-        "[1201.0]",
-        "a1",
-        ("OMEGA, PHI", "OMEGA, ROLL"),
-        ("ID, EVENT, TIME(s), EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, LAT, LONG\n", ""),
-        ("a2", "a1"),
-        ("Meters", "Feet"),
     ),
     "nvm": GoodSample(
         {"m.nvm": NVM},
@@ -118,46 +65,6 @@ OF_PROGRAMS = {
         ("2000 0 2010", "8.8 0 6"),
         path="",
     ),
-    "ign_opk": GoodSample(
-        {"l.OPK": OPK},
-        "l.OPK",
-        "\t[6200000.25]\t2801",
-        "b.tif",
-        ("b.tif\t800500.5", "b.tif\t12:00:01\t7\t800500.5"),
-        ("\t0.5\t-0.25\t90.5\tcam\nb", "\nb"),
-        ("b.tif", "a.tif"),
-        ("\t90.5\tcam\nb", "\t9050.5\tcam\nb"),
-    ),
-    "ign_camera": GoodSample(
-        {"cam.txt": "Name = UCE\nPPAx = 13210.5\nPPAy = 8502.0\nfocal = 30975.0\nwidth = 26460\nheight = 17004\n"},
-        "cam.txt",
-        "[13210.5]",
-        "UCE",
-        ("focal =", "f ="),
-        ("focal = 30975.0\n", ""),
-        ("PPAy", "PPAx"),
-        ("30975.0", "120.0"),
-    ),
-    "ign_app": GoodSample(
-        {"g.app": '"1003" 13 815601.5 6283629.25 54.96\n"1005" 3 833670.94 6281965.5 52.63\n'},
-        "g.app",
-        "[6281965.5] ",
-        "1005",
-        ('"1005" 3', '"1005" 3 7'),
-        (" 52.63", ""),
-        ("1005", "1003"),
-        NO_UNIT,
-    ),
-    "ign_mes": GoodSample(
-        {"m.mes": '"1003" IMG_1306 24042.25 14781.17\n"1003" IMG_1307 24120.2 10329.3\n'},
-        "m.mes",
-        "[24120.2]",
-        "IMG_1307",
-        ("10329.3", "10329.3 0 0"),
-        (" 10329.3", ""),
-        ("IMG_1307", "IMG_1306"),
-        PAIR,
-    ),
     "micmac": GoodSample(
         {"Orientation-a.jpg.xml": ORIENTATION, "AutoCal-cam.xml": CALIBRATION},
         "Orientation-a.jpg.xml",
@@ -178,36 +85,6 @@ OF_PROGRAMS = {
         ('<camera id="7"', "<camera"),
         ("b.jpg", "a.jpg"),
         ('sxyz="0.5"', 'sxyz="-0.5"'),
-    ),
-    "table": GoodSample(
-        {"list.csv": TABLE},
-        "list.csv",
-        "b.jpg,[110.5]",
-        "b.jpg",
-        ("omega,phi", "omega,psi"),
-        (",2.5\n", "\n"),
-        ("b.jpg", "a.jpg"),
-        ("1.5,2.5\nb", "1.5,6000.5\nb"),
-    ),
-    "dji_xmp": GoodSample(
-        {"a.xmp": PACKET},
-        "a.xmp",
-        'Altitude="+[88.125]"',
-        "DJI Meta Data",
-        ("drone-dji:GpsLatitude", "drone-dji:Breite"),
-        ('drone-dji:AbsoluteAltitude="+88.125"', ""),
-        ("drone-dji:GpsLongitude", "drone-dji:GpsLatitude"),
-        ("+31.5", "+3490000.5"),
-    ),
-    "patb": GoodSample(
-        {"block.ori": ORI},
-        "block.ori",
-        "[2000.50000]",
-        "               2",
-        ("2000.50000\n", "2000.50000 7 8\n"),
-        (ORI.split("\n")[1] + "\n", ""),
-        ("               2  ", "               1  "),
-        NO_UNIT,
     ),
     "inpho": GoodSample(
         {"block.prj": PRJ},
@@ -259,46 +136,5 @@ OF_PROGRAMS = {
         ('"points"', '"x"'),
         ("P1", "P0"),
         ("47.25", "5200000.5"),
-    ),
-    "odm_gcp": GoodSample(
-        {"gcp_list.txt": GCP_LIST},
-        "gcp_list.txt",
-        "400.5 [100.5]",
-        "P2",
-        ("EPSG:4326", "PUWG1992"),
-        ("EPSG:4326\n", ""),
-        ("300 200 a.jpg P2", "300 200 a.jpg P1"),
-        ("8.6 47.25", "500000 5200000"),
-    ),
-    "odm_geo": GoodSample(
-        {"geo.txt": GEO},
-        "geo.txt",
-        "a.jpg 8.5 [47.25]",
-        "b.jpg",
-        ("EPSG:4326", "PUWG1992"),
-        ("EPSG:4326\n", ""),
-        ("b.jpg", "a.jpg"),
-        ("8.6 47.25", "500000 5200000"),
-    ),
-    "socet_gpf": GoodSample(
-        {"p.gpf": GPF},
-        "p.gpf",
-        "[0.086]",
-        "B 1",
-        ("GROUND POINT FILE", "GROUND POINT FILE 2"),
-        ("1 2 3\n\nB", "\nB"),
-        ("B 1 0", "A 1 0"),
-        ("0.086", "49.27"),
-        reading=Reading(crs="EPSG:4979"),
-    ),
-    "socet_ipf": GoodSample(
-        {"i.ipf": IPF},
-        "i.ipf",
-        "[-4058.5]",
-        "B 0",
-        ("IMAGE POINT FILE", "IMAGE POINT FILE 2"),
-        ("0 0\n0 0\n\nB", "\nB"),
-        ("B 0 0 0", "A 0 0 0"),
-        PAIR,
     ),
 }

@@ -16,10 +16,11 @@ from aatri.formats.registry.recognised import recognised
 from aatri.formats.registry.sources import read_source
 from aatri.progress import SILENT
 from tests.formats.damage.good_sample import DAMAGES, WITHOUT_LINE
+from tests.formats.damage.samples_of_lists import OF_LISTS
 from tests.formats.damage.samples_of_own_stages import OF_OWN_STAGES
 from tests.formats.damage.samples_of_programs import OF_PROGRAMS
 
-SAMPLES = OF_PROGRAMS | OF_OWN_STAGES
+SAMPLES = OF_PROGRAMS | OF_LISTS | OF_OWN_STAGES
 READ = [f.name for f in FORMATS if f.read]
 
 
