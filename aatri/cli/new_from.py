@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from aatri.formats.parts.block_parts import BlockParts
     from aatri.formats.registry.recognised import Recognised
 
+FEWEST_RAYS = 3
+"""Image points by which an image is oriented."""
 FEWEST = 3
 """Control points or positions that are a datum."""
 
@@ -89,6 +91,11 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     if len(block.images) and not len(block.image_points):
         what = f"there are {len(block.images)} images, but no image points"
         remedy = "add the file with the image points (tracks, marks, tie points) as a further --from"
+        raise InputError(what, where=str(paths[0]), remedy=remedy)
+    most = int(np.bincount(block.image_points.image).max(initial=0))
+    if len(block.images) and most < FEWEST_RAYS and not block.metrics()["exterior_observations"]:
+        what = f"{len(block.image_points)} image points in {len(block.images)} images, and no image has {FEWEST_RAYS}"
+        remedy = "add the file with the other image points (tracks.csv, marks, tie points) as a further --from"
         raise InputError(what, where=str(paths[0]), remedy=remedy)
     return _text(sources, folder, _stages(block))
 

@@ -7,6 +7,7 @@ of the image is not touched. The largest distance over the grid is the misfit; b
 twentieth of a pixel is what good targets are measured with.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -112,7 +113,10 @@ def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: 
     what = f"camera {lens.id}: its distortion ({lens.form}) has no exact like; {fit.lens.form} differs by up to"
     text = f"{what} {fit.misfit_px:.2g} px"
     if not fit.misfit_px <= allowed_px:
-        remedy = f"allow it with a misfit of {fit.misfit_px:.2g} px, or take image points freed from distortion"
+        allowed = math.ceil(100 * fit.misfit_px) / 100
+        remedy = (
+            f"say `lens_misfit_px: {allowed:g}` at the source or export, or take image points freed from distortion"
+        )
         raise InputError(f"{text}, more than {allowed_px:g} px", where=lens.where, remedy=remedy)
     reporter.log(text)
 

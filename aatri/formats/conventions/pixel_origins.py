@@ -55,7 +55,7 @@ PIXEL_AXES = {
     "opensfm": PixelAxes("image-centre", normalised=True),  # (column + 0.5 - W/2) / max(W, H)
     "opf": PixelAxes("top-left-corner"),
     "photomod": PixelAxes("bottom-left-corner", "up"),
-    "pix4d": PixelAxes("top-left-centre"),
+    "pix4d": PixelAxes("top-left-corner"),
     "socet": PixelAxes("image-centre"),
 }
 """Of image coordinates, by program. Sources: the manuals and samples named on the page of each format."""

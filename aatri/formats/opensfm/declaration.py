@@ -20,10 +20,10 @@ _GCP_ROW = re.compile(rf"\s*(?:{_NUMBER}\s+){{5}}\S+")
 _GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
 
 
-def _read_reconstruction(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+def _read_reconstruction(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     from aatri.formats.opensfm.reconstruction import read_reconstruction
 
-    return read_reconstruction(path)
+    return read_reconstruction(path, reporter, allowed_px=reading.lens_misfit_px)
 
 
 def _read_tracks(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001

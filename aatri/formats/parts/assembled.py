@@ -30,6 +30,8 @@ from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import columns_of, tables_of
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
+ANOTHER_LIST = 14.0
+"""Standard deviations between two measurements of a point, ten of their difference: half of them no errors reach."""
 OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 
@@ -82,6 +84,7 @@ def assembled(
     _count_from_camera(tables)
     rows = tables.tables
     _give_sigmas(tables, not_stated, reporter)
+    _check_versions(tables)
     rows["exterior"] = _with_angles(rows["exterior"])
     rows["camera_parameters"] = _held_or_free(rows["cameras"], rows["camera_parameters"], not_stated.calibrate)
     given: dict[str, Any] = {
@@ -123,6 +126,39 @@ def _distortion_tables(sources: Sequence[BlockParts], cameras: Text) -> dict[str
     order = np.lexsort((every["radius_mm"][kept], row))
     columns = {name: values[kept][order] for name, values in every.items()} | {"camera": row[order]}
     return {"distortion_table": DistortionTable.of(**columns)}
+
+
+def _check_versions(tables: JoinedParts) -> None:
+    """Refuse two files with other coordinates of the same image points: no repeated measurement, but another list."""
+    points = tables.tables["image_points"]
+    if not points or len(np.unique(points["file"])) < 2:
+        return
+    order = np.lexsort((points["file"], points["point"], points["image"]))
+    a, b = order[:-1], order[1:]
+    again = (points["image"][a] == points["image"][b]) & (points["point"][a] == points["point"][b])
+    again &= points["file"][a] != points["file"][b]
+    size = _pixel_mm(tables, points["image"])
+    for first, second in sorted({(points["file"][i], points["file"][j]) for i, j in zip(a[again], b[again])}):
+        pair = again & (points["file"][a] == first) & (points["file"][b] == second)
+        apart = np.abs(points["xy"][a[pair]] - points["xy"][b[pair]])
+        by_sigma = apart * size[a[pair]] / points["sigma_mm"][a[pair]]
+        if float(np.median(by_sigma.max(axis=1))) > ANOTHER_LIST:
+            what = (
+                f"{int(pair.sum())} of its image points are otherwise in {tables.files[first]}, up to {apart.max():.4g}"
+            )
+            place_ = place(points, int(b[pair][0]), tables.files)
+            raise InputError(f"{what} apart", where=place_, remedy="two versions of one list? Give one of them")
+
+
+def _pixel_mm(tables: JoinedParts, images: Text) -> Float:
+    """Size of a pixel of each row's camera (n, 2), mm; 1 where coordinates are mm."""
+    rows, cameras = tables.tables["images"], tables.tables["cameras"]
+    of_camera = {
+        str(name): np.ones(2) if of == "photo" else size
+        for name, of, size in zip(cameras["id"], cameras["image_coordinates"], cameras["pixel_size_mm"])
+    }
+    of_image = {str(name): of_camera[str(camera)] for name, camera in zip(rows["id"], rows["camera"])}
+    return np.array([of_image[str(name)] for name in images]).reshape(-1, 2)
 
 
 def _of_frame(frame: Frame) -> dict[str, Any]:

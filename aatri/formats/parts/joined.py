@@ -119,10 +119,11 @@ def _rename_cameras(tables: list[dict[str, Rows]], sources: Sequence[BlockParts]
     Where the images name one camera, or none at all, and one source gives one camera, that is it.
     """
     named = {str(n) for t in tables for n in t["images"].get("camera", np.zeros(0)).tolist()} - {""}
+    given = {str(n) for t in tables for n in t["cameras"].get("id", np.zeros(0)).tolist()}
     for of_source, parts in zip(tables, sources):
         own = [str(name) for name in of_source["cameras"].get("id", np.zeros(0)).tolist()]
         found = _matched_names(dict.fromkeys(own), dict.fromkeys(named), OF_POINTS, "camera names", parts, reporter)
-        if len(own) == 1 and len(named) == 1 and own[0] not in found:
+        if len(own) == 1 and len(named) == 1 and own[0] not in found and not named & given:
             found = {own[0]: next(iter(named))}
             reporter.log(f"{parts.files[0]}: camera {own[0]} is taken for {found[own[0]]}, the only one of the images")
         names = {name: found.get(name, name) for name in own}

@@ -81,7 +81,9 @@ def rows_of(parts: BlockParts, table: str, first_file: int = 0) -> Rows:
         default = {"str": "", "f8": np.nan}.get(dtype, -1) if default is None or dtype != column.dtype else default
         values = given.get(name, default)
         made[name] = _column(values, dtype, column.shape, n)
-    made["file"] = np.where(made["file"] >= 0, made["file"] + first_file, -1) if "file" in made else np.full(n, -1)
+    made["file"] = (
+        np.where(made["file"] >= 0, made["file"] + first_file, -1) if "file" in made else np.full(n, first_file)
+    )
     return made
 
 

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 HEAD = "fileName imageWidth imageHeight"
 
 
-def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
+def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
     from aatri.formats.pix4d.reader import read_pix4d
 
-    return read_pix4d(path, reporter)
+    return read_pix4d(path, reporter, allowed_px=reading.lens_misfit_px)
 
 
 def _recognised(view: FileView) -> str:

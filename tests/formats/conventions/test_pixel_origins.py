@@ -16,7 +16,9 @@ CORNER = {
     "odm_gcp": (-0.5, -0.5),
     "opencv": (-0.5, -0.5),
     "opensfm": (-0.5, -2 / 6),
+    "opf": (0.0, 0.0),
     "photomod": (0.0, 4.0),
+    "pix4d": (0.0, 0.0),
 }
 """The outer corner of the first pixel, upper left, as each program counts it."""
 
