@@ -92,9 +92,11 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
         what = f"there are {len(block.images)} images, but no image points"
         remedy = "add the file with the image points (tracks, marks, tie points) as a further --from"
         raise InputError(what, where=str(paths[0]), remedy=remedy)
-    most = int(np.bincount(block.image_points.image).max(initial=0))
-    if len(block.images) and most < FEWEST_RAYS and not block.metrics()["exterior_observations"]:
-        what = f"{len(block.image_points)} image points in {len(block.images)} images, and no image has {FEWEST_RAYS}"
+    enough = int((np.bincount(block.image_points.image, minlength=1) >= FEWEST_RAYS).sum())
+    if enough < min(2, len(block.images)) and not block.metrics()["exterior_observations"]:
+        what = (
+            f"{len(block.image_points)} image points in {len(block.images)} images, {FEWEST_RAYS} and more in {enough}"
+        )
         remedy = "add the file with the other image points (tracks.csv, marks, tie points) as a further --from"
         raise InputError(what, where=str(paths[0]), remedy=remedy)
     return _text(sources, folder, _stages(block))

@@ -1,0 +1,106 @@
+"""Files that people hold, by the command line: every sample folder ends in a run, or in what is missing by name.
+
+What each sample proves of a convention stands beside its reader: MicMac's ten pairs and both versions
+(tests/formats/micmac), Pix4D's matrices (pix4d), SOCET's tables (socet), the grid of the geoid (registry).
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from tests.acceptance.small_block import aatri
+
+MISSING = {
+    "bingo": r"image point B1_1.JPG/31 measured twice, 1.28777 apart",
+    "borea": r"terrain_test0.mes:2: 7 of its image points are otherwise in",
+    "micmac/Ori-MMV1": r"brown differs by up to 0.062 px, more than 0.05 px",
+    "micmac/Saisies-MMV1": r"several folders with orientations: Ori-Ground_mm3d",
+    "odm": r"no source says which camera took 4 images",
+    "opensfm_berlin": r"5 image points in 3 images, 3 and more in 1",
+    "opf/examples": r"'point_cloud/sparse.gltf' does not exist",
+    "pix4d": r"there are 168 images, but no image points",
+    "socet": r"latitudes and longitudes, and the file names no datum",
+}
+"""What each folder lacks, or holds twice, as a message says it."""
+
+BOREA = """\
+run: run
+stages:
+  block:
+    use: block/combined
+    with:
+      sources:
+        - {{path: "{0}/23FD1305_alt_test.OPK", crs: "EPSG:2154", {1}use: observed}}
+        - "{0}/Camera1.txt"
+        - {{path: "{0}/GCP_test.app", crs: "EPSG:2154"}}
+        - "{0}/liaisons_test.mes"
+        - "{0}/terrain_test.mes"
+      control_sigma: [0.05, 0.05, 0.05]
+      position_sigma: [0.05, 0.05, 0.05]
+      attitude_sigma_deg: 0.001
+      image_sigma_px: 0.5
+  interior: {{use: interior_orientation/calibrated, from: {{block}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}}}
+"""
+PIXEL_MM = 0.001
+
+
+@pytest.fixture
+def samples(shared_data: Path) -> Path:
+    folder = shared_data / "interchange"
+    if not folder.is_dir():
+        pytest.skip(f"real data not present: {folder}")
+    return folder
+
+
+@pytest.mark.parametrize("name", MISSING)
+def test_a_sample_folder_ends_in_a_message_that_names_what_is_missing(
+    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = aatri("new", "mine", "--from", samples / name)
+    if result.exit_code == 0:
+        result = aatri("run", "mine/pipeline.yaml", "-q")
+    assert result.exit_code == 3
+    assert MISSING[name] in result.stderr
+    assert "fix: " in result.stderr
+
+
+@pytest.mark.slow
+def test_a_model_of_visualsfm_runs_and_says_that_its_principal_points_were_never_estimated(
+    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """NVM has the principal point in the middle of the image: what 36,000 image points contradict."""
+    monkeypatch.chdir(tmp_path)
+    assert aatri("new", "mine", "--from", samples / "sfm" / "VisualSFM_example.nvm").exit_code == 0
+    result = aatri("run", "mine/pipeline.yaml", "-q")
+    assert result.exit_code == 6
+    assert "the results are written" in result.stderr
+    assert "ask for a principal point" in result.stderr
+    assert "estimate it (`self_calibration`)" in result.stderr
+
+
+def test_borea_adjusts_with_the_grid_of_the_geoid(samples: Path, tmp_path: Path) -> None:
+    """Altitudes above RAF20 and ellipsoidal control in one block: residuals below 1 px."""
+    folder = samples / "borea"
+    (tmp_path / "pipeline.yaml").write_text(BOREA.format(folder, f"geoid: '{folder}/fr_ign_RAF20.tif', "))
+    result = aatri("run", tmp_path / "pipeline.yaml", "-q")
+    assert result.exit_code == 0, result.stderr
+    assert aatri("export", f"{tmp_path}/run", "tables", tmp_path / "out").exit_code == 0
+    with (tmp_path / "out" / "residuals.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["kind"] == "image_point"]
+    assert len(rows) == 24
+    assert {(row["unit"], row["active"]) for row in rows} == {("mm", "yes")}
+    assert max(abs(float(row[v])) for row in rows for v in ("vx", "vy")) < 1.0 * PIXEL_MM
+
+
+def test_borea_without_the_grid_names_it(samples: Path, tmp_path: Path) -> None:
+    """EPSG:5720 are altitudes of France: PROJ knows by which grid they become ellipsoidal, and does not have it."""
+    (tmp_path / "pipeline.yaml").write_text(BOREA.format(samples / "borea", 'vertical: "EPSG:5720", '))
+    result = aatri("run", tmp_path / "pipeline.yaml", "-q")
+    assert result.exit_code != 0
+    assert "fr_ign_RAF" in result.stderr
+    assert ".tif" in result.stderr
