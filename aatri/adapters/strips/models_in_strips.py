@@ -28,8 +28,8 @@ def with_models_apart(
 ) -> Strips:
     """The strips with their scales, those of their images, and all points of all models."""
     strip_of = np.full(len(models.orientations), -1)
-    for number, chain in enumerate(chains):
-        strip_of[chain.models] = number
+    for k, chain in enumerate(chains):
+        strip_of[chain.models] = k
     model = table.of_row()
     rows = np.flatnonzero(strip_of[model] >= 0)
     strip, point = strip_of[model[rows]], table.point[rows]

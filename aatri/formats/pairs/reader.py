@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.artifacts.block import CHECK, CONTROL, Block
+from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.formats.text.text_file import missing
@@ -171,14 +171,22 @@ def ground_lines(control: Path | None, check: Path | None, reporter: Reporter) -
 
 
 def ground_of(lines: list[tuple[TextLine, int]], sigma_m: float, axes: str = "east,north,up") -> dict[str, Any]:
-    """Columns of ground points from lines `point X Y Z`, m, in these axes."""
+    """Columns of ground points from lines `point X Y Z`, m, in these axes; `-` stands for what is not known."""
     first: dict[str, TextLine] = {}
-    east, north = (0, 1) if axes.startswith("east") else (1, 0)
-    xyz = [entry.of_width(4, "point X Y Z").numbers(1) for entry, _ in lines]
+    order = [0, 1, 2] if axes.startswith("east") else [1, 0, 2]
+    xyz = np.array([_known(entry.of_width(4, "point X Y Z")) for entry, _ in lines]).reshape(-1, 3)[:, order]
     return {
         "point": [entry.once(entry.words[0], first, "point") for entry, _ in lines],
-        "xyz_m": [[row[east], row[north], row[2]] for row in xyz],
+        "xyz_m": xyz,
         "sigma_m": sigma_m,
-        "role": [[role] * 3 for _, role in lines],
+        "role": np.where(np.isfinite(xyz), np.array([role for _, role in lines])[:, None], NO_ROLE),
         "at": [entry for entry, _ in lines],
     }
+
+
+def _known(entry: TextLine) -> list[float]:
+    """X, Y, Z of a line, NaN where a dash stands for a coordinate."""
+    xyz = [np.nan if word == "-" else entry.number(k) for k, word in enumerate(entry.words) if k]
+    if np.isnan(xyz[0]) != np.isnan(xyz[1]) or np.isnan(xyz).all():
+        raise entry.error("a point known in neither plan nor height", "give X and Y, or Z, or all three")
+    return xyz

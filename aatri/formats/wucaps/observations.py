@@ -118,7 +118,7 @@ def observation_lines(block: Block) -> tuple[list[str], list[Note]]:
     heights = (np.nan_to_num(g.start_height_m) != 0) | (np.nan_to_num(g.end_height_m) != 0)
     between = (g.start_kind == "point") & (g.end_kind == "point")
     written = g.active & between & np.isin(g.type, list(WIDTHS)) & (g.group == "") & (g.reduced == "no") & ~heights
-    for row in np.flatnonzero(written):
+    for row in np.flatnonzero(written).tolist():
         unit = 180 / np.pi if g.type[row] in ANGLES else 1.0
         names = [g.start[row], g.via[row], g.end[row]] if g.type[row] == "angle" else [g.start[row], g.end[row]]
         lines.append(_line(g.type[row], " ".join(names), unit * np.array([g.value[row], g.sigma[row]])))

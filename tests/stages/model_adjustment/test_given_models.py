@@ -160,3 +160,20 @@ def test_control_with_north_first_is_refused_and_read_when_said(tmp_path: Path) 
     solution = solved(tmp_path, lines, exchanged, sigma=SIGMA, axes="north,east,up")
     at = solution.points.id.tolist().index("P22")
     np.testing.assert_allclose(solution.points.xyz_m[at], truth["P22"], atol=0.05)
+
+
+def test_plan_only_and_height_only_control_orient_a_model(tmp_path: Path) -> None:
+    """Two points in plan and three heights, as much as seven parameters need: a dash is a coordinate not known."""
+    lines, _, truth = flown(6)
+    (tmp_path / "models.txt").write_text("\n".join(line for line in lines if line.startswith("00")) + "\n")
+    known = [f"P00 {truth['P00'][0]} {truth['P00'][1]} {truth['P00'][2]}", f"P12 {truth['P12'][0]} {truth['P12'][1]} -"]
+    known += [f"{p} - - {truth[p][2]}" for p in ("P10", "P02")]
+    (tmp_path / "control.txt").write_text("\n".join(known) + "\n")
+    options = ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA)
+    solution = given_models(models(options=options))
+    assert solution.redundancy == 0
+    at = solution.points.id.tolist().index("P11")
+    assert np.abs(solution.points.xyz_m[at] - truth["P11"]).max() < 20 * SIGMA * 500
+    (tmp_path / "control.txt").write_text("\n".join([*known[:2], "P11 5 - 3"]) + "\n")
+    with pytest.raises(InputError, match=r"control\.txt:3: a point known in neither plan nor height"):
+        models(options=options)
