@@ -65,13 +65,15 @@ def levelled_part(
 ) -> OrientedPart | None:
     """A component that nothing but its turn about a line is open of, as images look down; None if more is open.
 
-    Too few points to join it by hold it to other components all the same: the bundle takes them up. Without any it
-    stays open.
+    Points that it shares with others, too few to join it, and rays of single images to control hold it all the same:
+    the bundle takes them up. Without any it stays open.
     """
-    shared = np.concatenate([np.zeros(0, np.int64), *(c.point for c in free.components if c is not component)])
-    if not np.isin(component.point, shared).any():
-        return None
     image = free_images(strips, component)[2]
+    seen = rays.point[rays.active & np.isin(rays.image, image)]
+    others = [c.point for c in free.components if c is not component]
+    control = np.setdiff1d(control_of(ground.block).point, component.point)
+    if not np.isin(np.append(seen, component.point), np.concatenate([control, *others])).any():
+        return None
     looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
     level = replace(ground, beside=(*ground.beside, looking_down))
     try:

@@ -138,3 +138,22 @@ def test_strips_without_a_common_point_stay_open() -> None:
     block, points, strips = apart(0)
     with pytest.raises(GeometryError, match="rotation about the line"):
         similarity(block, strips, points)
+
+
+def test_a_ray_of_one_image_to_control_holds_a_strip_whose_control_is_on_a_line(tmp_path: Path) -> None:
+    """Three points on a line, and a fourth that one image alone shows, which no strip can hold."""
+    of = hand()
+    on_line, single = [0, 4], IN_NO_STRIP
+    stays = (of.point != single) | (of.image == 1)
+    xy = of.xy_mm[stays].copy()
+    some = replace(of, image=of.image[stays], point=of.point[stays], xy_mm=xy)
+    for known, holds in (([*on_line, single], True), (on_line, False)):
+        block, points = read(tmp_path / str(holds), some, ground=ground_rows(of, known), xy_mm=xy)
+        strips = scale_transfer(block, dependent(block, points))
+        if not holds:
+            with pytest.raises(GeometryError, match="rotation about the line"):
+                similarity(block, strips, points)
+            continue
+        initial = similarity(block, strips, points)
+        done = bundle(block, points, initial)
+        np.testing.assert_allclose(done.images.position_m, of.position_m, atol=0.5)
