@@ -87,6 +87,7 @@ def test_of_a_flat_block_without_positions(c_factor: float, x0_share: float) -> 
     right(without_positions(without_strips(simulated(**FLAT))), c_factor, x0_share)
 
 
+@pytest.mark.slow
 def test_of_a_flat_block_with_positions() -> None:
     right(without_strips(simulated(**FLAT)), 1.29, 0.0)
 

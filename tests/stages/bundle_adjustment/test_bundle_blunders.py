@@ -45,7 +45,7 @@ def _unsuspecting(initial: Solution) -> Solution:
     return replace(initial, suspects=Suspects.empty())
 
 
-@pytest.mark.parametrize("method", ["robust_snooping", "data_snooping"])
+@pytest.mark.parametrize("method", ["robust_snooping", pytest.param("data_snooping", marks=pytest.mark.slow)])
 def test_gross_errors_of_all_kinds_are_found_and_the_block_is_as_good_as_without_them(
     chain: Chain, method: str
 ) -> None:
@@ -88,7 +88,7 @@ def test_a_clean_block_loses_next_to_nothing(chain: Chain) -> None:
 
 
 @pytest.mark.parametrize("kind", ["image_point", "control", "position"])
-@pytest.mark.parametrize("times", [0.2, 0.5, 2.0, 5.0])
+@pytest.mark.parametrize("times", [0.2, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.5, 2.0)), 5.0])
 def test_standard_deviations_that_are_guessed_wrong_cost_no_good_point(chain: Chain, kind: str, times: float) -> None:
     """At most 0.3 % lost; where their class can tell, coordinates as with the right ones to 5 %."""
     g, e, m = chain.block.ground_points, chain.block.exterior, chain.refined.measurements
@@ -120,6 +120,7 @@ def test_standard_deviations_that_are_guessed_wrong_cost_no_good_point(chain: Ch
         assert float(line.split("): image_point ")[1].split(",")[0]) == pytest.approx(1 / times, rel=0.1)
 
 
+@pytest.mark.slow
 def test_of_a_kind_with_more_wrong_than_the_share_allows_all_stay_and_are_told(chain: Chain) -> None:
     told = Told()
     g = chain.block.ground_points
@@ -136,7 +137,7 @@ def test_of_a_kind_with_more_wrong_than_the_share_allows_all_stay_and_are_told(c
     assert all(name in line for name in names), told.warnings
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_several_wrong_control_points_are_found_without_any_option(chain: Chain, count: int) -> None:
     """Of ten control points one is too many for "5 % of a kind"; their redundancy answers for more."""
     g = chain.block.ground_points

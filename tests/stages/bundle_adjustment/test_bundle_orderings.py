@@ -41,6 +41,7 @@ def test_every_order_gives_the_same_solution_and_covariances(chain: Chain) -> No
         np.testing.assert_allclose(found.parameters.sigma, reference.parameters.sigma, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_band_of_the_textbook_stands_beside_the_one_found(chain: Chain) -> None:
     told = Told()
     orderings = _adjusted(chain, "across_strips", told).orderings
