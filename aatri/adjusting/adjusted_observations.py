@@ -47,6 +47,30 @@ class AdjustedObservations:
         return residuals(self.observed.records, state, self.rows)
 
 
+def classes_of(o: Observed, labels: Sequence[str] = ("",), label: Int | None = None) -> tuple[list[str], Int]:
+    """Classes of a kind that have standard deviations of their own: names, and the class of every component.
+
+    Parameters
+    ----------
+    o : Observed
+    labels : sequence of str
+        What tells its rows apart.
+    label : (n,) int, optional
+        Which of these each row has; default: the first.
+
+    Returns
+    -------
+    names : list of str
+    number : (n, m) int64
+    """
+    parts = o.parts or (("", tuple(range(o.records.rows))),)
+    component = np.zeros(o.records.rows, dtype=np.int64)
+    for k, (_, components) in enumerate(parts):
+        component[list(components)] = k * len(labels)
+    names = [" ".join(filter(None, (o.kind, part, more))) for part, _ in parts for more in labels]
+    return names, (np.zeros(len(o), dtype=np.int64) if label is None else label).reshape(-1, 1) + component
+
+
 def sigmas_of_groups(
     observations: Sequence[AdjustedObservations], state: State, number: Sequence[Int], n_groups: int
 ) -> GroupSigmas:

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import classes_of
 from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
 from aatri.ids import rows_of
@@ -33,23 +34,10 @@ def variance_groups(block: Block, given: BundleInput, levels: Collection[Level])
             parts.append(np.full((len(o), o.records.rows), -1, dtype=np.int64))
             continue
         of_rows, row = np.unique(_of_rows(block, o, levels), return_inverse=True)
-        named = [(part, f"{o.kind} {part}".strip()) for part in _parts(o)]
-        labels.append([f"{name} {more}".strip() for _, name in named for more in of_rows.tolist()])
-        component = _component(o)
-        parts.append(component[None, :] * len(of_rows) + row.reshape(-1, 1))
+        names, number = classes_of(o, of_rows.tolist(), row)
+        labels.append(names)
+        parts.append(number)
     return grouped(given.observed, labels, parts)
-
-
-def _parts(o: Observed) -> list[str]:
-    return [name for name, _ in o.parts] or [""]
-
-
-def _component(o: Observed) -> Int:
-    """Part of each component."""
-    part_of = np.zeros(o.records.rows, dtype=np.int64)
-    for k, (_, components) in enumerate(o.parts):
-        part_of[list(components)] = k
-    return part_of
 
 
 def _of_rows(block: Block, o: Observed, levels: Collection[Level]) -> Text:

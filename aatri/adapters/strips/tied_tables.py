@@ -15,7 +15,7 @@ from aatri.adapters.observation_tables import (
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.uncontrolled_before import not_seen_since
-from aatri.adjusting.adjusted_observations import AdjustedObservations, sigmas_of_groups
+from aatri.adjusting.adjusted_observations import AdjustedObservations, classes_of, sigmas_of_groups
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
@@ -105,12 +105,9 @@ def components_of(result: TiedResult) -> VarianceComponents:
     """
     names, shown, numbers = list[str](), list(_shown(result)), list[Int]()
     for o in (adjusted.observed for adjusted in shown):
-        number = np.full((len(o), o.records.rows), len(names))
-        for k, (_, components) in enumerate(o.parts):
-            number[:, components] += k
-        number[o.demanded()] = -1
-        names += [f"{o.kind} {part}".strip() for part, _ in o.parts or (("", ()),)]
-        numbers.append(number)
+        classes, number = classes_of(o)
+        numbers.append(np.where(o.demanded(), -1, len(names) + number))
+        names += classes
     return variance_table(names, sigmas_of_groups(shown, result.state, numbers, len(names)))
 
 

@@ -23,7 +23,7 @@ MOST_ELEMENTS = 500_000
 """Of the whitened design matrix. Beyond either the tree of fronts is quicker."""
 
 VANISHING = 1e-10
-"""A pivot of the normal equations scaled to unit diagonal, below which rounding decides (docs/formulas.md 6)."""
+"""A pivot of the normal equations scaled to unit diagonal, below which rounding decides (docs/adjustment.md)."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import classes_of
 from aatri.adjustment.covariance.score import score
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
@@ -66,14 +67,10 @@ class Classes:
             if o.exact or o.components or not len(o):
                 number.append(np.broadcast_to(np.int64(-1), (len(o), o.records.rows)))
                 continue
-            labels, label = _labels(o, given.images)
-            parts = o.parts or (("", tuple(range(o.records.rows))),)
-            component = np.zeros(o.records.rows, dtype=np.int64)
-            for k, (_, components) in enumerate(parts):
-                component[list(components)] = k * len(labels)
-            number.append(len(names) + label[:, None] + component)
-            names += [f"{o.kind} {part} {more}".strip().replace("  ", " ") for part, _ in parts for more in labels]
-            kinds += [numbers.setdefault(o.kind, len(numbers))] * (len(parts) * len(labels))
+            classes, of_components = classes_of(o, *_labels(o, given.images))
+            number.append(len(names) + of_components)
+            names += classes
+            kinds += [numbers.setdefault(o.kind, len(numbers))] * len(classes)
         return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
 
     def scales(self, result: BundleResult, squares: BundleResult | None = None) -> ClassScales:
