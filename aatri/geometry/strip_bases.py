@@ -144,10 +144,8 @@ def strip_basis(form: str, degree: int, *, full: bool = False, narrow: bool = Fa
     full, narrow : bool
         See the module's text.
     """
-    chosen = [k for k, (i, j) in enumerate(POWERS) if i + j <= degree and (full or k < LINEAR_ACROSS)]
-    names = ["U" * POWERS[k][0] + "V" * POWERS[k][1] or "1" for k in chosen]
-    of_term = [sum(POWERS[k]) for k in chosen]
-    n = len(chosen)
+    chosen = _chosen(full, degree)
+    names, of_term, n = ["U" * i + "V" * j or "1" for i, j in chosen], [i + j for i, j in chosen], len(chosen)
     if form == "polynomial":
         labels = [f"{axis}_{name}" for axis in "abc" for name in names]
         return StripBasis(form, full, False, tuple(labels), np.repeat([0, 0, 1], n), np.tile(of_term, 3))
@@ -159,8 +157,11 @@ def strip_basis(form: str, degree: int, *, full: bool = False, narrow: bool = Fa
 
 def terms(u: Float, v: Float, full: bool, degree: int) -> Float:
     """The terms of the polynomial, (n, t)."""
-    chosen = [(i, j) for k, (i, j) in enumerate(POWERS) if i + j <= degree and (full or k < LINEAR_ACROSS)]
-    return np.stack([u**i * v**j for i, j in chosen], axis=1)
+    return np.stack([u**i * v**j for i, j in _chosen(full, degree)], axis=1)
+
+
+def _chosen(full: bool, degree: int) -> list[tuple[int, int]]:
+    return [(i, j) for k, (i, j) in enumerate(POWERS) if i + j <= degree and (full or k < LINEAR_ACROSS)]
 
 
 def _powers(u: Float, y: Float, narrow: bool) -> list[tuple[Float, Float]]:

@@ -12,6 +12,7 @@ share are found, and of each image with itself.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -137,28 +138,17 @@ def tabled_group(block: Block, adjusted: AdjustedParameters, part: SetPart | Non
     return TabledGroup(adjusted, CAMERA, name, listed, listed & rows.free, offset, factor)
 
 
-@dataclass(frozen=True)
-class _Unit:
-    """The parameters of a camera, session or image: their rows in the table, -1 for none, and factors."""
+class _Unit(NamedTuple):
+    """The parameters of a camera, session or image."""
 
-    group: TabledGroup
-    number: int
     row: Int
-
-    @property
-    def covariance(self) -> Float:
-        """Of all its parameters."""
-        return np.asarray(self.group.adjusted.covariance[self.number])
-
-    @property
-    def free(self) -> Bool:
-        """Its unknowns."""
-        return np.asarray(self.group.adjusted.given.free[self.number])
-
-    @property
-    def name(self) -> tuple[str, int]:
-        """Group and number of the block of unknowns."""
-        return self.group.adjusted.given.group, self.number
+    """In the table, -1 for none."""
+    block: tuple[str, int]
+    """Group and number of the block of unknowns."""
+    factor: Float
+    free: Bool
+    covariance: Float
+    per_image: bool
 
 
 def parameter_covariances(
@@ -175,14 +165,18 @@ def parameter_covariances(
     units, first = [], 0
     for g in groups:
         row = np.where(g.with_covariances, first + np.cumsum(g.listed).reshape(g.listed.shape) - 1, -1)
-        units += [_Unit(g, k, row[k]) for k in range(len(row)) if (row[k] >= 0).any()]
+        p = g.adjusted
+        units += [
+            _Unit(row[k], (p.given.group, k), g.factor[k], p.given.free[k], p.covariance[k], p.given.per_image)
+            for k in np.flatnonzero((row >= 0).any(axis=1)).tolist()
+        ]
         first += int(g.listed.sum())
     if not units:
         return None, ()
     tables = [_pair(u, u, u.covariance) for u in units]
     pairs, notes = _between(units, result)
     if pairs:
-        crossed = covariances_of_pairs(result.adjusted, [(a.name, b.name) for a, b in pairs])
+        crossed = covariances_of_pairs(result.adjusted, [(a.block, b.block) for a, b in pairs])
         tables += [_pair(a, b, cross) for (a, b), cross in zip(pairs, crossed)]
     return stacked(tables), notes
 
@@ -195,7 +189,7 @@ def _between(units: Sequence[_Unit], result: BundleResult) -> tuple[list[tuple[_
     pairs = [(a, b) for b, a in combinations(determined, 2)]
     if sum(int(u.free.sum()) for u in determined) <= MOST:
         return pairs, ()
-    shared = [pair for pair in pairs if not any(u.group.adjusted.given.per_image for u in pair)]
+    shared = [pair for pair in pairs if not any(u.per_image for u in pair)]
     text = (
         f"covariances of camera parameters: more than {MOST}; those of single images are told within each image, not "
         "with other images and cameras"
@@ -206,10 +200,10 @@ def _between(units: Sequence[_Unit], result: BundleResult) -> tuple[list[tuple[_
 def _pair(a: _Unit, b: _Unit, covariance: Float) -> ParameterCovariances:
     """Covariances of two units, or of one with itself, the earlier row first."""
     first, second = np.meshgrid(a.row, b.row, indexing="ij")
-    values = covariance * np.outer(a.group.factor[a.number], b.group.factor[b.number])
+    values = covariance * np.outer(a.factor, b.factor)
     listed = (first >= 0) & (second >= 0) & ((first <= second) | np.bool_(a is not b))
     low, high = np.minimum(first, second)[listed], np.maximum(first, second)[listed]
-    return ParameterCovariances(first=low.astype(np.int32), second=high.astype(np.int32), covariance=values[listed])
+    return ParameterCovariances(low, high, values[listed])
 
 
 def calibration_tables(

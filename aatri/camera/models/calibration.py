@@ -90,9 +90,6 @@ def _brown(u: Array, xy_mm: Array, parameters: Array) -> Residual:
 
 
 _MODELS: dict[str, Callable[[Array, Array, Array], Residual]] = {
-    "pinhole": _forward("pinhole"),
     "brown": _brown,
-    "bal": _forward("bal"),
-    "opencv": _forward("opencv"),
-    "fisheye": _forward("fisheye"),
+    **{model: _forward(model) for model in projection.MODELS},
 }

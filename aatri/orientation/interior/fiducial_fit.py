@@ -130,7 +130,7 @@ def fit_fiducials(
     at_centre = plane_jacobian(model, matrix, terms, (centre / size)[:, None])[:, 0] / size[:, None, :]
     linear = np.where(determined[:, None, None], at_centre, np.eye(2))
     K = open_basis(model, xy, linear[:, None])[..., :k]
-    tests = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
+    gross_error, test, alone = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
     covariance = np.zeros((len(xy), 8, 8))
     covariance[:, :k, :k] = np.linalg.inv(_safe(_normal(K, weight), determined))
     covariance[~determined] = np.nan
@@ -144,9 +144,9 @@ def fit_fiducials(
         sigma0,
         redundancy,
         residual,
-        tests.gross_error_mm,
-        tests.test,
-        tests.alone,
+        gross_error,
+        test,
+        alone,
         used,
         determined,
     )

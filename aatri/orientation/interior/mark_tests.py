@@ -8,8 +8,6 @@ canonical correlation of R_i^-1/2 R_ij R_j^-1/2 is near 1.
 Source: Baarda 1968; Foerstner 1983 for the separability of two errors.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
@@ -21,27 +19,10 @@ UNCONTROLLED = 1e-6
 """A smaller eigenvalue of R_i means that an error in this direction does not show."""
 
 
-@dataclass(frozen=True)
-class MarkTests:
-    """Of n images with up to m marks; NaN where uncontrolled.
-
-    Attributes
-    ----------
-    gross_error_mm : (n, m, 2) float64, mm
-    test : (n, m) float64
-    alone : (n, m) bool
-        No other mark explains the residuals as well.
-    """
-
-    gross_error_mm: Float
-    test: Float
-    alone: Bool
-
-
 def tests_of_marks(
     K: Float, residual_mm: Float, root_weight: Float, used: Bool, redundancy: Int, determined: Bool
-) -> MarkTests:
-    """Tests of all marks.
+) -> tuple[Float, Float, Bool]:
+    """Tests of all marks of n images with up to m marks; NaN where uncontrolled.
 
     Parameters
     ----------
@@ -52,6 +33,13 @@ def tests_of_marks(
     used : (n, m) bool
     redundancy : (n,) int64
     determined : (n,) bool
+
+    Returns
+    -------
+    gross_error_mm : (n, m, 2) float64, mm
+    test : (n, m) float64
+    alone : (n, m) bool
+        No other mark explains the residuals as well.
     """
     n, m = used.shape
     design = K * root_weight[..., None]
@@ -75,7 +63,7 @@ def tests_of_marks(
     both = controlled[:, :, None] & controlled[:, None, :] & ~np.eye(m, dtype=bool)
     alone = np.asarray(~(both & (correlation > ALIKE)).any(axis=2))
     nothing = np.nan
-    return MarkTests(np.where(controlled[..., None], gross, nothing), np.where(controlled, test, nothing), alone)
+    return np.where(controlled[..., None], gross, nothing), np.where(controlled, test, nothing), alone
 
 
 def located(test: Float, alone: Bool, redundancy: Int, limit: float) -> Int:
