@@ -45,9 +45,7 @@ def write_blocksexchange(
         lens = as_program_states(stated, ["blocksexchange"], reporter, allowed_px=writing.lens_misfit_px)
         photos = [_photo(oriented, row) for row in np.flatnonzero(block.images.camera == k).tolist()]
         groups.append(_photogroup(lens, photos))
-    rows = block.images.camera[oriented.rays.image]
-    corner = (np.array([lens.size_px for lens in oriented.lenses]) - 1) / 2  # of the centre of the first pixel
-    xy_px = oriented.rays.xy_px + corner[rows]
+    xy_px = oriented.from_corner_px(oriented.rays) - 0.5  # from the centre of the first pixel
     measured = [
         element("Measurement", element("PhotoId", image), *_place(xy))
         for image, xy in zip(oriented.rays.image.tolist(), xy_px.tolist())

@@ -87,8 +87,7 @@ def _model(oriented: OrientedBlock, lenses: dict[int, Lens], paths: list[Path]) 
     name_of_row = np.zeros(len(block.points), np.int64)
     name_of_row[points] = names
     camera = block.images.camera
-    half_size = np.array([np.array(lens.size_px) / 2 for lens in oriented.lenses])
-    xy_px = rays.xy_px + half_size[camera[rays.image]]
+    xy_px = oriented.from_corner_px(rays)
     rotation = oriented.ground_from_image[images]
     quaternion = quaternion_of_matrix(stated_rotation(rotation, "colmap"))
     translation = translation_of(rotation, oriented.position_m[images], "colmap")

@@ -64,8 +64,7 @@ def write_lists(
 
 def _image_points(oriented: OrientedBlock) -> str:
     block, rays = oriented.block, oriented.rays
-    half = np.array([lens.size_px for lens in oriented.lenses])[block.images.camera[rays.image]] / 2
-    values = np.hstack([rays.xy_px + half, rays.sigma_px]).tolist()
+    values = np.hstack([oriented.from_corner_px(rays), rays.sigma_px]).tolist()
     names = zip(block.images.id[rays.image].tolist(), block.points.id[rays.point].tolist())
     lines = [",".join([_cell(i), _cell(p), *map(repr, row)]) for (i, p), row in zip(names, values)]
     return "\n".join(["image,point,x,y,sx,sy", *lines, ""])

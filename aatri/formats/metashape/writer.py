@@ -134,8 +134,7 @@ def _marker(number: int, p: ControlPoint) -> ET.Element:
 
 def _places(oriented: OrientedBlock, control: list[ControlPoint]) -> ET.Element:
     rays, rows = oriented.rays, oriented.rays.of_points()
-    half = np.array([lens.size_px for lens in oriented.lenses])[oriented.block.images.camera[rays.image]] / 2
-    xy = (rays.xy_px + half).tolist()
+    xy = oriented.from_corner_px(rays).tolist()
     markers = [
         element(
             "marker",

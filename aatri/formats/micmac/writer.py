@@ -142,15 +142,13 @@ def _pairs(oriented: OrientedBlock, lens: Lens, row: int, of_image: slice) -> li
 
 
 def _marks(oriented: OrientedBlock, first: list[int]) -> list[ET.Element]:
-    block, rays, made = oriented.block, oriented.rays, []
-    for row, name in enumerate(block.images.id.tolist()):
-        of = range(first[row], first[row + 1])
-        half = np.array(oriented.lenses[int(block.images.camera[row])].size_px) / 2
-        marks = [
-            element("OneMesureAF1I", element("NamePt", str(block.points.id[rays.point[k]])),
-                    numbers("PtIm", *(rays.xy_px[k] + half).tolist()))
-            for k in of
-        ]  # fmt: skip
-        if marks:
-            made.append(element("MesureAppuiFlottant1Im", element("NameIm", name), *marks))
-    return made
+    block, rays, xy = oriented.block, oriented.rays, oriented.from_corner_px(oriented.rays).tolist()
+    names = block.points.id[rays.point].tolist()
+    marks = [
+        element("OneMesureAF1I", element("NamePt", name), numbers("PtIm", *place)) for name, place in zip(names, xy)
+    ]
+    return [
+        element("MesureAppuiFlottant1Im", element("NameIm", image), *marks[a:b])
+        for image, a, b in zip(block.images.id.tolist(), first, first[1:])
+        if b > a
+    ]

@@ -201,11 +201,10 @@ def _calibrated(oriented: OrientedBlock, lenses: list[Lens], scene: _Scene) -> d
 def _marked(oriented: OrientedBlock, control: list[ControlPoint], scene: _Scene) -> dict[str, Any]:
     """Control and check points, and all others as tie points, with their marks."""
     block, rays = oriented.block, oriented.rays
-    half = np.array([lens.size_px for lens in oriented.lenses])[block.images.camera[rays.image]] / 2
     accuracy = np.sqrt((rays.sigma_px**2).mean(axis=1)).tolist()
     marks = [
         {"camera_id": image + 1, "position_px": xy, "accuracy": sigma}
-        for image, xy, sigma in zip(rays.image.tolist(), (rays.xy_px + half).tolist(), accuracy)
+        for image, xy, sigma in zip(rays.image.tolist(), oriented.from_corner_px(rays).tolist(), accuracy)
     ]
     of_points = {point: [marks[k] for k in rows] for point, rows in rays.of_points().items()}
     bound = {p.row for p in control}

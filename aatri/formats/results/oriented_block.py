@@ -183,6 +183,11 @@ class OrientedBlock:
             raise GeometryError("no image point of an oriented image and a point with coordinates", remedy=remedy)
         return Rays(rays.image[of], rays.point[of], rays.xy_px[of], rays.sigma_px[of])
 
+    def from_corner_px(self, rays: Rays) -> Float:
+        """Coordinates of rays (m, 2) from the upper left corner of their images, y down."""
+        half = np.array([lens.size_px for lens in self.lenses]) / 2
+        return rays.xy_px + half[self.block.images.camera[rays.image]]
+
     def projected_px(self) -> Float:
         """Where the cameras see the points of the model's rays (m, 2), px from the image centre, y down."""
         rays, xy_px = self.model_rays, np.full_like(self.model_rays.xy_px, np.nan)
