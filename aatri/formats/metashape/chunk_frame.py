@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
+from aatri.codes import APPROXIMATE, APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.formats.conventions.poses import is_rotation
+from aatri.formats.metashape.tie_points import TiePoints
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
 from aatri.formats.parts.one_frame import geographic, in_frame
 from aatri.formats.text.text_line import places
@@ -61,9 +62,10 @@ class ChunkFrame:
         poses: tuple[Sequence[Any], Float, Float],
         references: Sequence[tuple[Any, list[float], list[float]]],
         targets: Sequence[Mapping[str, Any]],
+        ties: TiePoints | None,
         reporter: Reporter,
     ) -> None:
-        """Put poses, positions and targets into the parts, all in one frame."""
+        """Put poses, positions, targets and tie points into the parts, all in one frame."""
         aligned, position, rotation = poses
         start = BlockParts("metashape", parts.files, frame=self.world)
         stated = BlockParts("metashape", parts.files, frame=self.reference)
@@ -75,10 +77,13 @@ class ChunkFrame:
         if targets:
             at = places([t["at"] for t in targets], parts.files)
             stated.ground_points = {k: [t[k] for t in targets] for k in ("point", "xyz_m", "sigma_m", "role")} | at
+        if ties is not None:
+            R, scale, origin = self.transform(next(iter(self.transforms), ""))
+            start.ground_points = {"point": ties.names, "xyz_m": scale * ties.xyz @ R.T + origin}
         parts.frame = self._common(start, stated)
         if parts.frame is not None and self.reference != LOCAL:
             start, stated = in_frame(start, parts.frame, reporter), in_frame(stated, parts.frame, reporter)
-        parts.ground_points = stated.ground_points
+        parts.ground_points = _with_ties(stated.ground_points, start.ground_points)
         parts.exterior = _together(start.exterior, stated.exterior)
 
     def _common(self, start: BlockParts, stated: BlockParts) -> Frame | None:
@@ -130,6 +135,18 @@ def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
     code = flat.to_authority(min_confidence=100)
     reference = Frame("metashape", axes, ":".join(code) if code else flat.to_wkt(), vertical)
     return ChunkFrame(transforms, geocentric_frame(flat) if transforms else LOCAL, reference)
+
+
+def _with_ties(targets: Mapping[str, Any], ties: Mapping[str, Any]) -> dict[str, Any]:
+    """Tie points as start values, after the targets."""
+    if not ties:
+        return dict(targets)
+    n = len(ties["point"])
+    own = {"point": ties["point"], "xyz_m": ties["xyz_m"], "role": np.full((n, 3), APPROXIMATE),
+           "file": np.zeros(n, int), "line": np.full(n, -1)}  # fmt: skip
+    sigma = "covariance_m2" if "covariance_m2" in targets else "sigma_m"
+    own[sigma] = np.zeros((n, 3, 3) if sigma == "covariance_m2" else (n, 3))
+    return {key: [*targets.get(key, ()), *values] for key, values in own.items()}
 
 
 def _together(start: Mapping[str, Any], observed: Mapping[str, Any]) -> dict[str, Any]:

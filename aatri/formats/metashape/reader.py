@@ -24,7 +24,9 @@ from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.sensors import Sensor, sensors_of
+from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import FileView
 from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_text import decoded_xml
@@ -54,8 +56,8 @@ def read_metashape(path: Path, reporter: Reporter = SILENT, *, allowed_px: float
     InputError
         If it is not of this form, or has what is not supported; the message names line and element.
     """
-    root = _root(path)
-    chunk = _chunk(root)
+    archive = _archive(path)
+    chunk = _chunk(_root(path, archive))
     sensors = sensors_of(chunk)
     cameras, disabled = _cameras(chunk)
     lenses = [sensor.lens for sensor in sensors.values() if sensor.lens is not None]
@@ -81,19 +83,25 @@ def read_metashape(path: Path, reporter: Reporter = SILENT, *, allowed_px: float
     references = _references(cameras, settings.get("accuracy_cameras", np.nan))
     markers = chunk.all("markers")[0].within("marker") if chunk.all("markers") else iter(())
     targets, point_names = _targets(list(markers), settings.get("accuracy_markers", np.nan))
-    frame.give(parts, poses, references, targets, reporter)
-    _give_marks(parts, chunk, {c.id: c.name for c in cameras}, point_names, settings)
+    names = {c.id: c.name for c in cameras}
+    ties = None if archive is None else tie_points_of(archive, chunk, names)
+    frame.give(parts, poses, references, targets, ties, reporter)
+    _give_marks(parts, chunk, names, point_names, settings)
+    if ties is not None:
+        _give_ties(parts, ties, settings.get("accuracy_tiepoints", np.nan))
     if any(s.master for s in sensors.values()):
         parts.notes.append("cameras of a rig have the start values of their mounting; that it is fixed is not taken")
     return parts
 
 
-def _root(path: Path) -> XmlElement:
-    with path.open("rb") as file:
-        packed = file.read(2) == b"PK"
-    if not packed:
+def _archive(path: Path) -> Archive | None:
+    """The archive that a file is; None of another."""
+    return Archive(path) if FileView(path).head.startswith("PK\x03\x04") else None
+
+
+def _root(path: Path, archive: Archive | None) -> XmlElement:
+    if archive is None:
         return read_xml(path, ("document",), WANTED)
-    archive = Archive(path)
     if DOCUMENT not in archive.names:
         raise InputError(f"no {DOCUMENT} in the archive", where=str(path), remedy=f"give {WANTED}")
     return read_xml(path, ("document",), WANTED, decoded_xml(archive.bytes_of(DOCUMENT), archive.at(DOCUMENT)))
@@ -235,3 +243,21 @@ def _give_marks(
             **({"sigma_px": settings["accuracy_projections"]} if "accuracy_projections" in settings else {}),
             **places([row[3] for row in rows], parts.files),
         }
+
+
+def _give_ties(parts: BlockParts, ties: TiePoints, sigma_px: float) -> None:
+    """The projections of tie points, after the marks."""
+    marks, n = parts.image_points, len(ties.images)
+    own: dict[str, Any] = {
+        "image": ties.images,
+        "point": ties.points,
+        "xy": ties.xy_px,
+        "sigma_px": np.full((n, 2), sigma_px),
+        "file": np.zeros(n, int),
+        "line": np.full(n, -1),
+    }
+    if marks:
+        stated = np.broadcast_to(np.asarray(marks.get("sigma_px", np.nan), dtype=float), (len(marks["image"]), 2))
+        own = {key: [*(stated if key == "sigma_px" else marks[key]), *values] for key, values in own.items()}
+    parts.image_points = own
+    parts.notes.append(f"{len(ties.names)} tie points with {n} projections")
