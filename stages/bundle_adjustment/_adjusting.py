@@ -56,7 +56,7 @@ def adjusted_block(
     """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
     done, groups = _searched(source, given, options, context)
     adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
-    done = with_settled_terms(done, adjust)
+    done = with_settled_terms(done, adjust, partial(adjust, how=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
     return with_considered(done, adjust, rebuilt), groups, components
 
@@ -113,7 +113,7 @@ def adjusted(
 def _settings(options: BundleOptions, how: AdjustOptions) -> BundleSettings:
     searched = options.blunders.method != "none"
     covariances = searched or options.standard_deviations is not False or options.reliability
-    covariances = covariances or options.variance_components is not None
+    covariances = how.covariances and (covariances or options.variance_components is not None)
     solution = SolverSettings(
         max_iterations=options.max_iterations,
         tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,

@@ -48,15 +48,15 @@ def _covariances(solution: Solution) -> np.ndarray:
     return C
 
 
-def _corrected(z: np.ndarray, R: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """Residuals with k1 k2 p1 p2 of the camera and c x0 y0 of the image, after X0 d X."""
+def _corrected(z: np.ndarray, R: np.ndarray, xy: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Residuals with k1 k2 p1 p2 of the camera and c x0 y0 of the image, after X0 d X; the terms stand at `at`."""
     u = np.einsum("nji,nj->ni", R + cross(z[:, 3:6]) @ R, z[:, 6:9] - z[:, :3])
     k1, k2, p1, p2, dc, dx0, dy0 = z[:, 9:].T
-    x, y = xy.T
+    x, y = at.T
     s = x * x + y * y
     dx = -x * dc / 24.0 - dx0 + x * (k1 * s + k2 * s * s) + p1 * (s + 2 * x * x) + 2 * p2 * x * y
     dy = -y * dc / 24.0 - dy0 + y * (k1 * s + k2 * s * s) + p2 * (s + 2 * y * y) + 2 * p1 * x * y
-    return np.stack([-24.0 * u[:, 0] / u[:, 2] - x - dx, -24.0 * u[:, 1] / u[:, 2] - y - dy], axis=1)
+    return np.stack([-24.0 * u[:, 0] / u[:, 2] - dx, -24.0 * u[:, 1] / u[:, 2] - dy], axis=1) - xy
 
 
 def test_image_variant_and_block_invariant_parameters_have_the_covariances_of_a_dense_computation(block: Block) -> None:
@@ -83,7 +83,10 @@ def test_image_variant_and_block_invariant_parameters_have_the_covariances_of_a_
         axis=1,
     )
     dense = Dense.of(size)
-    dense.add(by_complex_step(lambda z: _corrected(z, R, m.xy_mm), z), columns, m.sigma_mm)
+    at = m.xy_mm
+    for _ in range(10):  # the adjusted coordinates: measured ones and their residuals
+        at = m.xy_mm + _corrected(z, R, m.xy_mm, at)
+    dense.add(by_complex_step(lambda z: _corrected(z, R, m.xy_mm, at), z), columns, m.sigma_mm)
     sigma = SIGMA_MM * np.concatenate([RADIUS_MM ** np.array([-3.0, -5.0, -2.0, -2.0]), np.ones(3 * n)])
     own = np.arange(first, size)
     dense.N[own, own] += 1.0 / sigma**2

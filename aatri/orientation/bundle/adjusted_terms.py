@@ -12,13 +12,14 @@ adjustment is repeated until the parameters are those by which its terms were fo
 Source: Fuller 1987, Measurement Error Models, 1.1 and 3.1 (errors in the coefficients attenuate what is estimated).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from aatri.adjustment.residuals import residuals
 from aatri.adjustment.unknowns import State
+from aatri.arrays import Float
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import Observed
@@ -30,9 +31,8 @@ from aatri.orientation.bundle.rounds import AdjustedBlock
 FITS = 3.0
 """Median of |v| / sigma up to which the coordinates computed from a start are adjusted ones."""
 
-SAME, IDEAL_MM = 0.1, 1e-6
-"""Change of a parameter, in its standard deviations, and of a correction at ideal coordinates, that is none: each round
-leaves less than a tenth."""
+SAME, IDEAL_MM = 1e-4, 1e-6
+"""Change of a parameter, in its standard deviations, and of a correction at ideal coordinates, that is none."""
 
 MOST_ROUNDS = 10
 
@@ -59,23 +59,31 @@ def adjusted_with_terms(given: BundleInput, adjust: Adjust, roughly: Adjust) -> 
     return adjust(given if formed is None else formed)
 
 
-def with_settled_terms(done: AdjustedBlock, adjust: Adjust) -> AdjustedBlock:
+def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> AdjustedBlock:
     """The adjusted block, adjusted again until its parameters are those by which its terms were formed.
 
     Parameters
     ----------
     done : AdjustedBlock
+        One that is weighted down keeps the terms it has.
     adjust : callable
         With the terms at the coordinates of its start.
+    roughly : callable
+        The same without standard deviations, on the way.
     """
     if not _has_terms(done.given):
         return done
     given, result = done.given, done.result
-    for _ in range(MOST_ROUNDS):
-        again = _formed(from_result(given, result), result.adjusted.state)
-        if again is None or _settled(result, again):
+    sigma = {p.given.group: np.sqrt(np.einsum("nii->ni", p.covariance)) for p in result.parameters}
+    last = result
+    for _ in range(0 if result.adjusted.down_weighted else MOST_ROUNDS):
+        again = _formed(from_result(given, last), last.adjusted.state)
+        if again is None or _settled(last, again, sigma):
             break
-        given, result = again, adjust(again)
+        given, last = again, roughly(again)
+    if last is not result:
+        given = from_result(given, last)
+        result = adjust(given)
     terms = {p.given.group: p.given for p in result.parameters}
     return replace(done, given=_with_parameters(given, tuple(terms[p.group] for p in given.parameters)), result=result)
 
@@ -109,7 +117,7 @@ def _formed(given: BundleInput, state: State, fits: float = np.inf) -> BundleInp
     return _with_parameters(given, tuple(parameters))
 
 
-def _settled(result: BundleResult, again: BundleInput) -> bool:
+def _settled(result: BundleResult, again: BundleInput, sigmas: Mapping[str, Float]) -> bool:
     """Whether the terms of a result are those that it would form."""
     active = _image_points(again).records.active
     for p, anew in zip(result.parameters, again.parameters, strict=True):
@@ -117,7 +125,7 @@ def _settled(result: BundleResult, again: BundleInput) -> bool:
             continue
         if p.given.formed_by is None:
             return False
-        sigma = np.sqrt(np.einsum("nii->ni", p.covariance))
+        sigma = sigmas[p.given.group]
         moved = np.abs(p.value - p.given.formed_by) > SAME * np.where(np.isfinite(sigma), sigma, np.abs(p.value))
         if (moved & p.given.free).any():
             return False

@@ -41,11 +41,14 @@ class AdjustOptions:
         Of all records, kind by kind; empty: 1.
     coarse : bool
         It need not converge to the end.
+    covariances : bool
+        With standard deviations, where these are wanted at all.
     """
 
     huber: float | None = None
     weights: tuple[Float, ...] = ()
     coarse: bool = False
+    covariances: bool = True
 
 
 Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]
