@@ -43,10 +43,10 @@ OF_GRAPH = f"""\
   bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{datum}}}}
 """
 OF_STRIPS = f"""\
-  # strips without start values: models, strips, the block of strips, then the bundle
+  # strips without start values: models, strips, their orientation by control, then the bundle
 {INTERIOR}{REFINED}\
   models:   {{use: relative_orientation/dependent, from: {{block, image_points: refined}}}}
-  strips:   {{use: strip_formation/scale_transfer, from: {{block, image_points: refined, models}}}}
+  strips:   {{use: strip_formation/scale_transfer, from: {{block, models}}}}
   absolute: {{use: absolute_orientation/similarity, from: {{block, image_points: refined, strips}}}}
   bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}}}
 """
@@ -99,7 +99,10 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
         )
         remedy = "add the file with the other image points (tracks.csv, marks, tie points) as a further --from"
         raise InputError(what, where=str(paths[0]), remedy=remedy)
-    return _text(sources, folder, _stages(block))
+    stages = _stages(block)
+    if len(block.fiducial_points):  # film on a comparator
+        stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
+    return _text(sources, folder, stages)
 
 
 def _counted(parts: BlockParts) -> list[str]:
@@ -165,7 +168,8 @@ def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
             "      control_sigma: [0.0, 0.0, 0.0]     # m, of control without a standard deviation; 0 is exact\n"
             "      sources:                           # the first with images says which there are\n" + lines
         )
-    return f"# Written by aatri new --from; {len(sources)} sources.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
+    count = f"{len(sources)} source{'s' * (len(sources) != 1)}"
+    return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
 
 
 def _from(path: Path, folder: Path) -> str:

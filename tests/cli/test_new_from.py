@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from aatri.artifacts.block import Exterior, StripIds
 from aatri.cli.main import app
+from aatri.formats.tables.writer import write_block
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.spec.pipeline_file import load_spec
 from tests.campaigns.fuzz_seeds import READERS
 from tests.formats.opensfm.made_project import write_project
+from tests.stages.chain import simulated
 
 
 def invoked(*arguments: object) -> Result:
@@ -81,3 +86,28 @@ def test_formats_are_listed_and_described() -> None:
     result = invoked("formats", "odm_gcp")
     assert "does not carry  standard deviations" in result.stdout
     assert invoked("formats", "odm_gpc").exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "has"),
+    [
+        ({"preset": "uav", "flight": {"strips": 2, "images_per_strip": 4}}, ("calibrated", "scale_transfer")),
+        (
+            {"preset": "rc30", "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0}},
+            ("affine", "scale_transfer"),
+        ),
+        ({"preset": "oblique", "flight": {"images_per_strip": 4}}, ("calibrated", "graph")),
+    ],
+)
+def test_a_block_of_strips_or_without_runs_by_the_pipeline_that_fits_it(tmp_path: Path, changes, has) -> None:
+    block = simulated(2, **changes)
+    if "graph" in has:  # nobody says how it was flown, nor where from
+        images = replace(block.images, strip=np.full(len(block.images), -1, np.int32))
+        block = replace(block, images=images, strips=StripIds.empty(), exterior=Exterior.empty())
+    write_block(block, tmp_path / "block")
+    assert invoked("new", tmp_path / "mine", "--from", tmp_path / "block").exit_code == 0
+    text = (tmp_path / "mine" / "pipeline.yaml").read_text()
+    assert all(name in text for name in has)
+    result = invoked("run", tmp_path / "mine" / "pipeline.yaml", "--quiet")
+    assert result.exit_code == 0, result.stderr
+    assert "Check points agree" in result.stdout
