@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import outside_expected
@@ -32,7 +31,7 @@ def judgement(run: RunView) -> str:
         return f"The run ended in stage {failed[0].name}; what stands here is what was made before."
     if not solutions or solution is None:
         return "Nothing has been adjusted yet."
-    evaluations = run.of_kind(Evaluation)
+    evaluations = run.evaluated()
     figures = numbers_of(evaluations[-1].metrics) if evaluations else {}
     sentences = [
         _contradiction(solution),

@@ -106,7 +106,7 @@ def render(run: RunView, around: Surroundings, page: Mapping[str, Any]) -> str:
 def summary(run: RunView, around: Surroundings) -> dict[str, Any]:
     """What the first page says, as plain values: report.json has the same."""
     internal, external = internal_lights(run, around.solution), external_lights(run)
-    evaluation, evaluations = run.last(Evaluation), run.of_kind(Evaluation)
+    evaluation, evaluations = run.last(Evaluation), run.evaluated()
     return {
         "judgement": judgement(run),
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",

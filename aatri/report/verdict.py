@@ -50,7 +50,7 @@ def internal_lights(run: RunView, solution: Solution | None) -> list[Light]:
 
 def external_lights(run: RunView) -> list[Light]:
     """Check points, their bias and, for a simulated block, truth against theory."""
-    evaluations = run.of_kind(Evaluation)
+    evaluations = run.evaluated()
     if not evaluations:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from aatri.report.verdict import external_lights, internal_lights
+from aatri.report.view.run_view import RunView, StageView
 
 
 @pytest.mark.parametrize(
@@ -21,7 +23,7 @@ from aatri.report.verdict import external_lights, internal_lights
 def test_sigma0_is_tested_with_the_redundancy_that_it_counts(figures: dict[str, float], state: str) -> None:
     """99.9 % limits: 0.600 to 1.439 for a redundancy of 30, 0.868 to 1.136 for 300 (tables of chi-square)."""
     stage = SimpleNamespace(name="bundle", metrics={"sigma0": 1.20, **figures}, status="done")
-    run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage])
+    run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage], evaluated=lambda: [stage])
     (light,) = [x for x in internal_lights(run, None) if x.title == "sigma0"]  # type: ignore[arg-type]
     assert light.state == state
     assert f"redundancy {round(figures.get('sigma0_redundancy', figures['redundancy']))}," in light.words
@@ -42,6 +44,15 @@ def test_check_points_are_held_against_theory_by_how_many_independent_errors_the
     """99.9 % limits of sqrt(chi2(n) / n): 0.126 to 2.236 for 4 check points, 0.600 to 1.439 for 30 independent."""
     figures = {"check_points": 4, "check_theory_ratio_x": ratio, "check_theory_ratio_y": 1.0, **independent}
     stage = SimpleNamespace(name="accuracy", metrics=figures, status="done")
-    run = SimpleNamespace(of_kind=lambda kind: [stage], last=lambda kind: None)
+    run = SimpleNamespace(evaluated=lambda: [stage], last=lambda kind: None)
     (light,) = [x for x in external_lights(run) if x.title == "Check against theory"]  # type: ignore[arg-type]
     assert light.state == state, light.words
+
+
+def test_the_evaluation_of_a_result_counts_and_not_the_set_ups_that_come_after_it() -> None:
+    def stage(name: str, metrics: dict[str, float]) -> StageView:
+        return StageView(name, f"accuracy/{name}", "Evaluation", {}, {"metrics": metrics}, None, ())
+
+    accuracy, plotter = stage("evaluation", {"check_points": 5}), stage("plotter", {"single_models": 3})
+    assert [s.name for s in RunView(Path(), {}, (accuracy, plotter)).evaluated()] == ["evaluation"]
+    assert [s.name for s in RunView(Path(), {}, (plotter,)).evaluated()] == ["plotter"]

@@ -56,6 +56,11 @@ class RunView:
         """The finished stages with artifacts of a kind, in order."""
         return [s for s in self.stages if s.kind == kind.kind and s.status == "done"]
 
+    def evaluated(self) -> list[StageView]:
+        """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups."""
+        stages = [s for s in self.stages if s.kind == "Evaluation" and s.status == "done"]
+        return [s for s in stages if {"control_points", "check_points", "truth_points"} & s.metrics.keys()] or stages
+
     def artifact(self, stage: StageView) -> Artifact:
         """The artifact of a stage.
 
@@ -71,8 +76,8 @@ class RunView:
         return store.load(self.folder, stage.name, KINDS[stage.kind])
 
     def last(self, kind: type[A]) -> A | None:
-        """The last readable artifact of a kind."""
-        for stage in reversed(self.of_kind(kind)):
+        """The last readable artifact of a kind; of Evaluations that of a result."""
+        for stage in reversed(self.evaluated() if kind.kind == "Evaluation" else self.of_kind(kind)):
             try:
                 artifact = self.artifact(stage)
             except AatriError:
