@@ -1,8 +1,9 @@
-"""Where a bundle starts that has neither `initial` nor positions: resection to its control."""
+"""Where a bundle starts: orientations of the block, observed positions."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,15 @@ from aatri.errors import GeometryError
 from aatri.stages.bundle_adjustment.bundle import bundle
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.bundle_adjustment.test_bundle_input import CORNERS, OF, assert_is_the_block, exterior_rows, rows_of
 from tests.stages.chain import simulated
+from tests.stages.hand_block import (
+    Heard,
+    angles_deg,
+    ground_rows,
+    read,
+    start,
+)
 
 OFF = SystematicOptions(refraction=False, earth_curvature=False)
 CAMERA = {"kind": "digital", "format": (6000.0, 6000.0), "pixel_size_mm": 0.01, "principal_distance_mm": 60.0}
@@ -39,3 +48,48 @@ def test_with_too_little_control_in_every_image_what_is_missing_is_said() -> Non
     block = _without_exterior(3)
     with pytest.raises(GeometryError, match="none sees four control points"):
         bundle(block, systematic(block, calibrated(block), options=OFF))
+
+
+def test_images_with_a_position_only_are_turned_by_resection(tmp_path: Path) -> None:
+    angles = angles_deg(OF, "omega-phi-kappa")
+    rows = exterior_rows(OF, angles, tail=",0.1,0.1,0.1", head=",sX,sY,sZ").splitlines()
+    for k in (2, 5):
+        cells = rows[1 + k].split(",")
+        rows[1 + k] = ",".join([*cells[:4], "", "", "", *cells[7:]])
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior="\n".join(rows) + "\n")
+    assert_is_the_block(bundle(block, points), OF)
+
+
+def test_without_any_angles_there_is_no_start(tmp_path: Path) -> None:
+    exterior = exterior_rows(OF, None, tail=",0.1,0.1,0.1", head=",sX,sY,sZ")
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior)
+    with pytest.raises(GeometryError, match="no image has a starting orientation"):
+        bundle(block, points)
+    assert_is_the_block(bundle(block, points, start(OF, block)), OF)
+
+
+def test_an_image_that_is_not_oriented_takes_its_position_with_it(tmp_path: Path) -> None:
+    """Its two image points tell nothing; its observed position, wrong by a kilometre, must do no harm."""
+    kept = (OF.image != 3) | np.isin(OF.point, OF.point[OF.image == 3][:1])
+    of = replace(OF, image=OF.image[kept], point=OF.point[kept], xy_mm=OF.xy_mm[kept])
+    wrong = OF.position_m.copy()
+    wrong[3] += 1000.0
+    exterior = exterior_rows(of, angles_deg(OF, "omega-phi-kappa"), wrong, ",0.1,0.1,0.1", ",sX,sY,sZ")
+    block, points = read(tmp_path, of, ground=ground_rows(of, CORNERS), exterior=exterior)
+    heard = Heard()
+    found = bundle(block, points, context=heard)
+    assert found.images.oriented.tolist() == [True, True, True, False, True, True]
+    others = [k for k in range(6) if k != 3]
+    np.testing.assert_allclose(found.images.position_m[others], OF.position_m[others], rtol=0, atol=1e-6)
+    assert found.residuals.image[rows_of(found, "position")].tolist() == [f"i{k}" for k in others]
+    assert any("i3" in line for line in heard.warned)
+
+
+def test_two_image_points_and_a_position_orient_an_image(tmp_path: Path) -> None:
+    """Three observed coordinates and four image coordinates for six unknowns."""
+    mine = OF.point[OF.image == 3]
+    kept = (OF.image != 3) | np.isin(OF.point, mine[[0, -1]])
+    of = replace(OF, image=OF.image[kept], point=OF.point[kept], xy_mm=OF.xy_mm[kept])
+    exterior = exterior_rows(of, angles_deg(OF, "omega-phi-kappa"), None, ",0.1,0.1,0.1", ",sX,sY,sZ")
+    block, points = read(tmp_path, of, ground=ground_rows(of, CORNERS), exterior=exterior)
+    assert_is_the_block(bundle(block, points), of)
