@@ -45,14 +45,14 @@ def compiled_lane(
 
             def bind(state: State) -> Fill:
                 poses: Poses = state[POSE]
-                scene = (image, point, *(_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT])))
+                X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
 
                 parameters = _own(np.zeros((0, 0)) if cameras is None else cameras.parameters(state))
 
                 def by_model(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
                     assert cameras is not None
                     u, by_u = np.empty((last - first, 3)), np.empty((last - first, 2, 3))
-                    into_camera(first, last, *scene, u)
+                    into_camera(first, last, image, point, X0, R, X, u)
                     if model is not None:
                         by_camera = np.empty((last - first, 2, parameters.shape[1]))
                         model(first, last, block, xy, parameters, u, v, by_u, by_camera)
@@ -62,12 +62,11 @@ def compiled_lane(
                     if cameras.known is None:
                         np.multiply(by_camera, w[:, :, None], out=J[-2])
                     v *= w
-                    out_of_camera(first, last, *scene, weight, by_u, J[0], J[-1])
+                    out_of_camera(first, last, image, point, X0, R, X, weight, by_u, J[0], J[-1])
 
                 def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
                     if cameras is None:
-                        image_of, point_of, X0, R, X = scene
-                        linearise(first, last, image_of, point_of, xy, weight, c, X0, R, X, v, J[0], J[-1])
+                        linearise(first, last, image, point, xy, weight, c, X0, R, X, v, J[0], J[-1])
                     else:
                         by_model(first, last, v, J)
                     for target, (group, of_ray, basis) in zip(J[1:-1], terms):

@@ -55,7 +55,7 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
     def products(rows: Int, scalar: int, z: Float) -> Float:
         right = np.zeros((*members.shape, z.shape[1]))
         right[rows, scalar] = z
-        return times(right)[rows, scalar] + others[rows, scalar, None] * z
+        return np.asarray(times(right)[rows, scalar] + others[rows, scalar, None] * z)
 
     def trace(rows: Int, scalar: int, _z: Float, _Cz: Float, _weight: float) -> float:
         return float(total[rows, scalar].sum())
@@ -99,7 +99,7 @@ def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float
     def trace(_rows: Int, _component: int, z: Float, Cz: Float, weight: float) -> float:
         return weight * float((z * Cz).sum())
 
-    return _effective(gain.any(axis=2), products, trace)
+    return _effective(np.asarray(gain.any(axis=2)), products, trace)
 
 
 def _effective(
