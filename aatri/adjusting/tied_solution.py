@@ -20,6 +20,7 @@ from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
+from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -32,8 +33,8 @@ MAX_ITERATIONS = 30
 LINEAR = 1e-5
 """An iteration ends when no residual departs from the linear model by more of its standard deviation."""
 
-WEAK = 10.0
-"""A redundancy number of 0.01: the limit of what counts as controlled at all (Foerstner 1980)."""
+WEAK = BELOW**-0.5
+"""Ten: a redundancy number of 0.01 is the limit of what counts as controlled at all (Foerstner 1980)."""
 
 
 @dataclass(frozen=True)
