@@ -31,16 +31,24 @@ from aatri.orientation.bundle.partial import switched_off, with_known_images, wi
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.plugin import Context
+from aatri.plugin import Context, Field
 
 from ._adjusting import AdjustmentOptions
+
+
+class PartialOptions(AdjustmentOptions):
+    """Options of resection and intersection, which have standard deviations."""
+
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
 
 def resected(
     block: Block,
     image_points: ImagePoints,
     initial: Solution,
-    options: AdjustmentOptions,
+    options: PartialOptions,
     weighted: bool,
     linear: bool,
     context: Context,
@@ -54,7 +62,7 @@ def resected(
     covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
     as_given, given = given, with_known_points(given, known & finite_rows(given.xyz_m), covariance)
     tell(switched_off(as_given, given), context)
-    made = _made(source, initial, given, options, context, "resection", lambda g, s: adjust_bundle(g, s))
+    made = _made(source, initial, given, options, context, "resection", tests=options.reliability)
     if weighted:
         return made
     # Held is not known without error: what `initial` says of the points holds on.
@@ -65,7 +73,7 @@ def intersected(
     block: Block,
     image_points: ImagePoints,
     initial: Solution,
-    options: AdjustmentOptions,
+    options: PartialOptions,
     weighted: bool,
     context: Context,
 ) -> Solution:
@@ -77,7 +85,7 @@ def intersected(
     covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
     as_given, given = given, with_known_images(given, known, covariance)
     tell(switched_off(as_given, given), context)
-    made = _made(source, initial, given, options, context, "intersection", lambda g, s: adjust_bundle(g, s))
+    made = _made(source, initial, given, options, context, "intersection", tests=options.reliability)
     return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
 
 
@@ -125,7 +133,9 @@ def _made(
     options: AdjustmentOptions,
     context: Context,
     variant: str,
-    adjust: Callable[[BundleInput, BundleSettings], BundleResult],
+    adjust: Callable[[BundleInput, BundleSettings], BundleResult] = adjust_bundle,
+    *,
+    tests: bool = False,
 ) -> Solution:
     tell([*options_without_data(source.block, options), *(note for o in given.observed for note in o.notes)], context)
     suspects, notes = inherited(initial)
@@ -137,4 +147,4 @@ def _made(
     result, uncontrolled = done.result, uncontrolled_of(done.result)
     report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
     report(uncontrolled_observations(uncontrolled), context)
-    return bundle_solution(source, done, after(suspects, done), uncontrolled, variant=variant)
+    return bundle_solution(source, done, after(suspects, done), uncontrolled, variant=variant, tests=tests)

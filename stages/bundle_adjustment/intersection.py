@@ -18,12 +18,11 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._adjusting import AdjustmentOptions
-from ._partial import intersected
+from ._partial import PartialOptions, intersected
 from ._uses import used
 
 
-class IntersectionOptions(AdjustmentOptions):
+class IntersectionOptions(PartialOptions):
     """Options of the intersection."""
 
     orientations: Literal["held", "weighted"] = Field(

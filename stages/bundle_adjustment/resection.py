@@ -19,12 +19,11 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._adjusting import AdjustmentOptions
-from ._partial import resected
+from ._partial import PartialOptions, resected
 from ._uses import used
 
 
-class ResectionOptions(AdjustmentOptions):
+class ResectionOptions(PartialOptions):
     """Options of the resection."""
 
     points: Literal["held", "weighted"] = Field(

@@ -156,3 +156,16 @@ def test_images_without_orientation_are_resected_on_known_points(exact: Chain, s
     )
     assert found.images.oriented.all()
     assert found.images.position_m == pytest.approx(truth(exact)[0].position_m, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stage", "options"),
+    [(resection, ResectionOptions(reliability=True)), (intersection, IntersectionOptions(reliability=True))],
+)
+def test_the_redundancy_numbers_of_a_part_sum_up_to_its_redundancy(noisy: Chain, stage: Any, options: Any) -> None:
+    """What is known and held is no observation; an image on many points controls all of them, a pair of rays not."""
+    solution = stage(noisy.block, noisy.refined, noisy.bundle, options=options)
+    assert solution.tests is not None
+    assert np.nansum(solution.tests.redundancy) == pytest.approx(solution.redundancy, abs=1e-6)
+    assert solution.uncontrolled is not None
+    assert (len(solution.uncontrolled) > 0) == (stage is intersection)
