@@ -20,6 +20,7 @@ from aatri.artifacts.block import OBSERVED_VALUE, PROJECTION_CENTRE, Block
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.text_line import TextLine
 from aatri.formats.wucaps.ends import ends
+from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 
 NAME = "PRENPI"
@@ -103,8 +104,8 @@ def observation_lines(block: Block) -> tuple[list[str], list[Note]]:
     lines, lost = list[str](), Counter[str]()
     e, g = block.exterior, block.geodetic
     off_diagonal = np.abs(np.nan_to_num(e.position_covariance_m2[:, [0, 0, 1], [1, 2, 2]])).max(axis=1, initial=0.0) > 0
-    plain = (e.refers_to == PROJECTION_CENTRE) & (e.drift_group == "") & np.isfinite(e.position_m).all(axis=1)
-    turned = np.isfinite(e.angles_rad).all(axis=1) & (block.rotation == "phi-omega-kappa")
+    plain = (e.refers_to == PROJECTION_CENTRE) & (e.drift_group == "") & finite_rows(e.position_m)
+    turned = finite_rows(e.angles_rad) & (block.rotation == "phi-omega-kappa")
     for row, image in enumerate(block.images.id[e.image].tolist()):
         if e.position_use[row] == OBSERVED_VALUE and plain[row] and not off_diagonal[row]:
             sigma = np.sqrt(np.diagonal(e.position_covariance_m2[row]))
