@@ -136,7 +136,7 @@ def test_what_is_left_out_by_a_test_counts_by_its_size_and_its_standard_deviatio
     reasons = [line for line in told.lines if " left out, " in line]
     assert reasons
     assert all("not significant" in line for line in reasons)
-    monkeypatch.setattr("aatri.stages.bundle_adjustment.bundle.with_considered", lambda done, *_: done)
+    monkeypatch.setattr("aatri.stages.bundle_adjustment._adjusting.with_considered", lambda done, *_: done)
     left, whole = _with(error_free, set="ebner12", remove=True).points, _with(error_free, set="ebner12").points
     moved = whole.xyz_m - left.xyz_m
     parts = [whole.covariance_m2 - left.covariance_m2, np.einsum("ni,nj->nij", moved, moved)]
