@@ -12,6 +12,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, GeometryError, InputError
+from aatri.stages.block.wucaps import WucapsOptions, wucaps
 from aatri.stages.interior_orientation.affine import FiducialOptions, affine
 from aatri.stages.interior_orientation.bilinear import bilinear
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -226,10 +227,8 @@ def test_a_mixed_block_goes_both_ways(block: Block) -> None:
 
 
 def test_real_photo_coordinates_of_wucaps_lose_the_principal_point(shared_data: Path) -> None:
-    wucaps = pytest.importorskip("aatri.stages.block.wucaps")
     path = shared_data / "rc30_2x3/Data/bundle_ajustment"
-    options = next(v for n, v in vars(wucaps).items() if n.endswith("Options") and n != "Options")
-    found = affine(wucaps.wucaps(options=options(path=path)))
+    found = affine(wucaps(options=WucapsOptions(path=path)))
     # PRECAI.dat: x0 = 0.011, y0 = 0.002
     assert found.corrections.largest_mm.tolist() == pytest.approx([np.hypot(0.011, 0.002)])
 
