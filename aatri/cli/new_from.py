@@ -88,21 +88,30 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
     if lacking:
         narrate(f"missing: {', '.join(lacking)}")
-    if len(block.images) and not len(block.image_points):
-        what = f"there are {len(block.images)} images, but no image points"
-        remedy = "add the file with the image points (tracks, marks, tie points) as a further --from"
-        raise InputError(what, where=str(paths[0]), remedy=remedy)
-    enough = int((np.bincount(block.image_points.image, minlength=1) >= FEWEST_RAYS).sum())
-    if enough < min(2, len(block.images)) and not block.metrics()["exterior_observations"]:
-        what = (
-            f"{len(block.image_points)} image points in {len(block.images)} images, {FEWEST_RAYS} and more in {enough}"
-        )
-        remedy = "add the file with the other image points (tracks.csv, marks, tie points) as a further --from"
-        raise InputError(what, where=str(paths[0]), remedy=remedy)
+    _check_enough(block, str(paths[0]))
     stages = _stages(block)
     if len(block.fiducial_points):  # film on a comparator
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
     return _text(sources, folder, stages)
+
+
+def _check_enough(block: Block, where: str) -> None:
+    """Refuse images that nothing orients: without image points, or with too few and no observed position."""
+    import numpy as np
+
+    from aatri.codes import OBSERVED_VALUE
+
+    images, points = len(block.images), len(block.image_points)
+    enough = np.bincount(block.image_points.image, minlength=images) >= FEWEST_RAYS
+    held = enough.copy()
+    held[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
+    if not images or (points and held.sum() >= min(2, images)):
+        return
+    what = f"there are {images} images, but no image points"
+    if points:
+        what = f"{points} image points in {images} images, {FEWEST_RAYS} and more in {int(enough.sum())}"
+    remedy = "add the file with the image points (tracks.csv, marks, tie points) as a further --from"
+    raise InputError(what, where=where, remedy=remedy)
 
 
 def _counted(parts: BlockParts) -> list[str]:
