@@ -50,7 +50,7 @@ def _completed(line: str) -> list[str]:
         ("aatri metrics ru", ["runs/first"]),
         ("aatri show runs/first:", ["runs/first:block"]),
         ("aatri export :bu", [":bundle"]),
-        ("aatri export runs/first ta", ["tables"]),
+        ("aatri export runs/first ta", ["tables", "table"]),
         ("aatri new --block u", ["unordered"]),
     ],
 )
