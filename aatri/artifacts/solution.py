@@ -252,18 +252,9 @@ class Solution(Artifact):
     datum: DatumCarriers | None = table(default=None)
     uncontrolled: Uncontrolled | None = table(default=None)
     proposed_numbers: ProposedNumbers | None = table(default=None)
-    sigma0_redundancy: float = attribute(
-        doc="redundancy that sigma0 counts where it is less: without the weights of additional parameters",
-        default=float("nan"),
-    )
-
-    sigma_scale: float = attribute(
-        doc="standard deviations of most observations, as the covariances take them, over those given",
-        default=1.0,
-    )
-    contradictions: int = attribute(
-        doc="model errors that the tests of the result name, with an effect beyond its standard deviations", default=0
-    )
+    sigma0_redundancy: float = attribute(doc="redundancy that sigma0 counts, where it is less", default=float("nan"))
+    sigma_scale: float = attribute(doc="standard deviations that the covariances take, over those given", default=1.0)
+    contradictions: int = attribute(doc="model errors found whose effect is beyond the standard deviations", default=0)
 
     @property
     def counted_redundancy(self) -> int:
