@@ -199,7 +199,8 @@ def solve_tied(
         try:
             solved = step(full)
         except (GeometryError, ConvergenceError) as error:
-            raise type(error)(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
+            kind = GeometryError if isinstance(error, GeometryError) else ConvergenceError
+            raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if solved.departure <= LINEAR:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
         full = solved.state

@@ -14,6 +14,7 @@ from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.errors import GeometryError
 from aatri.observations.control import Control, observed_control
 from aatri.observations.observed import Spread
 from aatri.observations.poses import POINT
@@ -98,6 +99,15 @@ def _problem(ties, given):
 
 def _adjusted(ties, given, limit):
     return adjust_tied(_problem(ties, given), Snooping(limit))
+
+
+def test_what_is_left_open_is_an_error_that_names_the_adjustment() -> None:
+    """Four strips of three points that may be shifted, and no control."""
+    strip, point = (a.ravel() for a in np.indices((4, 3)))
+    eye = np.tile(np.eye(3), (12, 1, 1))
+    ties = _linear(strip, point, np.zeros((12, 3)), eye, eye, n_strips=4)
+    with pytest.raises(GeometryError, match=r"^test: "):
+        _adjusted(ties, [], 1e9)
 
 
 def test_a_point_in_k_strips_has_own_block_k_minus_1_over_k_and_mutual_block_minus_1_over_k() -> None:
