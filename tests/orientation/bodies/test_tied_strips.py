@@ -210,3 +210,11 @@ def test_control_that_alone_determines_something_is_kept_and_named_however_large
     assert found.test[n] > 4
     assert np.flatnonzero(~found.active).tolist() == ([n] if rejected else [])
     assert found.above[[0, n]].tolist() == [not rejected] * 2
+
+
+def test_what_is_open_is_an_error_that_names_the_problem() -> None:
+    """One strip without any control: all its coefficients are open."""
+    eye = np.tile(np.eye(3), (4, 1, 1))
+    ties = _linear(np.zeros(4, dtype=int), np.arange(4), RNG.normal(size=(4, 3)), eye, eye, n_strips=1)
+    with pytest.raises(GeometryError, match=r"^test: the observations leave"):
+        _adjusted(ties, [], 5.0)
