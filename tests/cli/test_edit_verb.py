@@ -64,6 +64,7 @@ def _mistakes(block: Block) -> tuple[Block, Block]:
     return wrong, without
 
 
+@pytest.mark.slow
 def test_a_block_with_ten_mistakes_edited_is_the_clean_one_without_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
