@@ -10,6 +10,7 @@ from aatri.adjustment.elimination import schedule as shares
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.iteration import advice_after
+from aatri.adjustment.structure import graph as graphs
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering
@@ -25,7 +26,8 @@ def _many_fronts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small problems on a tree of many small fronts, shared out among threads."""
     monkeypatch.setattr(shares, "PARALLEL_FLOPS", 0.0)
     monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
-    for where, name in ((preparation, "nested_dissection"), (degrees, "minimum_degree"), (preparation, "chain")):
+    monkeypatch.setattr(graphs, "LEAF", 3)
+    for where, name in ((preparation, "nested_dissection"), (degrees, "minimum_degree")):
         monkeypatch.setattr(where, name, _with_small_nodes(getattr(where, name)))
 
 
