@@ -225,7 +225,8 @@ def _joined_and_oriented(
             if level is None:
                 failed.append(error)
                 continue
-            part, more = level, [Note("warning", f"{error.what}; levelled: the bundle has to tell")]
+            text = f"{error.what}; begun level for the bundle: what stands before it is not determined"
+            part, more = level, [Note("warning", text)]
         parts.append(part)
         notes += [*more, *height_notes(of.ground.block, part.result, what), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.

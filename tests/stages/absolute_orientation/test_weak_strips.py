@@ -125,7 +125,7 @@ def test_strips_whose_positions_leave_a_turn_open_begin_level_and_hold_each_othe
     told = Told()
     initial = similarity(block, strips, points, context=told)
     assert initial.images.oriented.all()
-    assert sum("levelled: the bundle has to tell" in text for text in told.warnings) == 2
+    assert sum("begun level for the bundle" in text for text in told.warnings) == 2
     off = initial.images.position_m - block.true_images.position_m
     assert np.abs(off).max() < 0.02 * np.ptp(block.true_images.position_m[:, 0])
     done = bundle(block, points, initial)
