@@ -58,6 +58,7 @@ class FittedSigmas(Rejections):
             self._rescale(scaling, by, from_result(self.given, tried.result))
             if (by == 1.0).all():
                 break
+            self.given = replace(self.given, observed=self.all.without(self.given.observed, tried.active))
             tried = self._tested(self.adjust(self.given, AdjustOptions(coarse=True)), tried.active)
         return tried
 
