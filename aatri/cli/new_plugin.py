@@ -76,7 +76,8 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
         )
     cards = [registry.card(variant) for variant in registry.variants_of(role)]
     usual = demo_path().read_text(encoding="utf-8")
-    cards.sort(key=lambda card: f"use: {card.name}," not in usual)  # what others of the chain are made to go with
+    # what others of the chain are made to go with comes first, what wants data of its own last
+    cards.sort(key=lambda card: (f"use: {card.name}," not in usual, bool(card.needs)))
     start = next((card for card in cards if not _needs_options(card)), None)
     return {
         folder / "stages" / role / f"{name}.py": _stage_text(use, declared, start),

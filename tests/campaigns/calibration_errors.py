@@ -5,6 +5,8 @@ Nothing of it is shared with the core but the Jacobians of the observations.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
@@ -14,6 +16,8 @@ from aatri.artifacts.solution import Solution
 from aatri.geometry.rotations import log_rotation
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.bundle_adjustment._self_calibration import chosen_set, parameters_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
@@ -36,7 +40,9 @@ def dense_errors(
     chosen = chosen_set(block, options.self_calibration, observed_positions(block, options))
     parameters = parameters_of(block, points, options.interior_unknowns, chosen)
     given = bundle_input(observation_source(block, points, solution, parameters), options, solution.suspects)
-    adjusted = adjust_bundle(given, BundleSettings(options.datum, covariances=False)).adjusted
+    adjust = partial(adjust_bundle, settings=BundleSettings(options.datum, covariances=False))
+    formed = AdjustedBlock(given, adjusted_with_terms(given, adjust, adjust))
+    adjusted = with_settled_terms(formed, adjust, adjust).result.adjusted
     problem = adjusted.problem
     J, _ = dense_jacobian(problem.unknowns, [r.take(np.flatnonzero(r.active)) for r in problem.records], adjusted.state)
     Q = np.linalg.inv(J.T @ J)

@@ -15,6 +15,7 @@ import numpy as np
 from aatri.adjustment.covariance.marginal import Covariances
 from aatri.adjustment.records import Records, keys_of, predicted
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
+from aatri.adjustment.threads import thread_control
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Bool, Float, Int
 
@@ -64,6 +65,8 @@ def is_small(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> bool:
 def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     """Take one undamped step from a state; None where something is not determined.
 
+    By one thread of BLAS: a second one does not pay, and would change the last bits.
+
     Parameters
     ----------
     unknowns : sequence of Unknowns
@@ -72,6 +75,11 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
     state : mapping
         Where to linearise.
     """
+    with thread_control().limit(limits=1, user_api="blas"):
+        return _solved(unknowns, records, state)
+
+
+def _solved(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     free = {u.name: u.free & _taking_part(u, records)[:, None] for u in unknowns}
     column = _columns(free)
     n = sum(int(f.sum()) for f in free.values())
