@@ -3,9 +3,10 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,12 @@ def default_threads() -> int:
 def thread_control() -> ThreadpoolController:
     """The BLAS libraries that are loaded."""
     return ThreadpoolController()
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """BLAS by one thread: small matrices are not worth a second one, and the last bits do not depend on its number."""
+    limit: AbstractContextManager[Any] = thread_control().limit(limits=1, user_api="blas")
+    return limit
 
 
 def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:

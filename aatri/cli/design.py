@@ -70,11 +70,13 @@ def design(
 
     compared, failed = made_variants(opened, made(opened), made)
     layouts = {stage: _figures(compared, stage) for stage in stages}
+    options = {stage: compared[0].records[stage]["options"] for stage in stages if stage in compared[0].records}
+    stated = {s for s, o in options.items() if None not in (o.get("sigma_m"), o.get("distance_m"))}
     if json:
         say_json(layouts)
     else:
         for stage in stages:
-            _say_layouts(stage, layouts[stage])
+            _say_layouts(stage, layouts[stage], one_criterion=stage in stated)
     say_failures(failed)
 
 
@@ -82,12 +84,18 @@ def _figures(runs: Sequence[Compared], stage: str) -> dict[str, Mapping[str, Any
     return {run.name: run.records[stage]["metrics"] for run in runs if stage in run.records}
 
 
-def _say_layouts(stage: str, layouts: Mapping[str, Mapping[str, Any]]) -> None:
-    """The table of the layouts, and which of them reaches the criterion with the fewest images."""
+def _say_layouts(stage: str, layouts: Mapping[str, Mapping[str, Any]], *, one_criterion: bool) -> None:
+    """The table of the layouts, and which of them reaches the criterion with the fewest images.
+
+    Without a criterion that is stated each layout is held against its own medians, and they cannot be compared by it.
+    """
     columns = [name for name, (figure, _) in _COLUMNS.items() if any(figure in m for m in layouts.values())]
     rows = [[name, *(_cell(m.get(_COLUMNS[c][0]), _COLUMNS[c][1]) for c in columns)] for name, m in layouts.items()]
     say()
     say_table((stage, *columns), rows, columns)
+    if not one_criterion:
+        say(f"each criterion is that of its own block; with sigma_m and distance_m of {stage} all meet the same")
+        return
     reached = [name for name, m in layouts.items() if m["criterion_eigenvalue"] <= 1]
     if reached:
         cheapest = min(reached, key=lambda name: (layouts[name]["images"], layouts[name]["control_points"]))

@@ -12,8 +12,6 @@ import typer
 from aatri.cli.arguments.completion import complete_run
 from aatri.cli.terminal.console import reports_errors, say, say_table
 
-EDITS = "edits.yaml"
-
 if TYPE_CHECKING:
     from aatri.cli.arguments.locate import LocatedRun
     from aatri.formats.edits.edit import Edit
@@ -47,8 +45,7 @@ def edit(
 
     located = find_run(run)
     solution = _last_solution(located, stage)
-    block = _made(located, str(solution.record["inputs"]["block"]["stage"]))
-    assert block is not None
+    block = _block_of(located, solution)
     adjusted = store.load(located.folder, solution.name, Solution)
     made, others = proposals(store.load(located.folder, block.name, Block), adjusted, solution.name)
     if not apply:
@@ -65,21 +62,23 @@ def edit(
     say("next: aatri run")
 
 
-def _show(made: Sequence[Edit], others: int, stage: str) -> None:
+def _show(made: Sequence[Edit], others: Sequence[str], stage: str) -> None:
     if made:
         rows = [[str(k), str(one), one.reason] for k, one in enumerate(made, start=1)]
         say_table(("", "proposal", "reason"), rows, ("",))
     else:
         say(f"{stage} proposes nothing")
     if others:
-        say(f"{others} more are ties of models and strips: what they are made of is judged by the bundle")
+        say(
+            f"no edit for: {', '.join(others)}; ties are made of image points, the rest stands in the block's own files"
+        )
     if made:
         say("nothing is written; choose with --apply all, or --apply 1,3-5")
 
 
 @dataclass(frozen=True)
-class _Made:
-    """A stage with its result: its name, method, options and inputs."""
+class _StageResult:
+    """A stage with its result: its name, method, and the record of how it was made."""
 
     name: str
     use: str
@@ -88,6 +87,8 @@ class _Made:
     @property
     def edits(self) -> Path:
         """The file of edits that a block was read with, or would be."""
+        from aatri.formats.tables.source import EDITS
+
         options = self.record["options"]
         if options.get("edits"):
             return Path(options["edits"])
@@ -99,23 +100,42 @@ class _Made:
         return self.use == "block/tables" or bool(self.record["options"].get("edits"))
 
 
-def _last_solution(run: LocatedRun, name: str) -> _Made:
+def _last_solution(run: LocatedRun, name: str) -> _StageResult:
+    """The last adjustment with a result, or that of a stage."""
     from aatri.errors import SpecError
 
-    made = [_made(run, str(entry["stage"])) for entry in run.stages]
-    solutions = [m for m in made if m and m.record["output"]["kind"] == "Solution" and name in ("", m.name)]
-    if not solutions or solutions[-1] is None:
+    results = [_result_of(run, str(entry["stage"])) for entry in run.stages]
+    solutions = [r for r in results if r and r.record["output"]["kind"] == "Solution" and name in ("", r.name)]
+    if not solutions:
         what = f"no adjustment {name} with a result" if name else "no adjustment with a result"
         raise SpecError(what, where=str(run.folder), remedy="aatri run")
     return solutions[-1]
 
 
-def _made(run: LocatedRun, name: str) -> _Made | None:
+def _block_of(run: LocatedRun, solution: _StageResult) -> _StageResult:
+    """The block that a solution was made of; refused if it is another by now, or none that edits can be read with."""
+    from aatri.errors import SpecError
+
+    adjusted = solution.record["inputs"]["block"]
+    block = _result_of(run, str(adjusted["stage"]))
+    if block is None or block.record["output"]["content_digest"] != adjusted["content_digest"]:
+        what = f"{solution.name} was made of another block than {adjusted['stage']} has now"
+        raise SpecError(what, where=str(run.folder), remedy="aatri run")
+    if "edits" not in block.record["options"]:
+        raise SpecError(
+            f"{block.use} reads no measurements that edits could change",
+            where=str(run.folder),
+            remedy=f"`aatri export {block.name} tables` writes it as a block folder, which takes edits",
+        )
+    return block
+
+
+def _result_of(run: LocatedRun, name: str) -> _StageResult | None:
     """A stage, if it has a result."""
     from aatri.pipeline.store import run_folder as store
 
     record = store.current_record(run.folder, name) if run.folder.is_dir() else None
-    return None if record is None else _Made(name, str(run.stage(name)["use"]), record)
+    return None if record is None else _StageResult(name, str(run.stage(name)["use"]), record)
 
 
 def _chosen(text: str, count: int) -> list[int]:

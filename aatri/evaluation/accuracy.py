@@ -37,10 +37,12 @@ from aatri.evaluation.expected_ratios import expected_ratios
 from aatri.evaluation.leave_one_out import leave_one_out, left_out_figures
 from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
 from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
-from aatri.evaluation.verdict import verdict
+from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, verdict
 
 
-def evaluate(block: Block, solution: Solution, *, confidence: float = 0.95, enough: int = 30) -> Evaluation:
+def evaluate(
+    block: Block, solution: Solution, *, confidence: float = 0.95, enough: int = ENOUGH_CHECK_POINTS
+) -> Evaluation:
     """Figures and differences of a Solution.
 
     Parameters

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.evaluation import Differences, Displacements, Evaluation, Figures
 from aatri.errors import InputError
@@ -97,7 +97,7 @@ def compared(
     a, b = earlier.take(of_earlier), later.take(of_later)
     cross = None if between_m2 is None else between_m2[of_earlier][:, :, of_later]
     stable = np.ones(len(common), dtype=bool)
-    with thread_control().limit(limits=1, user_api="blas"):  # the same bits whatever the threads
+    with one_blas_thread():  # the same bits whatever the threads
         for _ in range(MOST_ALIGNMENTS):
             aligned, turned = _laid_on(a, b, cross, stable, datum)
             table, result, exact = _tested(a, aligned, turned, datum, (level, sigma0, sigma0_degrees))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, LayoutPoints
@@ -56,7 +56,8 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
     Raises
     ------
     InputError
-        If the solution has no covariances between points, or of too many."""
+        If the solution has no covariances between points, or of too many.
+    """
     points = solved_points(solution, "solution")
     rows = np.flatnonzero(
         np.isfinite(points.xyz_m).all(axis=1) & (np.einsum("nini->ni", points.covariance_m2) > 0).all(axis=1)
@@ -72,7 +73,7 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
     sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else goal.sigma_m
     distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
     candidates = np.flatnonzero(~np.isin(points.id, _full_control(block)))
-    with thread_control().limit(limits=1, user_api="blas"):  # the same bits whatever the threads
+    with one_blas_thread():  # the same bits whatever the threads
         eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
         chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
         alone = gains(C, sigma_m, goal.control_sigma_m, candidates)

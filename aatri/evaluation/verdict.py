@@ -6,6 +6,9 @@ from aatri.adjustment.statistics.global_test import GlobalTest
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
 
+ENOUGH_CHECK_POINTS = 30
+"""ASPRS Positional Accuracy Standards, edition 2 (2023), 7.11."""
+
 
 def verdict(
     figures: Mapping[str, float],
@@ -46,7 +49,7 @@ def _check(figures: Mapping[str, float], enough: int) -> str:
     text = f"Check: {_xyz(figures, 'check_rmse_{}_m')} m RMSE at {_count(n, 'check point')}"
     reserves = [*_fitted(figures, "check")]
     if n < enough:
-        reserves.append(f"fewer than {enough} (ASPRS edition 2 asks for 30), see the intervals")
+        reserves.append(f"fewer than {enough} (ASPRS edition 2 asks for {ENOUGH_CHECK_POINTS}), see the intervals")
     if outside := int(figures.get("check_outside_points", 0)):
         reserves.append(f"{outside} outside the control, extrapolated")
     return text + (f" ({'; '.join(reserves)})." if reserves else ".")

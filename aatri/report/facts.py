@@ -13,11 +13,9 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.view.numbers import number, together
-
-ENOUGH_CHECK_POINTS = 30
-"""ASPRS edition 2, 7.11."""
 
 MOST_CAMERAS = 3
 

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from aatri.adjustment.statistics.global_test import global_test
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.evaluation.expected_ratios import outside_expected
-from aatri.report.verdict import numbers_of
+from aatri.evaluation.expected_ratios import RATIOS, outside_expected
+from aatri.report.verdict import with_check_counts
 from aatri.report.view.numbers import number, together
 from aatri.report.view.run_view import RunView
 
@@ -32,7 +33,7 @@ def judgement(run: RunView) -> str:
     if not solutions or solution is None:
         return "Nothing has been adjusted yet."
     evaluations = run.evaluated()
-    figures = numbers_of(evaluations[-1].metrics) if evaluations else {}
+    figures = with_check_counts(evaluations[-1].metrics) if evaluations else {}
     sentences = [
         _contradiction(solution),
         _accuracy(figures),
@@ -68,13 +69,11 @@ def _accuracy(figures: Mapping[str, float]) -> str:
 
 def _theory(figures: Mapping[str, float], what: str) -> str:
     """Whether the standard deviations explain the errors."""
-    points, ratio = {
-        "check_rmse": ("check", "check_theory_ratio"),
-        "left_out_rmse": ("left_out", "left_out_theory_ratio"),
-        "truth_rmse": ("new", "truth_over_theory"),
-    }[what]
-    ratios = {axis: figures[f"{ratio}_{axis}"] for axis in "xyz" if f"{ratio}_{axis}" in figures}
-    if not ratios:
+    points = {"check_rmse": "check", "left_out_rmse": "left_out", "truth_rmse": "new"}[what]
+    name, ratio = RATIOS[points]
+    counted = [axis for axis in "xyz" if f"{name}_independent_{axis}" in figures]
+    ratios = {axis: figures[f"{ratio}_{axis}"] for axis in counted if f"{ratio}_{axis}" in figures}
+    if not ratios:  # what chance allows is not known
         return ""
     if not outside_expected(figures, points):
         return ", as the standard deviations say"
@@ -83,14 +82,13 @@ def _theory(figures: Mapping[str, float], what: str) -> str:
 
 
 def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
-    from aatri.adjustment.statistics.global_test import global_test
-
     sigma0 = metrics.get("sigma0")
     redundancy = round(metrics.get("sigma0_redundancy") or metrics.get("redundancy") or 0)
     if sigma0 is None or redundancy < 1 or (test := global_test(float(sigma0), redundancy)).verdict == "fits":
         return ""
     size = "larger" if test.sigma0 > test.high else "smaller"
-    return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1)."
+    follows = ", and those of the result follow what fits" if metrics.get("sigma_scale") else ""
+    return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1){follows}."
 
 
 def wrong_observations(solution: Solution) -> list[str]:

@@ -43,10 +43,14 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
             of_solution.append(
                 ReportedProblem(f"{count}: {shown(missing.tolist(), MOST_IMAGES)}", "why: the log there", stage)
             )
-    told = ("Chain", "Suspects", "Independent check")  # by the failures and observations above, and the accuracy
+    said_already = (
+        "Chain",
+        "Suspects",
+        "Independent check",
+    )  # by the failures and observations above, and the accuracy
     of_lights = [
         ReportedProblem(f"{light.title}: {light.words}")
         for light in lights
-        if light.state in (BAD, LOOK) and light.title not in told
+        if light.state in (BAD, LOOK) and light.title not in said_already
     ]
     return [*made, *contradictions, *of_solution, *of_lights, *(w for w in warnings if w not in contradictions)]

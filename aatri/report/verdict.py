@@ -21,6 +21,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.doming import FAR_SIGMAS
 from aatri.evaluation.expected_ratios import outside_expected
+from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.view.numbers import metres, number
 from aatri.report.view.run_view import RunView, StageView
@@ -28,7 +29,6 @@ from aatri.report.view.run_view import RunView, StageView
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
 CONVERGED = 1e-3
 """Newton decrement at which an adjustment has converged."""
-ENOUGH_CHECK_POINTS = 30
 MOST_FAR = 10
 
 
@@ -156,15 +156,10 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:
     """Whether the errors at check points are those that the standard deviations say."""
-    title, numbers = "Check against theory", numbers_of(figures)
-    points = {
-        f"check_independent_{axis}": numbers["check_points"]
-        for axis in "xyz"
-        if f"check_theory_ratio_{axis}" in numbers
-    }
-    if not points:
+    title, numbers = "Check against theory", with_check_counts(figures)
+    if not any(f"check_theory_ratio_{axis}" in numbers for axis in "xyz"):
         return Light(title, NONE, "no theoretical standard deviations at check points")
-    beyond = outside_expected(points | numbers, "check")
+    beyond = outside_expected(numbers, "check")
     return Light(title, LOOK, " ".join(beyond)) if beyond else Light(title, GOOD, "as the standard deviations say")
 
 
@@ -177,6 +172,13 @@ def _truth(figures: Mapping[str, float | int | None]) -> Light:
     words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in ratios.items())} at {count} (simulated)"
     beyond = outside_expected(numbers, "new")
     return Light(title, LOOK if beyond else GOOD, " ".join([words, *beyond]))
+
+
+def with_check_counts(figures: Mapping[str, float | int | None]) -> dict[str, float]:
+    """Figures that were determined; each check point is one error where nobody counted the independent ones."""
+    numbers = numbers_of(figures)
+    axes = [axis for axis in "xyz" if f"check_theory_ratio_{axis}" in numbers]
+    return {f"check_independent_{axis}": numbers["check_points"] for axis in axes} | numbers
 
 
 def numbers_of(figures: Mapping[str, float | int | None]) -> dict[str, float]:

@@ -13,6 +13,7 @@ from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.evaluation.doming import check_notes
 from aatri.evaluation.single_models import single_models, with_models
+from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -21,7 +22,9 @@ class EvaluationOptions(Options):
     """Options of the evaluation."""
 
     confidence: float = Field(0.95, gt=0, lt=1, description="probability of the chi-square intervals of check RMSE")
-    enough_check_points: int = Field(30, ge=1, description="fewer check points than this are remarked upon")
+    enough_check_points: int = Field(
+        ENOUGH_CHECK_POINTS, ge=1, description="fewer check points than this are remarked upon"
+    )
 
 
 @stage(version=2, uses=("ground_points:check",))

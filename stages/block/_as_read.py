@@ -7,12 +7,17 @@ from aatri.formats.edits.edited import edited
 from aatri.plugin import Context, Field, InputPath, Options
 
 
-class ReadingOptions(Options):
-    """Options of every block that is read."""
+class EditOptions(Options):
+    """Option of every block that is read."""
 
     edits: InputPath | None = Field(
         None, description="file of edits (`aatri edit`); null: edits.yaml of a block folder, where it has one"
     )
+
+
+class ReadingOptions(EditOptions):
+    """Options of a block of which a part may be unusable."""
+
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 

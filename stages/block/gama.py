@@ -7,11 +7,14 @@ adjusted in capitals, with `datum: free, datum_over: marked`. The m0 of gama is 
 
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import screened
+from aatri.formats.edits.edited import edited
 from aatri.formats.gama.reader import read_gama
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import EditOptions
 
 
-class GamaOptions(Options):
+class GamaOptions(EditOptions):
     """Options of block/gama."""
 
     path: InputPath = Field(description="the network, an input file of gama-local")
@@ -20,4 +23,5 @@ class GamaOptions(Options):
 @stage(version=1, uses=())
 def gama(*, options: GamaOptions, context: Context = SILENT) -> Block:
     """Read a network of GNU Gama."""
-    return screened(read_gama(options.path, context), context, 0.0)
+    block = edited(read_gama(options.path, context), options.edits, context)
+    return screened(block, context, 0.0)

@@ -12,12 +12,15 @@ import numpy as np
 from aatri.artifacts.block import CONTROL, Block
 from aatri.checks.as_read.values import wrong_values
 from aatri.checks.finding import report
+from aatri.formats.edits.edited import edited
 from aatri.formats.pairs.models import read_models
 from aatri.ids import shown
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
+
+from ._as_read import EditOptions
 
 
-class ModelsOptions(Options):
+class ModelsOptions(EditOptions):
     """Options of block/models."""
 
     path: InputPath = Field(description="file of lines: model point X Y Z [sigma] [centre]")
@@ -44,6 +47,7 @@ def models(*, options: ModelsOptions, context: Context = SILENT) -> Block:
         control_sigma_m=options.control_sigma or 0.0,
         reporter=context,
     )
+    block = edited(block, options.edits, context)
     report(wrong_values(block), context)
     assert block.model_coordinates is not None
     given = block.model_coordinates

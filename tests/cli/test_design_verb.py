@@ -19,7 +19,8 @@ stages:
   bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: interior, initial: start},
              with: {point_covariances: ["*"]}}
 """
-DESIGN = """  design:   {use: design/criteria, from: {block, solution: bundle}, with: {sigma_m: [10, 10, 10]}}
+DESIGN = """  design:   {use: design/criteria, from: {block, solution: bundle},
+             with: {sigma_m: [10, 10, 10], distance_m: 100}}
 variants:
   more: {block: {with: {known: {full: 8}}}}
 """
@@ -35,6 +36,9 @@ def test_layouts_stand_side_by_side_and_the_cheapest_that_will_do_is_named(tmp_p
     done = _design(tmp_path, PIPELINE + DESIGN, "--quiet")
     assert done.exit_code == 0, done.output
     assert "the criterion is reached by out, more; with the fewest images by out" in done.output
+    own = _design(tmp_path, PIPELINE + DESIGN.replace(", distance_m: 100", ""), "--quiet")
+    assert "each criterion is that of its own block" in own.output
+    assert "with the fewest images" not in own.output
     plain = json.loads(_design(tmp_path, PIPELINE + DESIGN, "--json").stdout)
     first, more = plain["design"]["out"], plain["design"]["more"]
     assert (first["control_points"], more["control_points"]) == (4, 8)

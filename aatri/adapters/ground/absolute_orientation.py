@@ -16,7 +16,7 @@ from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
@@ -179,7 +179,7 @@ def _fitting(of: StripsOfBlock, oriented: OrientedStrips) -> list[Note] | None:
 
 def _oriented(of: StripsOfBlock, joining: Joining) -> OrientedStrips:
     """Components as strips are tied firmly; weakly too, where not each has control enough of its own."""
-    with thread_control().limit(limits=1, user_api="blas"):  # long matrices of three columns: threads only wait
+    with one_blas_thread():  # long matrices of three columns: threads only wait
         free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=False)
         if any(free.weak) and failed:
             free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=True)

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.adjustment.covariance.marginal import Covariances
 from aatri.adjustment.records import Records, keys_of, predicted
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Bool, Float, Int
 
@@ -75,7 +75,7 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
     state : mapping
         Where to linearise.
     """
-    with thread_control().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _solved(unknowns, records, state)
 
 

@@ -22,7 +22,7 @@ from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -86,7 +86,7 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
 
 def forward_kept(problem: IndexedProblem, factored: Factored, x: Float) -> None:
     """U_x = L_x^-1 x of right-hand sides of the kept unknowns alone, in place."""
-    with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
+    with one_blas_thread():  # a few columns are not worth a second thread
         up_the_tree(problem.tree, factored.factor.panel, x)
 
 
@@ -95,7 +95,7 @@ def backward(
 ) -> dict[str, Float]:
     """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars. `wanted` are the groups, or all."""
     x = u.kept.copy()
-    with thread_control().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         down_the_tree(problem.tree, factored.factor.panel, x)
     x[problem.layout.held] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])

@@ -14,7 +14,7 @@ import numpy as np
 
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import FrontNode
-from aatri.adjustment.threads import run_all, thread_control
+from aatri.adjustment.threads import one_blas_thread, run_all, thread_control
 
 AtNode = Callable[[int, ThreadPoolExecutor | None], None]
 
@@ -92,7 +92,7 @@ class Schedule:
                 assemble(k, None)
                 finish(k)
 
-        with ThreadPoolExecutor(self.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+        with ThreadPoolExecutor(self.threads) as pool, one_blas_thread():
             if not self.subtrees:
                 for k in range(len(self.nodes)):
                     assemble(k, pool)
@@ -116,7 +116,7 @@ class Schedule:
             for k in reversed(nodes):
                 visit(k, None)
 
-        with ThreadPoolExecutor(self.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+        with ThreadPoolExecutor(self.threads) as pool, one_blas_thread():
             for k in reversed(range(len(self.nodes) if not self.subtrees else 0)):
                 visit(k, pool)
             for level in reversed(self.levels):

@@ -31,7 +31,7 @@ from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
 from aatri.adjustment.structure.tree import Tree
-from aatri.adjustment.threads import run_all, thread_control
+from aatri.adjustment.threads import one_blas_thread, run_all
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
@@ -81,7 +81,7 @@ def partly_factorised(problem: IndexedProblem, state: State, damping: float) -> 
         Without the solution; `weak` names first pivots that are not positive.
     """
     work, subtrees = Work(problem, state, damping), _part(problem).subtrees
-    with ThreadPoolExecutor(problem.threads) as pool, thread_control().limit(limits=1, user_api="blas"):
+    with ThreadPoolExecutor(problem.threads) as pool, one_blas_thread():
         run_all(pool, [partial(work.run, nodes) for nodes in subtrees])
     below = sorted(k for nodes in subtrees for k in nodes)
     above = sorted(set(range(len(problem.tree.nodes))) - set(below))

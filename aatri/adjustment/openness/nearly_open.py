@@ -26,7 +26,7 @@ from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 
@@ -44,7 +44,7 @@ SAME = 0.5
 
 def nearly_open(problem: IndexedProblem, factored: Factored, state: State) -> OpenDirections:
     """Look for open directions at the state of a factorisation without damping."""
-    with thread_control().limit(limits=1, user_api="blas"):  # a few columns are not worth a second thread
+    with one_blas_thread():  # a few columns are not worth a second thread
         U, excess = _directions(problem, factored)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
     vertices: list[int] = []
@@ -93,7 +93,7 @@ def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Flo
 def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> str:
     """The direction that a solution determines least, against what its unknowns would be by themselves."""
     D = np.sqrt(np.where(factored.diagonal > 0, factored.diagonal, 1.0))
-    with thread_control().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         U = _leading(problem, factored, D, 0.0)[1][:, :1]
     motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOTION_IF_WEAK)
     return "; ".join(map(str, [*motions, *(described(problem, u) for u in rest.T)]))

@@ -1,7 +1,9 @@
 """The key figures of runs: how far check points are off, what theory says, sigma0, what is left out, the time.
 
 A root mean square of n independent errors is itself uncertain by its share 1 / sqrt(2 n): what differs by less is
-"within chance". The number of independent errors is that of the evaluation, at most the number of points.
+"within chance". That is one standard deviation of one RMSE; errors of two runs at the same points are alike, so that
+their difference is better known than this says. The number of independent errors is that of the evaluation, at most
+the number of points.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ _OF_EVALUATIONS = (
 )
 """Row, the points that make it uncertain, and its figures."""
 
-EXACT = 1e-6
-"""Relative: differences below are of rounding, and not shown."""
+ROUNDING = 1e-6
+"""Relative: differences below are not shown."""
 
 
 def say_key_figures(runs: Sequence[Compared]) -> None:
@@ -81,6 +83,6 @@ def _difference(values: Sequence[Any], figures: Sequence[Any], points: str, axis
 
 def _change(values: Sequence[Any]) -> str:
     first, last = float(values[0]), float(values[-1])
-    if abs(last - first) <= EXACT * max(abs(first), abs(last)):
+    if abs(last - first) <= ROUNDING * max(abs(first), abs(last)):
         return ""
     return f"{(last - first) / abs(first):+.1%}" if first else f"{last - first:+g}"

@@ -12,9 +12,9 @@ import numpy as np
 from aatri.arrays import Int, Text
 from aatri.formats.conventions.poses import stated_rotation, translation_of
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import write_files
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.results.sparse_rays import centred_cameras
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.rotations import log_rotation
 from aatri.progress import SILENT, Reporter
 

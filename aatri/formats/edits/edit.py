@@ -3,7 +3,8 @@
     do: switch_off   kind with its ids; of control and positions `coordinates: XZ` of them only
     do: renumber     an image point is of the point `to`
     do: exchange     of an image point or control point with the point `to`, of a position with the image `to`
-    do: reweight     standard deviations of a kind, or of one of its image, point, `group`, times `factor`
+    do: reweight     standard deviations of a kind, or of one of its image, point, `group`, times `factor`;
+                     of control and positions `coordinates: Z` of them only
 
 `value` is what was measured when the edit was proposed: an edit whose observation has another value by now is refused.
 """
@@ -30,6 +31,9 @@ TAKES = {
     "reweight": ("image_point", "control", "position", "attitude", "geodetic"),
 }
 """The kinds that an action is for."""
+
+BY_COORDINATE = {"control", "position"}
+"""Kinds of which single coordinates can be switched off and reweighted."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class Edit:
         return self.kind if self.kind in NAMED_BY else "geodetic"
 
     def __str__(self) -> str:
-        names = " ".join(f"{key} {name}" for key, name in self.ids.items())
-        part = f" {self.coordinates}" if self.coordinates != "XYZ" else ""
-        times = f" x {self.factor:g}" if self.do == "reweight" else ""
-        return f"{self.do} {self.kind}{part} {names}{times}".rstrip()
+        words = [self.do, self.kind, *(word for name in self.ids.items() for word in name)]
+        if self.coordinates != "XYZ":
+            words.insert(2, self.coordinates)
+        return " ".join(words) + (f" x {self.factor:g}" if self.do == "reweight" else "")

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Int, Text
 from aatri.artifacts.block import APPROXIMATE_VALUE, BY_EDIT, NO_ROLE, Block, Files, Rejects
 from aatri.artifacts.builder import image_point_order
 from aatri.errors import Faults, raise_all
-from aatri.formats.edits.edit import Edit
+from aatri.formats.edits.edit import BY_COORDINATE, Edit
 from aatri.formats.edits.edits_file import read_edits
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import Reporter
@@ -123,12 +123,10 @@ def _equal(value: tuple[float, ...], other: tuple[float, ...]) -> bool:
 
 
 def _switch_off(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
-    axes = np.array(["XYZ".index(axis) for axis in edit.coordinates])
+    axes = _axes(edit)
     table: Any = getattr(block, _TABLES[edit.family])
     if edit.family in ("image_point", "geodetic"):
-        active = table.active.copy()
-        active[rows] = False
-        table = replace(table, active=active)
+        table = replace(table, active=_set(table.active, rows, None, False))
     elif edit.family == "fiducial":
         table = table.take(np.setdiff1d(np.arange(len(table)), rows))
     elif edit.family == "control":
@@ -138,15 +136,20 @@ def _switch_off(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
         use = np.where(np.isfinite(position).any(axis=1), table.position_use, APPROXIMATE_VALUE).astype(np.int32)
         table = replace(table, position_m=position, position_use=use)
     else:
-        use = table.angle_use.copy()
-        use[rows] = APPROXIMATE_VALUE
+        use = _set(table.angle_use, rows, None, APPROXIMATE_VALUE)
         table = replace(table, angles_rad=_set(table.angles_rad, rows, np.arange(3), np.nan), angle_use=use)
     return _listed(replace(block, **{_TABLES[edit.family]: table}), edit)
 
 
-def _set(values: Any, rows: Int, axes: Int, value: float) -> Any:
+def _axes(edit: Edit) -> Int:
+    """Columns of the coordinates that are meant."""
+    return np.array(["XYZ".index(axis) for axis in edit.coordinates])
+
+
+def _set(values: Any, rows: Int, axes: Int | None, value: float) -> Any:
+    """A copy with a value in rows, and columns, of it."""
     changed = values.copy()
-    changed[np.ix_(rows, axes)] = value
+    changed[rows if axes is None else np.ix_(rows, axes)] = value
     return changed
 
 
@@ -176,9 +179,7 @@ def _renumber(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
     if ((table.image == table.image[rows[0]]) & (table.point == new[0]) & table.active).any():
         faults.add(f"{edit}: the image has that point already", edit.where, "exchange them, or switch one off")
         return block
-    point = table.point.copy()
-    point[rows] = new[0]
-    return _sorted(block, point)
+    return _sorted(block, _set(table.point, rows, None, new[0]))
 
 
 def _sorted(block: Block, point: Int) -> Block:
@@ -196,8 +197,11 @@ def _exchange(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
         point = block.image_points.point.copy()
         point[rows], point[others] = point[others[0]], point[rows[0]]
         return _sorted(block, point)
-    name = _TABLES[edit.kind]
+    name, correlated = _TABLES[edit.kind], block.ground_point_covariances
     table: Any = getattr(block, name)
+    if edit.kind == "control" and np.isin([correlated.row_a, correlated.row_b], [rows[0], others[0]]).any():
+        faults.add(f"{edit}: it is correlated with other points", edit.where, "exchange the names in the files")
+        return block
     measured = ("xyz_m", "covariance_m2") if edit.kind == "control" else ("position_m", "position_covariance_m2")
     columns = {}
     for column in measured:
@@ -207,18 +211,30 @@ def _exchange(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
     return replace(block, **{name: replace(table, **columns)})
 
 
-def _reweight(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
-    name, column, power = {
-        "image_point": ("image_points", "sigma_mm", 1),
-        "control": ("ground_points", "covariance_m2", 2),
-        "position": ("exterior", "position_covariance_m2", 2),
-        "attitude": ("exterior", "angle_sigma_rad", 1),
-        "geodetic": ("geodetic", "sigma", 1),
-    }[edit.family]
-    table: Any = getattr(block, name)
-    values: Float = getattr(table, column).copy()
-    values[rows] *= edit.factor**power
-    return replace(block, **{name: replace(table, **{column: values})})
+def _reweight(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
+    """Standard deviations times the factor; correlations stay, those with other observations too."""
+    table: Any = getattr(block, _TABLES[edit.family])
+    if edit.kind in BY_COORDINATE:
+        column = "covariance_m2" if edit.kind == "control" else "position_covariance_m2"
+        factor = _set(np.ones((len(table), 3)), rows, _axes(edit), edit.factor)
+        scaled = getattr(table, column) * factor[:, :, None] * factor[:, None, :]
+    else:
+        column = {"image_point": "sigma_mm", "attitude": "angle_sigma_rad"}.get(edit.kind, "sigma")
+        factor = _set(np.ones(len(table)), rows, None, edit.factor)
+        scaled = (getattr(table, column).T * factor).T
+    if np.array_equal(scaled, getattr(table, column), equal_nan=True) and edit.factor != 1:
+        faults.add(f"{edit}: standard deviations are 0 or not stated there", edit.where, "state them in the block")
+        return block
+    block = replace(block, **{_TABLES[edit.family]: replace(table, **{column: scaled})})
+    if edit.kind == "control":
+        c = block.ground_point_covariances
+        value = c.value * factor[c.row_a, c.axis_a] * factor[c.row_b, c.axis_b]
+        return replace(block, ground_point_covariances=replace(c, value=value))
+    if edit.family == "geodetic":
+        g = block.geodetic_covariances
+        value = g.value * factor[g.row_a] * factor[g.row_b]
+        return replace(block, geodetic_covariances=replace(g, value=value))
+    return block
 
 
 _DO: dict[str, Callable[[Block, Edit, Int, Faults], Block]] = {

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import Faults, InputError, raise_all
-from aatri.formats.edits.edit import ACTIONS, GEODETIC, NAMED_BY, TAKES, Edit
+from aatri.formats.edits.edit import ACTIONS, BY_COORDINATE, GEODETIC, NAMED_BY, TAKES, Edit
+from aatri.formats.text.written_files import write_files
 from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import Document, load
 
@@ -45,8 +46,14 @@ def read_edits(path: Path) -> tuple[Edit, ...]:
 
 
 def write_edits(path: Path, edits: Iterable[Edit]) -> None:
-    """Write a file of edits."""
-    path.write_text(HEAD + "".join(f"  - {_line(edit)}\n" for edit in edits), encoding="utf-8")
+    """Write a file of edits, whole or not at all.
+
+    Raises
+    ------
+    ResourceError
+        If it cannot be written.
+    """
+    write_files(path.parent, {path.name: HEAD + "".join(f"  - {_line(edit)}\n" for edit in edits)})
 
 
 def _line(edit: Edit) -> str:
@@ -90,6 +97,13 @@ def _edit(document: Document, k: int, faults: Faults) -> Edit | None:
     lacking = [key for key in needed if not texts.get(key)]
     if lacking:
         faults.add(f"{do} of a {kind} lacks {', '.join(lacking)}", where, f"it is named by {', '.join(needed)}")
+    meaning = {
+        "coordinates": kind in BY_COORDINATE and do in ("switch_off", "reweight"),
+        "factor": do == "reweight",
+        "to": "to" in needed or family == "geodetic",
+    }
+    for key in (key for key, means in meaning.items() if key in entry and not means):
+        faults.add(f"{do} of {kind} takes no {key}", document.where_key("edits", k, key), "leave it out")
     if not coordinates or set(coordinates) - set("XYZ"):
         faults.add(f"coordinates are {clipped(coordinates)}", where, "some of X, Y, Z: `coordinates: XZ`")
     value, factor = _numbers(entry.get("value", [])), _numbers([entry.get("factor", 1.0)])

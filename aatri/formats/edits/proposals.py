@@ -1,16 +1,21 @@
 """Edits that an adjustment proposes: what it left out, numbers it found exchanged or wrong, weights that do not fit."""
 
+from collections import Counter
+
 import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ProposedNumbers, Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.formats.edits.edit import NAMED_BY, TAKES, Edit
+from aatri.formats.edits.edit import BY_COORDINATE, NAMED_BY, TAKES, Edit
 from aatri.formats.edits.edited import measured_value
 
 
-def proposals(block: Block, solution: Solution, stage: str) -> tuple[tuple[Edit, ...], int]:
-    """All that can be edited, and how many suspects cannot: ties of models and strips are measured nowhere.
+def proposals(block: Block, solution: Solution, stage: str) -> tuple[tuple[Edit, ...], tuple[str, ...]]:
+    """All that can be edited, and the kinds that cannot, with the number of each.
+
+    Ties of models and strips are measured nowhere, relative control stands in block.yaml, and standard deviations of a
+    camera or flight have no edit.
 
     Parameters
     ----------
@@ -23,8 +28,8 @@ def proposals(block: Block, solution: Solution, stage: str) -> tuple[tuple[Edit,
     numbers = [] if solution.proposed_numbers is None else _of_numbers(block, solution.proposed_numbers, stage)
     numbered = {(edit.kind, row) for edit, rows in numbers for row in rows}
     left_out, others = _of_suspects(block, solution.suspects, stage, numbered)
-    weights = [] if solution.variance_components is None else _of_components(solution.variance_components, stage)
-    return (*(edit for edit, _ in numbers), *left_out, *weights), others
+    weights, unweighted = _of_components(block, solution.variance_components, stage)
+    return (*(edit for edit, _ in numbers), *left_out, *weights), (*others, *unweighted)
 
 
 def _of_numbers(block: Block, numbers: ProposedNumbers, stage: str) -> list[tuple[Edit, list[int]]]:
@@ -47,33 +52,42 @@ def _of_numbers(block: Block, numbers: ProposedNumbers, stage: str) -> list[tupl
 
 def _of_suspects(
     block: Block, suspects: Suspects, stage: str, numbered: set[tuple[str, int]]
-) -> tuple[list[Edit], int]:
-    """What stays out and is not renumbered; and how many of them are no rows of the block."""
-    edits, others = list[Edit](), 0
+) -> tuple[list[Edit], list[str]]:
+    """What stays out and is not renumbered; and of which kinds there is no row in the tables of measurements."""
+    edits, others = list[Edit](), Counter[str]()
     for k in np.flatnonzero(staying_out(suspects)).tolist():
         kind, row = str(suspects.kind[k]), int(suspects.row[k])
         if (kind, row) in numbered:
             continue
         family = kind if kind in NAMED_BY else "geodetic"
         if row < 0 or (family == "geodetic" and not (row < len(block.geodetic) and block.geodetic.type[row] == kind)):
-            others += 1
+            others[kind] += 1
             continue
         value, reason = measured_value(block, family, row), _reason(suspects, k, stage)
         edits.append(Edit("switch_off", kind, _ids(block, kind, row), value=value, reason=reason))
+    return edits, [f"{kind.replace('_', ' ')} ({n})" for kind, n in others.items()]
+
+
+def _of_components(block: Block, components: VarianceComponents | None, stage: str) -> tuple[list[Edit], list[str]]:
+    """Standard deviations that their residuals contradict: those of whole kinds, of plan and height, and of groups."""
+    edits, others = list[Edit](), list[str]()
+    if components is None:
+        return edits, others
+    for k in np.flatnonzero(components.verdict == "proposed").tolist():
+        kind, *words = str(components.group[k]).split(" ")
+        coordinates = _PARTS.get(words[0], "XYZ") if words and kind in BY_COORDINATE else "XYZ"
+        words = words[coordinates != "XYZ" :]
+        family = "geodetic" if kind in block.geodetic.type else kind
+        if family not in TAKES["reweight"] or (words and words[0] != "group"):
+            others.append(f"standard deviation of {components.group[k]} ({components.factor[k]:.3g} times)")
+            continue
+        ids = {"group": " ".join(words[1:])} if words else {}
+        factor, limits = float(f"{components.factor[k]:.3g}"), f"{components.low[k]:.3g} to {components.high[k]:.3g}"
+        edits.append(Edit("reweight", kind, ids, coordinates, factor=factor, reason=f"{stage}: {limits}, 95 %"))
     return edits, others
 
 
-def _of_components(components: VarianceComponents, stage: str) -> list[Edit]:
-    """Standard deviations of whole kinds that their residuals contradict."""
-    return [
-        Edit(
-            "reweight", str(group), {}, factor=float(f"{factor:.3g}"), reason=f"{stage}: {low:.3g} to {high:.3g}, 95 %"
-        )
-        for group, verdict, factor, low, high in zip(
-            components.group, components.verdict, components.factor, components.low, components.high
-        )
-        if verdict == "proposed" and group in TAKES["reweight"]
-    ]
+_PARTS = {"plan": "XY", "height": "Z"}
 
 
 def _ids(block: Block, kind: str, row: int) -> dict[str, str]:

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.errors import ResourceError
 from aatri.formats.gis.layers import Layer, layers_of
 from aatri.formats.gis.styles import style_of
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.frames.conversion import Frame, crs_of
 from aatri.progress import SILENT, Reporter
 
@@ -69,14 +69,10 @@ def write_geopackage(
         If the file cannot be written.
     """
     layers, system = layers_of(oriented), _system(frame_of(oriented.block))
-    path = folder / NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.unlink(missing_ok=True)
-        with closing(sqlite3.connect(path)) as database, database:
+    with closing(sqlite3.connect(":memory:")) as database:
+        with database:
             _write(database, layers, system)
-    except (OSError, sqlite3.Error) as error:
-        raise ResourceError(f"cannot write: {error}", where=str(path), remedy="another place") from error
+        write_files(folder, {NAME: database.serialize()})
 
 
 def _system(frame: Frame) -> tuple[str, int, str, int, str]:

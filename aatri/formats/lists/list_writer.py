@@ -18,9 +18,10 @@ from aatri.errors import GeometryError, SpecError
 from aatri.formats.conventions.poses import carrier_angles
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROTATION, ListPreset, columns_named
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import control_points, write_files
+from aatri.formats.results.exported_files import control_points
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.csv_cells import shielded
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.progress import SILENT, Reporter
 

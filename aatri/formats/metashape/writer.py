@@ -18,9 +18,10 @@ from aatri.formats.metashape.chunk_frame import geocentric_frame
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
-from aatri.formats.results.exported_files import ControlPoint, control_points, write_files
+from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.horizon import MovedBlock, in_other_frame
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.formats.text.xml_writing import element, numbers, xml_of
 from aatri.frames.conversion import crs_of
 from aatri.ids import shown

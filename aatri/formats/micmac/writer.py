@@ -17,8 +17,9 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import stated_rotation
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import full_control, write_files
+from aatri.formats.results.exported_files import full_control
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.formats.text.xml_writing import element, numbers, xml_of
 from aatri.geometry.collinearity import in_image_axes
 from aatri.ids import shown

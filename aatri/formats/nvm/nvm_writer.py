@@ -11,9 +11,9 @@ import numpy as np
 from aatri.errors import InputError
 from aatri.formats.conventions.poses import quaternion_of_matrix, stated_rotation
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import write_files
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.results.sparse_rays import centred_cameras
+from aatri.formats.text.written_files import write_files
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 

@@ -17,8 +17,9 @@ import numpy as np
 from aatri.errors import GeometryError
 from aatri.formats.conventions.poses import stated_rotation
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import short_names, write_files
+from aatri.formats.results.exported_files import short_names
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.progress import SILENT, Reporter
 
 LONGEST = 9

@@ -1,42 +1,16 @@
-"""What is common to all exports: their options, their files, and what of a block they had no place for."""
+"""What is common to all exports: their options, and what of a block they had no place for."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from aatri.arrays import Float
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
-from aatri.errors import ResourceError
 from aatri.formats.parts.format import Content
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.ids import shown
 from aatri.progress import Reporter
-
-
-def write_files(folder: Path, texts: Mapping[str, str | bytes]) -> None:
-    """Write files into a folder, which is made if it is not there.
-
-    Parameters
-    ----------
-    folder : Path
-    texts : mapping of str to str or bytes
-        Content by path within the folder.
-
-    Raises
-    ------
-    ResourceError
-        If one cannot be written.
-    """
-    path = folder
-    try:
-        for name, content in texts.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror}", where=str(path), remedy="another place") from error
 
 
 class ControlPoint(NamedTuple):

@@ -24,7 +24,7 @@ import numpy as np
 
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
-from aatri.adjustment.threads import thread_control
+from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
@@ -103,7 +103,7 @@ def deformed_covariances(
     models : (n_strips,) int
         Of each strip.
     """
-    with thread_control().limit(limits=1, user_api="blas"):  # matrices of some hundred rows
+    with one_blas_thread():  # matrices of some hundred rows
         return _deformed_covariances(result, points, n_points, axes, control, models)
 
 

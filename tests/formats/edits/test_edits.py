@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.block_control import Geodetic, GeodeticCovariances, GroundPointCovariances
+from aatri.artifacts.solution import VarianceComponents
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError
 from aatri.formats.edits.edit import Edit
 from aatri.formats.edits.edited import measured_value, with_edits
 from aatri.formats.edits.edits_file import read_edits, write_edits
+from aatri.formats.edits.proposals import proposals
 from aatri.tables.digest import content_digest
 from tests.stages.chain import simulated
 
@@ -59,6 +65,12 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("edits: [{do: reweight, kind: control, factor: yes}]", "no number"),
         ("edits: [{do: switch_off, kind: image_point, image: A, point: B, value: [1, .nan]}]", "no number"),
         ("edits: [{do: switch_off, kind: position, image: &a A}]", "anchor"),
+        (
+            "edits: [{do: switch_off, kind: attitude, image: A, coordinates: Z}]",
+            "switch_off of attitude takes no",
+        ),
+        ("edits: [{do: switch_off, kind: control, point: A, factor: 2}]", "switch_off of control takes no factor"),
+        ("edits: [{do: switch_off, kind: control, point: A, to: B}]", "switch_off of control takes no to"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told_with_its_place(tmp_path: Path, text: str, says: str) -> None:
@@ -113,6 +125,7 @@ def test_a_number_and_a_weight_are_changed(block) -> None:
         Edit("renumber", "image_point", {**names, "to": unseen}, value=measured_value(block, "image_point", 3)),
         Edit("reweight", "image_point", {"image": names["image"]}, factor=2.0),
         Edit("reweight", "control", {}, factor=3.0),
+        Edit("reweight", "position", {}, "Z", factor=2.0),
     )
     changed = with_edits(block, edits)
     t = changed.image_points
@@ -121,6 +134,41 @@ def test_a_number_and_a_weight_are_changed(block) -> None:
     assert (np.diff(t.image.astype(np.int64) * len(block.points) + t.point) > 0).all()  # in canonical order
     np.testing.assert_allclose(t.sigma_mm[t.image == m.image[3]], 2 * m.sigma_mm[m.image == m.image[3]])
     np.testing.assert_allclose(changed.ground_points.covariance_m2, 9 * block.ground_points.covariance_m2)
+    was, now = block.exterior.position_covariance_m2, changed.exterior.position_covariance_m2
+    np.testing.assert_allclose(now, was * np.outer([1, 1, 2], [1, 1, 2]))
+
+
+def _correlated(block: Block) -> Block:
+    """The block whose first two points of the ground have correlated heights, and two correlated distances."""
+
+    pair = GroundPointCovariances.of(row_a=[0], axis_a=[2], row_b=[1], axis_b=[2], value=[1e-5])
+    distances = Geodetic.of(
+        type=["distance"] * 2, start=["A", "B"], end=["B", "A"], value=[5.0, 5.0], sigma=[0.01, 0.01], group=["edm"] * 2
+    )
+    between = GeodeticCovariances.of(row_a=[0], row_b=[1], value=[4e-5])
+    return replace(block, ground_point_covariances=pair, geodetic=distances, geodetic_covariances=between)
+
+
+def test_correlations_stay_when_a_weight_is_changed(block) -> None:
+    first = str(block.points.id[block.ground_points.point[0]])
+    edits = (
+        Edit("reweight", "control", {"point": first}, factor=3.0),
+        Edit("reweight", "distance", {"from": "A"}, factor=2.0),
+    )
+    changed = with_edits(_correlated(block), edits)
+    assert changed.ground_point_covariances.value == pytest.approx(3e-5)
+    assert changed.geodetic_covariances.value == pytest.approx(8e-5)
+    assert changed.geodetic.sigma.tolist() == [0.02, 0.01]
+
+
+def test_what_an_edit_cannot_change_is_refused(block) -> None:
+    first, second = (str(block.points.id[p]) for p in block.ground_points.point[:2])
+    ground = block.ground_points
+    exact = replace(block, ground_points=replace(ground, covariance_m2=0 * ground.covariance_m2))
+    with pytest.raises(AatriError, match="0 or not stated"):
+        with_edits(exact, (Edit("reweight", "control", {}, factor=2.0),))
+    with pytest.raises(AatriError, match="correlated with other points"):
+        with_edits(_correlated(block), (Edit("exchange", "control", {"point": first, "to": second}),))
 
 
 @pytest.mark.parametrize(
@@ -145,3 +193,21 @@ def test_an_edit_that_no_longer_fits_is_refused_by_name(block, change, says) -> 
     with pytest.raises(AatriError, match=r"edits.yaml:4:5") as error:
         with_edits(block, (edit,))
     assert says in str(error.value)
+
+
+def test_weights_that_no_edit_changes_are_named(block) -> None:
+    groups = ("image_point", "control height", "position group f 1", "image_point camera A", "planes")
+    n = len(groups)
+    components = VarianceComponents.of(
+        group=groups, observations=[99] * n, redundancy=[50.0] * n, factor=[2.0] * n, low=[1.5] * n, high=[2.5] * n,
+        verdict=["proposed"] * n,
+    )  # fmt: skip
+    solution: Any = SimpleNamespace(proposed_numbers=None, suspects=Suspects.empty(), variance_components=components)
+    made, others = proposals(block, solution, "bundle")
+    assert [str(edit) for edit in made] == [
+        "reweight image_point x 2", "reweight control Z x 2", "reweight position group f 1 x 2",
+    ]  # fmt: skip
+    assert [other.split(" (")[0] for other in others] == [
+        "standard deviation of image_point camera A", "standard deviation of planes",
+    ]  # fmt: skip
+    assert with_edits(block, made[:2]) is not block
