@@ -10,7 +10,6 @@ equations, with constants for parameters.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +17,8 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.camera.models import calibration
 from aatri.camera.models.brown import brown_basis
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import CAMERA
-
-if TYPE_CHECKING:
-    from aatri.observations.image_points import ImagePointRows
 
 CORRECTING = ("pinhole", "brown")
 """Models whose correction depends on the measured coordinates only."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,11 @@ from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.camera_models import CameraRows, compared
+from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.kernels.camera_frame import into_camera, out_of_camera
 from aatri.observations.kernels.camera_models import brown, opencv
 from aatri.observations.kernels.collinearity import in_front, linearise
 from aatri.observations.poses import POINT, POSE, Poses
-
-if TYPE_CHECKING:
-    from aatri.observations.image_points import ImagePointRows, LinearCorrection
 
 COMPILED_MODELS = {"brown": brown, "opencv": opencv}
 

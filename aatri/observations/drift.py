@@ -32,7 +32,7 @@ XYZ = ("X", "Y", "Z")
 
 
 @dataclass(frozen=True)
-class Term:
+class SharedUnknowns:
     """Unknowns that some observations touch.
 
     Attributes
@@ -50,7 +50,7 @@ class Term:
     block: Int
     basis: Float | None = None
 
-    def take(self, some: Int) -> Term:
+    def take(self, some: Int) -> SharedUnknowns:
         """Of the chosen observations."""
         return replace(self, block=self.block[some], basis=None if self.basis is None else self.basis[some])
 
@@ -63,14 +63,14 @@ def drift_term(
     linear: bool = True,
     name: str = DRIFT,
     labels: tuple[str, ...] = XYZ,
-) -> Term:
+) -> SharedUnknowns:
     """Shift and drift of groups, along the coordinates that are `given` (n, 3); an empty name has none."""
     ids = np.unique(group[group != ""])
     block = np.where(group != "", np.searchsorted(ids, group), -1)
     basis = np.concatenate([np.broadcast_to(np.eye(3), (len(group), 3, 3)), time[:, None, None] * np.eye(3)], axis=2)
     free = _free(block, len(ids), time, np.ones((len(group), 3), bool) if given is None else given, linear=linear)
     of_both = tuple(f"{word} {label}" for word in ("shift", "drift") for label in labels)
-    return Term(Unknowns(name, free, of_both, ids, add_step), np.zeros((len(ids), 6)), block, basis)
+    return SharedUnknowns(Unknowns(name, free, of_both, ids, add_step), np.zeros((len(ids), 6)), block, basis)
 
 
 def _free(block: Int, n: int, time: Float, given: Bool, *, linear: bool) -> Bool:
@@ -126,7 +126,7 @@ def time_notes(images: Images, image: Int, group: Text) -> tuple[Note, ...]:
     return tuple(Note("warning", text, tuple(names)) for names, text in texts if names)
 
 
-def with_terms(plain: Records, terms: Sequence[Term]) -> Records:
+def with_terms(plain: Records, terms: Sequence[SharedUnknowns]) -> Records:
     """Records that touch further unknowns, linearly; those of terms without a basis they touch already."""
     linear = [(t.unknowns.name, t.block.astype(np.int32), t.basis) for t in terms if t.basis is not None]
     if not linear:
@@ -143,9 +143,9 @@ def with_terms(plain: Records, terms: Sequence[Term]) -> Records:
 
 
 def observed_with_terms(
-    records: Callable[[Int, bool, Sequence[Term]], Records],
+    records: Callable[[Int, bool, Sequence[SharedUnknowns]], Records],
     by_exactness: Iterable[tuple[bool, Int]],
-    terms: Sequence[Term],
+    terms: Sequence[SharedUnknowns],
     row: Int,
     names: Text,
     unit: str,
@@ -159,7 +159,7 @@ def observed_with_terms(
         (rows, exact, terms that these touch) -> their records but for the terms that have a basis.
     by_exactness : iterable of (bool, (k,) int)
         Rows with weighted components (False), and rows with exact ones (True).
-    terms : sequence of Term
+    terms : sequence of SharedUnknowns
     row : (n,) int
         In their table of the Block.
     names : (n,) str

@@ -16,14 +16,14 @@ all others, nearly always all, the compiled one. Both give the same to 1e-12.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aatri.adjustment.records import Records, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
@@ -31,6 +31,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.observations.camera_models import CameraRows, compared, known_beforehand
 from aatri.observations.collinearity_lane import compiled_lane, side_veto
 from aatri.observations.coordinates import observed_priors
+from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.observed import Given, Names, Observed
 from aatri.observations.parameters import ParameterRows, parameter_unknowns
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
@@ -124,66 +125,6 @@ def _through_cameras(
                 return rays, CameraRows(p.block, p.model)
             return known_beforehand(rays, CameraRows(p.block, p.model, p.start))
     return rays, None
-
-
-@dataclass(frozen=True)
-class ImagePointRows:
-    """Measured image points.
-
-    Attributes
-    ----------
-    image, point : (n,) int32
-        Blocks of unknowns.
-    xy_mm : (n, 2) float64, mm, from the principal point
-    sigma_mm : (n, 2) float64, mm
-    c_mm : (n,) float64, mm
-        Principal distance of each ray's camera.
-    principal_point_mm : (n, 2) float64, mm
-        Of each ray's camera, from the fiducial centre.
-    active : (n,) bool
-    """
-
-    image: Int
-    point: Int
-    xy_mm: Float
-    sigma_mm: Float
-    c_mm: Float
-    principal_point_mm: Float
-    active: Bool
-
-    def take(self, rows: Int | Bool) -> ImagePointRows:
-        """The chosen rows."""
-        return ImagePointRows(
-            self.image[rows],
-            self.point[rows],
-            self.xy_mm[rows],
-            self.sigma_mm[rows],
-            self.c_mm[rows],
-            self.principal_point_mm[rows],
-            self.active[rows],
-        )
-
-
-@dataclass(frozen=True)
-class LinearCorrection:
-    """A correction added to the measured coordinates, linear in a group of unknowns.
-
-    Attributes
-    ----------
-    group : str
-    block : (n,) int
-        Block of the group for each ray.
-    basis : (n, 2, s) float64
-        K, correction per parameter.
-    """
-
-    group: str
-    block: Int
-    basis: Float
-
-    def take(self, rows: Int | Bool) -> LinearCorrection:
-        """The chosen rows."""
-        return LinearCorrection(self.group, self.block[rows], self.basis[rows])
 
 
 def film_correction(

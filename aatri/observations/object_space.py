@@ -16,7 +16,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import POINT, POSE, Poses
 
 

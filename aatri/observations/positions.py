@@ -28,7 +28,7 @@ from aatri.errors import InputError
 from aatri.geometry.rotations import skew
 from aatri.ids import shown
 from aatri.observations.carried_vectors import ARMS, LEVER_ARM
-from aatri.observations.drift import DRIFT, Term, drift_term, group_times, observed_with_terms, time_notes
+from aatri.observations.drift import DRIFT, SharedUnknowns, drift_term, group_times, observed_with_terms, time_notes
 from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.observed import Given, Observed
@@ -131,7 +131,7 @@ def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     return (*observed, *ARMS.priors(block, block.cameras.lever_arm_m, ARMS.unknowns(block)))
 
 
-def terms_of(given: Given, rows: Positions, options: PositionOptions) -> list[Term]:
+def terms_of(given: Given, rows: Positions, options: PositionOptions) -> list[SharedUnknowns]:
     """The unknowns of positions beside the poses: drift, unknown lever arms, exposure-time offsets."""
     block, terms = given.block, []
     group = drift_groups(block, rows, options)
@@ -141,10 +141,12 @@ def terms_of(given: Given, rows: Positions, options: PositionOptions) -> list[Te
     camera = block.images.camera[rows.image]
     armed = np.asarray(ARMS.open(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[rows.row] == ANTENNA)
     if armed.any():
-        terms.append(Term(ARMS.unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1)))
+        terms.append(
+            SharedUnknowns(ARMS.unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1))
+        )
     if options.time_offset:
         u = velocities(block, rows.image, rows.position_m)
-        terms.append(Term(offset_unknowns(block), np.zeros((len(block.cameras), 1)), camera, u[:, :, None]))
+        terms.append(SharedUnknowns(offset_unknowns(block), np.zeros((len(block.cameras), 1)), camera, u[:, :, None]))
     return terms
 
 
@@ -184,12 +186,12 @@ def observed_positions(
     origin_m: Float,
     names: Text,
     coordinates: GivenCoordinates | None = None,
-    terms: Sequence[Term] = (),
+    terms: Sequence[SharedUnknowns] = (),
 ) -> tuple[Observed, ...]:
     """Weighted and exact positions, given the names of their images, their coordinates in the adjustment, and terms."""
     given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
 
-    def records(some: Int, exact: bool, touched: Sequence[Term]) -> Records:
+    def records(some: Int, exact: bool, touched: Sequence[SharedUnknowns]) -> Records:
         arm = next((t.block.astype(np.int32) for t in touched if t.basis is None), None)
         return position_records(rows.take(some), given.take(some), arm, exact=exact)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -113,3 +114,9 @@ def test_a_key_class_is_one_class_and_lies_where_the_page_says() -> None:
             definition = re.compile(rf"^class {name}\b", re.M)
             assert sum(bool(definition.search(text)) for text in sources) == 1, name
             assert sum(len(definition.findall(text)) for text in tree) == 1, name
+
+
+def test_no_class_name_stands_for_two_things() -> None:
+    paths = [path for top in ("aatri", "stages") for path in (ROOT / top).rglob("*.py")]
+    names = [name for path in paths for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.M)]
+    assert sorted(name for name, count in Counter(names).items() if count > 1 and not name.startswith("_")) == []

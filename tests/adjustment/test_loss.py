@@ -13,7 +13,8 @@ from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.image_points import ImagePointRows, image_point_records
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import image_point_records
 from aatri.observations.poses import POINT, POSE, Poses
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
 from tests.adjustment.reference import dense_jacobian, free_columns

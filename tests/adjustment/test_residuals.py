@@ -7,7 +7,8 @@ import pytest
 
 from aatri.adjustment import residuals as module
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.image_points import ImagePointRows, film_correction, image_point_records
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import film_correction, image_point_records
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 
 

@@ -30,7 +30,8 @@ import numpy as np
 from aatri.errors import AatriError
 from aatri.observations.control import Control, observed_control
 from aatri.observations.drift import drift_term
-from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import observed_image_points
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bundle.adjust import adjust_bundle

@@ -19,14 +19,8 @@ from aatri.adjustment.records import (
 )
 from aatri.camera.models import calibration
 from aatri.observations.coordinates import value_records
-from aatri.observations.image_points import (
-    CameraRows,
-    ImagePointRows,
-    LinearCorrection,
-    film_correction,
-    image_point_records,
-    side_veto,
-)
+from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
+from aatri.observations.image_points import CameraRows, film_correction, image_point_records, side_veto
 from aatri.observations.kernels.collinearity import in_front
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses

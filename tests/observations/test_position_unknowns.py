@@ -13,7 +13,7 @@ from aatri.codes import ANTENNA
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles, skew
 from aatri.observations.carried_vectors import ARMS, LEVER_ARM
-from aatri.observations.drift import DRIFT, Term, drift_term
+from aatri.observations.drift import DRIFT, SharedUnknowns, drift_term
 from aatri.observations.exposure_time import EXPOSURE_TIME, offset_unknowns
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.positions import PositionOptions, Positions, drift_groups, observed_positions, positions_of
@@ -55,8 +55,8 @@ def test_derivatives_are_those_of_the_complex_step(block: Block) -> None:
     of_camera = np.zeros(n, np.int64)
     terms = [
         drift_term(np.full(n, "g"), time),
-        Term(ARMS.unknowns(block), block.cameras.lever_arm_m, of_camera),
-        Term(offset_unknowns(block), np.zeros((2, 1)), of_camera, u[:, :, None]),
+        SharedUnknowns(ARMS.unknowns(block), block.cameras.lever_arm_m, of_camera),
+        SharedUnknowns(offset_unknowns(block), np.zeros((2, 1)), of_camera, u[:, :, None]),
     ]
     (o,) = observed_positions(rows, np.zeros(3), np.array(list("abc")), None, terms)
     d, a, dt = rng.normal(0, 1, (1, 6)), rng.normal(0, 1, (2, 3)), rng.normal(0, 1, (2, 1))

@@ -31,8 +31,8 @@ from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.drift import group_times
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.image_points import ImagePointRows
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput

@@ -17,7 +17,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationRules

@@ -22,7 +22,7 @@ from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationRules, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names

@@ -25,7 +25,7 @@ from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.absolute import OrientedBody

@@ -10,7 +10,7 @@ from aatri.geometry.similarity import Similarity, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import Control, observed_control
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions

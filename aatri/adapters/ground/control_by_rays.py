@@ -16,7 +16,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import POSE
 from aatri.orientation.bodies.components import Component
 from aatri.orientation.bodies.free_body import FreeBody

@@ -28,7 +28,7 @@ from aatri.geometry.similarity import Similarity, compose
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body

@@ -28,7 +28,7 @@ from aatri.artifacts.solution import (
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import WIDE_RAD
 from aatri.orientation.graph.triangulation import contradicting, residuals_mm

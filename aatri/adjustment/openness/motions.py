@@ -8,12 +8,15 @@ echelon form (scale and rotations before shifts), name them. What is left of the
 Source: docs/formulas.md 7 (generators of the datum); Golub & Van Loan, Matrix Computations, 6.4.3 (common subspaces).
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.adjustment.openness.limits import MOTION_IF_OPEN, NAMED
-from aatri.adjustment.openness.open_directions import OpenCombination
+from aatri.adjustment.openness.open_directions import Move, OpenCombination
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -77,11 +80,10 @@ def open_motions(
         coefficients, directions = _common(moves * some[:, None], open_here, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
-            names = tuple(dict.fromkeys(named(row, extent) for row in coefficients))
+            motions = [named(row, extent) for row in coefficients]
             along, unknowns = _along(problem, np.where(going_along[:, None], directions, 0.0))
             of = _whole_or_part(problem, open_here, moves @ coefficients.T)
-            text = f"{', '.join(names)} of {of}{along}"
-            combinations.append(OpenCombination(text, names, of == WHOLE_BLOCK, unknowns))
+            combinations.append(of_motions(motions, of, along, unknowns))
         left.append(_without(open_here, directions))
     return combinations, np.concatenate(left, axis=1) if combinations else vectors
 
@@ -203,22 +205,38 @@ def echelon(rows: Float) -> Float:
     return found
 
 
-def named(row: Float, extent: Float) -> str:
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a whole: its name, and what it does."""
+
+    name: str
+    moves: frozenset[Move]
+
+
+def of_motions(
+    motions: Sequence[Motion], of: str = WHOLE_BLOCK, along: str = "", unknowns: tuple[tuple[str, str], ...] = ()
+) -> OpenCombination:
+    """Motions of the whole block or of a part in one, with what goes along with them."""
+    names = dict.fromkeys(motion.name for motion in motions)
+    moves = frozenset[Move]().union(*(motion.moves for motion in motions))
+    return OpenCombination(f"{', '.join(names)} of {of}{along}", moves, of == WHOLE_BLOCK, unknowns)
+
+
+def named(row: Float, extent: Float) -> Motion:
     """A motion: a change of scale, a rotation or both are about a place that stays, whatever shift goes with them.
 
     `extent` is by how much each generator moves all unknowns together.
     """
     size = np.abs(row * extent) / np.linalg.norm(row * extent)
     axis = row[1:4] / max(float(np.linalg.norm(row[1:4])), 1e-300)
-    words = ["scale"] if size[0] > PART else []
+    words: dict[str, Move] = {"scale": "scale"} if size[0] > PART else {}
     if (size[1:4] > PART).any():
         along = int(np.argmax(np.abs(axis)))
-        words.append(
-            NAMES[1 + along]
-            if abs(axis[along]) > 1.0 - 1e-4
-            else "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis)
-        )
-    return " with ".join(words) or " with ".join(NAMES[4 + k] for k in np.flatnonzero(size[4:] > PART))
+        main = abs(axis[along]) > 1.0 - 1e-4
+        about = NAMES[1 + along] if main else "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis)
+        words[about] = "azimuth" if main and along == 2 else "tilt"
+    words = words or {NAMES[4 + k]: "shift" for k in np.flatnonzero(size[4:] > PART)}
+    return Motion(" with ".join(words), frozenset(words.values()))
 
 
 def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str:

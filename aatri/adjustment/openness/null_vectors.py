@@ -13,8 +13,8 @@ from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.reduced import ReducedNormals, reduced_normals
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.openness.limits import MOST_NAMED
-from aatri.adjustment.openness.motions import WHOLE_BLOCK, open_motions
-from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
+from aatri.adjustment.openness.motions import of_motions, open_motions
+from aatri.adjustment.openness.open_directions import OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -32,9 +32,7 @@ def vanishing(problem: IndexedProblem, state: State, factored: Factored) -> Open
     defect, vectors, normals = null_vectors(problem, state, factored)
     whole = unseen_motions(problem, state) if normals is None else []
     if len(whole) >= defect:
-        names = tuple(dict.fromkeys(whole))
-        text = f"{', '.join(names)} of {WHOLE_BLOCK}"
-        return OpenDirections(len(whole), (OpenCombination(text, names, True),), vectors, exact=True)
+        return OpenDirections(len(whole), (of_motions(whole),), vectors, exact=True)
     diagonal, N = (factored.diagonal, None) if normals is None else (normals.diagonal, normals.N)
     motions, rest = open_motions(problem, state, vectors, diagonal, N)
     texts = (*motions, *(described(problem, vector) for vector in rest.T[:MOST_NAMED]))

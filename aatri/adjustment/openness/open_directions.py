@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
+
+Move = Literal["scale", "tilt", "azimuth", "shift"]
 
 
 def _none() -> Int:
@@ -24,8 +27,8 @@ class OpenCombination:
     ----------
     text : str
         What messages call it.
-    motions : tuple of str
-        The motions of a whole that it is (`motions.NAMES`), if any.
+    moves : set of str
+        What it does to a whole that it moves: shift, tilt (a rotation about a level axis), azimuth, scale; else empty.
     of_whole : bool
         Of the whole block; else of a part of it.
     unknowns : tuple of (str, str)
@@ -33,7 +36,7 @@ class OpenCombination:
     """
 
     text: str
-    motions: tuple[str, ...] = ()
+    moves: frozenset[Move] = frozenset()
     of_whole: bool = False
     unknowns: tuple[tuple[str, str], ...] = ()
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aatri.adjustment.openness.limits import UNSEEN
-from aatri.adjustment.openness.motions import ORDER, echelon, named
+from aatri.adjustment.openness.motions import ORDER, Motion, echelon, named
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -20,8 +20,8 @@ from aatri.arrays import Float
 CHUNK = 50_000
 
 
-def unseen_motions(problem: IndexedProblem, state: State) -> list[str]:
-    """Names of the motions of all unknowns together that are open.
+def unseen_motions(problem: IndexedProblem, state: State) -> list[Motion]:
+    """The motions of all unknowns together that are open.
 
     Parameters
     ----------

@@ -65,8 +65,8 @@ class KeptRecords:
 
 
 @dataclass(frozen=True)
-class Rays:
-    """Rays of eliminated blocks, sorted by node, block and order of elimination.
+class EliminatedRecords:
+    """Records of eliminated blocks (rays), sorted by node, block and order of elimination.
 
     Attributes
     ----------
@@ -141,7 +141,9 @@ def index_kept(records: Records, rows: Int, layout: Layout, tree: Tree, size_of:
     return KeptRecords(records, rows[order], first, ordered, _places(ordered, node[order], tree))
 
 
-def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout: Layout, tree: Tree) -> Rays:
+def index_rays(
+    records: Records, rows: Int, of_block: Int, parts: Parts, layout: Layout, tree: Tree
+) -> EliminatedRecords:
     """Sort the rays of eliminated blocks by node, images of the block, block, and order of elimination.
 
     Parameters
@@ -170,7 +172,7 @@ def index_rays(records: Records, rows: Int, of_block: Int, parts: Parts, layout:
     loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
     original = np.flatnonzero(layout.block >= 0)[block]
     rows = taken(rows, order)
-    return Rays(records, prepared_lane(records, rows), rows, ray_start, original, first, ordered, loc)
+    return EliminatedRecords(records, prepared_lane(records, rows), rows, ray_start, original, first, ordered, loc)
 
 
 def _first_node(vertex: Int, tree: Tree) -> Int:

@@ -9,7 +9,7 @@ import numpy as np
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Fill, Records, active_lane
 from aatri.adjustment.settings import SolverSettings
-from aatri.adjustment.structure.index import KeptRecords, Rays
+from aatri.adjustment.structure.index import EliminatedRecords, KeptRecords
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import default_threads, taken
@@ -48,7 +48,7 @@ class IndexedProblem:
         weight.
     layout : Layout
     tree : Tree
-    rays : Rays or None
+    rays : EliminatedRecords or None
     kept : tuple of KeptRecords
     direct : tuple of (Records, rows (n,), block in order (n,))
         Records that touch one eliminated block and nothing else.
@@ -71,7 +71,7 @@ class IndexedProblem:
     records: tuple[Records, ...]
     layout: Layout
     tree: Tree
-    rays: Rays | None
+    rays: EliminatedRecords | None
     kept: tuple[KeptRecords, ...]
     direct: tuple[tuple[Records, Int, Int], ...]
     block_free: Float

@@ -99,17 +99,27 @@ class Advice:
     ----------
     first, second : str
     correlation : float
-    determinable : bool
-        False from `NOT_DETERMINABLE` on: an adjustment without a weight on one of the two should be refused.
-    text : str
-        A sentence for the user.
+    reason : str
+        Why, and what to do.
     """
 
     first: str
     second: str
     correlation: float
-    determinable: bool
-    text: str
+    reason: str
+
+    @property
+    def determinable(self) -> bool:
+        """False from `NOT_DETERMINABLE` on: an adjustment without a weight on one of the two should be refused."""
+        return abs(self.correlation) < NOT_DETERMINABLE
+
+    @property
+    def text(self) -> str:
+        """A sentence for the user."""
+        if self.determinable:
+            return f"{self.first} and {self.second} are correlated by {self.correlation:.3f}: {self.reason}"
+        both = f"{self.first} and {self.second} cannot be told apart: correlation {self.correlation:.6f}"
+        return f"{both}; {self.reason}"
 
 
 IS = 0.99
@@ -163,21 +173,8 @@ def advise(pairs: Iterable[tuple[str, str, float]], kinds: Mapping[str, str] | N
     list of Advice
         Of the pairs from `WARNED` on, in the order given.
     """
-    found = []
-    for first, second, rho in pairs:
-        if abs(rho) < WARNED:
-            continue
-        determinable = abs(rho) < NOT_DETERMINABLE
-        fact = (
-            f"{first} and {second} are correlated by {rho:.3f}"
-            if determinable
-            else (f"{first} and {second} cannot be told apart: correlation {rho:.6f}")
-        )
-        reason = _reason(first, second, kinds or {})
-        found.append(
-            Advice(first, second, rho, determinable, f"{fact}: {reason}" if determinable else f"{fact}; {reason}")
-        )
-    return found
+    high = [(first, second, rho) for first, second, rho in pairs if abs(rho) >= WARNED]
+    return [Advice(first, second, rho, _reason(first, second, kinds or {})) for first, second, rho in high]
 
 
 def _reason(first: str, second: str, kinds: Mapping[str, str]) -> str:

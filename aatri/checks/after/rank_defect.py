@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations as combinations_of
 from itertools import pairwise
 
-from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
+from aatri.adjustment.openness.open_directions import Move, OpenCombination, OpenError
 from aatri.camera.parameters.advice import advise
 from aatri.errors import GeometryError
 from aatri.observations.carried_vectors import BORESIGHTS
@@ -64,7 +64,7 @@ def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str
     shared = [] if shifted else [label for label in _SHARED if label in labels]
     pairs = [(a, b, 1.0) for a in open_ for b in (pose or shared)] or [(a, b, 1.0) for a, b in pairwise(open_)]
     pairs += [(a, b, 1.0) for a, b in combinations_of(shared, 2)] or [(a, b, 1.0) for a in shared for b in pose]
-    reasons = dict.fromkeys(a.text.split("; ", 1)[1] for a in advise(pairs, kinds))
+    reasons = dict.fromkeys(a.reason for a in advise(pairs, kinds))
     if of_camera:
         reasons["fix or weight the parameters: `sigmas` of the camera"] = None
     elif open_:
@@ -77,20 +77,15 @@ def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str
 def _shifted(one: OpenCombination) -> bool:
     """Whether the whole block is shifted with what its groups of positions share."""
     with_group = any(group == DRIFT and label.startswith("shift") for label, group in one.unknowns)
-    return one.of_whole and with_group and any("shift" in motion for motion in one.motions)
+    return one.of_whole and with_group and "shift" in one.moves
 
 
 def _of_motions(combinations: Sequence[OpenCombination], shifted: bool) -> list[str]:
     """The remedy for what is open of the datum and of sets."""
-    motions = " ".join(motion for one in combinations for motion in one.motions)
-    if any(one.motions and not one.of_whole for one in combinations):
+    moves = {move for one in combinations for move in one.moves}
+    if any(one.moves and not one.of_whole for one in combinations):
         return [_PART]
     if shifted:
         return [_SHIFTS]
-    if "shift" in motions:
-        return [_DATUM]
-    if any(f"rotation about {axis}" in motions for axis in ("the axis", "X", "Y")):
-        return [_TURN]
-    if "scale" in motions:
-        return [_SCALE]
-    return [_SET] if "rotation about Z" in motions else []
+    remedies: dict[Move, str] = {"shift": _DATUM, "tilt": _TURN, "scale": _SCALE, "azimuth": _SET}
+    return [remedy for move, remedy in remedies.items() if move in moves][:1]

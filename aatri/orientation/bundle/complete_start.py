@@ -12,7 +12,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import MIN_POINTS, resect_images
 from aatri.orientation.resection.linear import FEWEST, linear_orientation

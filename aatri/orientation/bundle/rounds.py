@@ -17,7 +17,6 @@ from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.other_numbers import OtherNumber
 from aatri.orientation.bundle.parameter_estimates import idle_parameters, with_free
 from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -43,6 +42,14 @@ def with_keys(o: Observed, keys: Collection[Key]) -> Bool:
     place = [-1 - row for row in of_kind if row < 0]
     has_key[[k for k in place if k < len(o) and o.row[k] < 0]] = True
     return has_key
+
+
+@dataclass(frozen=True)
+class OtherNumber:
+    """An image point that fits another ground point: rows of the image points, of the points."""
+
+    row: int
+    point: int
 
 
 @dataclass(frozen=True)

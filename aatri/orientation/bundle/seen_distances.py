@@ -3,7 +3,7 @@
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
 MOST_RAYS_LOOKED_AT = 20_000

@@ -14,7 +14,8 @@ from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
-from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import named
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle

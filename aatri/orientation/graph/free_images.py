@@ -18,7 +18,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import ImageComponent, adjusted_component
 from aatri.orientation.graph.joining import joined
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs

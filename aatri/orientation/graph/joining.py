@@ -16,7 +16,7 @@ from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.graph.component import ImageComponent, refined

@@ -17,7 +17,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import finite_rows, unit
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.differences import fitted_robustly, robust_weights
 from aatri.orientation.graph.directions import adjusted_directions
 from aatri.orientation.graph.pair_graph import PairGraph

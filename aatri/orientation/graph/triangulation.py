@@ -10,7 +10,7 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
 ROUNDS = 12

@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.control import Control
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions
 from tests.orientation.bundle.parts import Parts

@@ -10,7 +10,8 @@ import numpy as np
 from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.settings import SolverSettings
 from aatri.observations.control import Control, observed_control
-from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import observed_image_points
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions

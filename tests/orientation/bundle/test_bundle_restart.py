@@ -9,7 +9,7 @@ import pytest
 
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.result import BundleResult

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
 

@@ -11,17 +11,18 @@ and the fit must be the only one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.collinearity import in_image_axes, project
-from aatri.observations.image_points import ImagePointRows, renumbered_records
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import renumbered_records
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.blunders.swaps import MOST_IN_AN_IMAGE, Swap, is_of_rays
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import OtherNumber
 
 FITS = 2.0
 """Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
@@ -30,14 +31,6 @@ CHANCE = 0.01
 
 COARSE = 0.01
 """Share of the principal distance within which a point is looked at: lens and film are left out at first."""
-
-
-@dataclass(frozen=True)
-class OtherNumber:
-    """An image point that fits another ground point: rows of the image points, of the points."""
-
-    row: int
-    point: int
 
 
 def other_numbers(

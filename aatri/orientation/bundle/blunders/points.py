@@ -19,7 +19,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, Poses
 

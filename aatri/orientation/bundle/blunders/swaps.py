@@ -20,7 +20,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.exchanged import exchanged_pairs
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
-from aatri.observations.image_points import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.result import BundleResult
