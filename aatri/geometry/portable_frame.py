@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import qr
 
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
@@ -75,6 +74,8 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     by_mark = np.zeros((len(pairs), n, 3))
     by_mark[np.arange(len(pairs)), pairs[:, 0]], by_mark[np.arange(len(pairs)), pairs[:, 1]] = -u, u
     J = by_mark.reshape(len(pairs), 3 * n)
+    from scipy.linalg import qr  # its import takes a fifth of a second
+
     _, R, order = qr((J @ np.linalg.cholesky(covariance_m2)).T, mode="economic", pivoting=True)
     pivot = np.abs(np.diagonal(R))
     count, plane_sigma = 3 * n - 6, float("nan")

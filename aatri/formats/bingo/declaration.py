@@ -1,39 +1,14 @@
 """What BINGO's files are recognised by, and what they carry."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading, Writing
-from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.bingo.reader import read_geoin, read_image_coordinates
+from aatri.formats.bingo.writer import write_bingo
+from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#bingo"
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
 _HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NUMBER}\s+{_NUMBER}\s*")
-
-
-def _read_image_coordinates(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.bingo.reader import read_image_coordinates
-
-    return read_image_coordinates(path, reporter)
-
-
-def _read_geoin(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.bingo.reader import read_geoin
-
-    return read_geoin(path, reporter)
-
-
-def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-    from aatri.formats.bingo.writer import write_bingo
-
-    write_bingo(oriented, folder, writing, reporter)
 
 
 def _image_coordinates(view: FileView) -> str:
@@ -52,11 +27,11 @@ def _geoin(view: FileView) -> str:
 BINGO = Format(
     "bingo", "BINGO image coordinates", _image_coordinates, "images with lines `point x y`, ended by -99",
     carries=("image points",), drops=("cameras", "control", "standard deviations", "start orientations"),
-    page=PAGE, read=_read_image_coordinates, write=_write,
+    page=PAGE, read=read_image_coordinates, write=write_bingo,
     written=("cameras", "image points", "control"),
 )  # fmt: skip
 GEOIN = Format(
     "bingo_geoin", "BINGO geoin.dat", _geoin, "lines that begin with CAPA, RADI, CONT",
     carries=("cameras", "distortion", "control", "standard deviations"),
-    drops=("image points", "check points", "frame", "start orientations"), page=PAGE, read=_read_geoin,
+    drops=("image points", "check points", "frame", "start orientations"), page=PAGE, read=read_geoin,
 )  # fmt: skip

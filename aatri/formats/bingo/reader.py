@@ -27,6 +27,7 @@ import numpy as np
 from aatri.codes import CONTROL
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.number_text import number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, places, word_lines
@@ -43,7 +44,7 @@ LEAST = {"CAPA": 1, "RADI": 2, "COES": 3, "CONT": 3}
 """Fewest numbers after the name."""
 
 
-def read_image_coordinates(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read image coordinates.
 
     Raises
@@ -95,7 +96,7 @@ def read_image_coordinates(path: Path, reporter: Reporter = SILENT) -> BlockPart
     )
 
 
-def read_geoin(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_geoin(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read `geoin.dat`.
 
     Raises

@@ -22,10 +22,7 @@ IMAGES, CONTROL = "image.dat", "geoin.dat"
 
 
 def write_bingo(
-    oriented: OrientedBlock,
-    folder: Path,
-    writing: Writing = AS_USUAL,  # noqa: ARG001
-    reporter: Reporter = SILENT,
+    oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
     """Write `image.dat` and `geoin.dat`.
 

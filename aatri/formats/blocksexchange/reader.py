@@ -24,6 +24,7 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
@@ -37,7 +38,7 @@ CATEGORIES = {"Full": (True, True, True), "Horizontal": (True, True, False), "Ve
 """Which coordinates of a control point are known."""
 
 
-def read_blocksexchange(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = 0.05) -> BlockParts:
+def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a block.
 
     Raises
@@ -58,7 +59,7 @@ def read_blocksexchange(path: Path, reporter: Reporter = SILENT, *, allowed_px: 
         [path],
         name=path.stem,
         frame=_frame(root, block),
-        **camera_parts(lenses, reporter, allowed_px=allowed_px),
+        **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}
     photos = [(photo, lens.id, group) for lens, group in zip(lenses, groups) for photo in group.all("Photo")]

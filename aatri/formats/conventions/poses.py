@@ -15,7 +15,6 @@ Sources: the programs' manuals, named in docs/formats.md.
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
 from aatri.geometry.rotations import angle_axes, angles_from_rotation, body_from_mount
@@ -121,11 +120,15 @@ def carrier_angles(ground_from_image: Float) -> Float:
 
 def matrix_of_quaternion(wxyz: Float) -> Float:
     """Rotation matrices (n, 3, 3) of quaternions w x y z (n, 4) of any length but zero."""
+    from scipy.spatial.transform import Rotation  # its import takes half a second
+
     return np.asarray(Rotation.from_quat(np.roll(wxyz, -1, axis=-1)).as_matrix())
 
 
 def quaternion_of_matrix(rotation: Float) -> Float:
     """Unit quaternions w x y z (n, 4), w >= 0."""
+    from scipy.spatial.transform import Rotation
+
     return np.asarray(np.roll(Rotation.from_matrix(rotation).as_quat(canonical=True), 1, axis=-1))
 
 

@@ -28,10 +28,7 @@ DIGITS = 10
 
 
 def write_geojson(
-    oriented: OrientedBlock,
-    folder: Path,
-    writing: Writing = AS_USUAL,  # noqa: ARG001
-    reporter: Reporter = SILENT,  # noqa: ARG001
+    oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
     """Write a file a layer: `points.geojson` ...
 

@@ -56,10 +56,7 @@ WGS84 = (
 
 
 def write_geopackage(
-    oriented: OrientedBlock,
-    folder: Path,
-    writing: Writing = AS_USUAL,  # noqa: ARG001
-    reporter: Reporter = SILENT,  # noqa: ARG001
+    oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
     """Write `block.gpkg`.
 

@@ -1,39 +1,14 @@
 """What IGN's lists are recognised by, and what they carry."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
-from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.ign.reader import read_camera, read_ground_points, read_marks
+from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#ign-lists"
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
 _MARK = re.compile(rf"\S+\s+\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
 _POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
-
-
-def _read_marks(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.ign.reader import read_marks
-
-    return read_marks(path, reporter)
-
-
-def _read_ground_points(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.ign.reader import read_ground_points
-
-    return read_ground_points(path, reporter)
-
-
-def _read_camera(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.ign.reader import read_camera
-
-    return read_camera(path, reporter)
 
 
 def _all_lines(view: FileView, form: re.Pattern[str], what: str) -> str:
@@ -49,14 +24,14 @@ def _camera(view: FileView) -> str:
 IGN_MARKS = Format(
     "ign_mes", "IGN image points (.mes)", lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
     "lines `point image column row`", carries=("image points",),
-    drops=("cameras", "control", "standard deviations"), page=PAGE, read=_read_marks,
+    drops=("cameras", "control", "standard deviations"), page=PAGE, read=read_marks,
 )  # fmt: skip
 IGN_POINTS = Format(
     "ign_app", "IGN ground points (.app)", lambda v: _all_lines(v, _POINT, 'lines `"point" type X Y Z`'),
     'lines `"point" type X Y Z`', carries=("control", "standard deviations"),
-    drops=("check points", "frame", "image points"), page=PAGE, read=_read_ground_points,
+    drops=("check points", "frame", "image points"), page=PAGE, read=read_ground_points,
 )  # fmt: skip
 IGN_CAMERA = Format(
     "ign_camera", "IGN camera", _camera, "lines `PPAx = ...`, `focal = ...`", carries=("cameras",),
-    drops=("distortion",), page=PAGE, read=_read_camera,
+    drops=("distortion",), page=PAGE, read=read_camera,
 )  # fmt: skip

@@ -17,6 +17,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import PLANE, BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
@@ -24,7 +25,7 @@ from aatri.progress import SILENT, Reporter
 OF_CAMERAS = ("PPAx", "PPAy", "focal", "width", "height")
 
 
-def read_marks(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_marks(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read image points, `.mes`.
 
     Raises
@@ -50,7 +51,7 @@ def read_marks(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     )
 
 
-def read_ground_points(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_ground_points(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read ground points, `.app`; all are control, whatever their type.
 
     Raises
@@ -85,7 +86,7 @@ def read_ground_points(path: Path, reporter: Reporter = SILENT) -> BlockParts:
     )
 
 
-def read_camera(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_camera(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a camera: lines `key = value`.
 
     Raises

@@ -24,7 +24,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.matrix_sense import as_ground_from_image
 from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import Reading
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
@@ -75,7 +75,7 @@ class Section:
         return " ".join(entry.words)
 
 
-def read_inpho(path: Path, reading: Reading, reporter: Reporter = SILENT) -> BlockParts:
+def read_inpho(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a project.
 
     Raises

@@ -1,41 +1,18 @@
 """What lists are recognised by, and what they carry: any list with a header, and those of IGN and Applanix."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
+from functools import partial
 
-from aatri.formats.parts.format import FileView, Format, Reading, Writing
-from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.lists.list_form import proposed
+from aatri.formats.lists.list_reader import read_list
+from aatri.formats.lists.list_writer import write_lists
+from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#lists"
 APPLANIX_UNITS = re.compile(r"^\s*\(position in .*orientation in", re.IGNORECASE | re.MULTILINE)
 
 
-def _reads(preset: str | None = None, *, observed: bool = False) -> Callable[[Path, Reading, Reporter], BlockParts]:
-    def read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-        from aatri.formats.lists.list_reader import read_list
-
-        return read_list(path, reading, reporter, preset=preset, observed=observed)
-
-    return read
-
-
-def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-    from aatri.formats.lists.list_writer import write_lists
-
-    write_lists(oriented, folder, writing, reporter)
-
-
 def _list(view: FileView) -> str:
-    from aatri.formats.lists.list_form import proposed
-
     form = proposed(view.lines) if not view.is_folder and view.lines else None
     return f"a header: {' '.join(form.columns.words)}" if form else ""
 
@@ -53,16 +30,16 @@ TABLE = Format(
     "table", "list with columns", _list, "a header with the columns of a list: image X Y Z omega phi kappa ...",
     carries=("positions", "attitudes", "start orientations", "control", "check points", "image points", "times",
              "standard deviations"),
-    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=_reads(), write=_write,
+    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=read_list, write=write_lists,
     written=("start orientations", "control", "check points", "image points", "standard deviations"),
 )  # fmt: skip
 IGN_OPK = Format(
     "ign_opk", "IGN orientations (.OPK)", _ign, "a header NOM X Y Z O P K CAMERA",
     carries=("start orientations", "positions", "attitudes"),
-    drops=("cameras", "frame", "standard deviations", "image points"), page=PAGE, read=_reads("ign"),
+    drops=("cameras", "frame", "standard deviations", "image points"), page=PAGE, read=partial(read_list, preset="ign"),
 )  # fmt: skip
 APPLANIX = Format(
     "applanix", "Applanix EO text", _applanix, "a line `(position in Meters, orientation in Degrees ...)`",
     carries=("positions", "attitudes", "times"), drops=("image points", "control", "cameras", "standard deviations"),
-    page=PAGE, read=_reads(observed=True),
+    page=PAGE, read=partial(read_list, observed=True),
 )  # fmt: skip

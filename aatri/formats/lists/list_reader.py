@@ -22,7 +22,7 @@ from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrie
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROTATION, ListColumns, columns_named
 from aatri.formats.lists.list_form import cells, form_of_columns, in_stated_units, proposed, stated_crs
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import Reading
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, places
 from aatri.frames.conversion import Frame
@@ -40,7 +40,12 @@ SHOWN = 3
 
 
 def read_list(
-    path: Path, reading: Reading, reporter: Reporter = SILENT, *, preset: str | None = None, observed: bool = False
+    path: Path,
+    reading: Reading = AS_IT_SAYS,
+    reporter: Reporter = SILENT,
+    *,
+    preset: str | None = None,
+    observed: bool = False,
 ) -> BlockParts:
     """Read a list.
 

@@ -1,29 +1,10 @@
 """What documents of Metashape are recognised by, and what they carry."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading, Writing
-from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.results.oriented_block import OrientedBlock
-
-
-def _read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-    from aatri.formats.metashape.reader import read_metashape
-
-    return read_metashape(path, reporter, allowed_px=reading.lens_misfit_px)
-
-
-def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-    from aatri.formats.metashape.writer import write_metashape
-
-    write_metashape(oriented, folder, writing, reporter)
+from aatri.formats.metashape.reader import read_metashape
+from aatri.formats.metashape.writer import write_metashape
+from aatri.formats.parts.format import FileView, Format
 
 
 def _recognised(view: FileView) -> str:
@@ -38,7 +19,7 @@ METASHAPE = Format(
     carries=("cameras", "distortion", "image points", "control", "check points", "positions", "start orientations",
              "standard deviations", "frame"),
     drops=("strips", "times", "film", "rigs", "covariances", "geodetic observations"),
-    page="docs/formats.md#metashape-and-photoscan", read=_read, write=_write,
+    page="docs/formats.md#metashape-and-photoscan", read=read_metashape, write=write_metashape,
     written=("cameras", "distortion", "control", "check points", "positions", "start orientations",
              "standard deviations", "frame"),
 )  # fmt: skip

@@ -19,14 +19,14 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.codes import CHECK, CONTROL
 from aatri.errors import InputError
-from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.sensors import Sensor, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import FileView
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
 from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_text import decoded_xml
@@ -48,7 +48,7 @@ class _Camera(NamedTuple):
     at: XmlElement
 
 
-def read_metashape(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a document.
 
     Raises
@@ -66,7 +66,7 @@ def read_metashape(path: Path, reporter: Reporter = SILENT, *, allowed_px: float
         [path],
         name=path.stem,
         pixel_axes=PIXEL_AXES["metashape"],
-        **camera_parts(lenses, reporter, allowed_px=allowed_px),
+        **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     if disabled:
         parts.notes.append(f"{len(disabled)} images are not enabled, and are left out: {shown(disabled)}")

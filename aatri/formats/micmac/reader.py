@@ -7,12 +7,13 @@ import numpy as np
 
 from aatri.codes import CONTROL
 from aatri.errors import InputError
-from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import ground_from_image
 from aatri.formats.micmac.mmvii import add_mmvii
 from aatri.formats.micmac.project import MicmacProject
 from aatri.formats.micmac.v1 import add_v1
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_tree import read_xml
@@ -25,7 +26,7 @@ MOST_LEVELS = 3
 """Folders within folders in which orientations and measurements of a project lie."""
 
 
-def read_micmac(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+def read_micmac(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a file or folder of MicMac.
 
     Parameters
@@ -33,9 +34,8 @@ def read_micmac(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = 
     path : Path
         A file; or a folder with the files; or a project, whose folders of orientations and of measured points are
         one each.
+    reading : Reading
     reporter : Reporter
-    allowed_px : float, px
-        Misfit that a distortion may have which is none of ours.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def read_micmac(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = 
         "micmac",
         files,
         name=path.resolve().stem,
-        **camera_parts(list(project.cameras.values()), reporter, allowed_px=allowed_px),
+        **camera_parts(list(project.cameras.values()), reporter, allowed_px=reading.lens_misfit_px),
     )
     if names:
         parts.images = {"id": names, "camera": [camera.get(name, "") for name in names]}

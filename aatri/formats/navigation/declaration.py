@@ -1,35 +1,16 @@
 """What lists of receivers are recognised by, and what they carry."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading
-from aatri.progress import Reporter
+from aatri.formats.navigation.mrk import read_mrk
+from aatri.formats.navigation.xmp import PHOTOGRAPHS, read_xmp
+from aatri.formats.parts.format import FileView, Format
 
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
-
-PHOTOGRAPHS = (".jpg", ".jpeg", ".xmp", ".tif", ".tiff", ".dng")
-"""Endings of files that have a packet; it is looked for by its content."""
 SOME = 5
 """So many photographs of a folder are looked at."""
 PAGE = "docs/formats.md#dji-mrk"
 _MRK = re.compile(r"\s*[0-9]+\s+[0-9.]+\s+\[[0-9]+\]\s.*,\s*Lat\s.*,\s*Lon\s.*,\s*Ellh\s.*,\s*Q\s*$")
-
-
-def _read_mrk(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-    from aatri.formats.navigation.mrk import read_mrk
-
-    return read_mrk(path, reading.crs, reporter)
-
-
-def _read_xmp(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.navigation.xmp import read_xmp
-
-    return read_xmp(path, reporter)
 
 
 def _xmp(view: FileView) -> str:
@@ -52,11 +33,11 @@ def _mrk(view: FileView) -> str:
 MRK = Format(
     "dji_mrk", "DJI MRK", _mrk, "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
     carries=("positions", "standard deviations", "frame"),
-    drops=("attitudes", "image points", "control", "cameras"), page=PAGE, read=_read_mrk,
+    drops=("attitudes", "image points", "control", "cameras"), page=PAGE, read=read_mrk,
 )  # fmt: skip
 XMP = Format(
     "dji_xmp", "DJI photographs (XMP)", _xmp, "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
     carries=("positions", "start orientations", "standard deviations", "frame"),
     drops=("image points", "control", "cameras", "distortion"), page="docs/formats.md#dji-xmp",
-    read=_read_xmp, files_of=_photographs,
+    read=read_xmp, files_of=_photographs,
 )  # fmt: skip

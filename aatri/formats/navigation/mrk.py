@@ -18,6 +18,7 @@ import numpy as np
 
 from aatri.codes import OBSERVED_VALUE
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.frames.conversion import Frame
 from aatri.ids import shown
@@ -30,7 +31,7 @@ KEYS = ("N", "E", "V", "Lat", "Lon", "Ellh", "Q")
 FIXED = 50
 
 
-def read_mrk(path: Path, crs: str | None = None, reporter: Reporter = SILENT) -> BlockParts:
+def read_mrk(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read positions.
 
     Raises
@@ -65,7 +66,7 @@ def read_mrk(path: Path, crs: str | None = None, reporter: Reporter = SILENT) ->
         "dji_mrk",
         [path],
         name=path.stem,
-        frame=Frame("mrk", ("longitude", "latitude", "height"), crs or GEOGRAPHIC),
+        frame=Frame("mrk", ("longitude", "latitude", "height"), reading.crs or GEOGRAPHIC),
         notes=notes,
         exterior={
             "image": names,

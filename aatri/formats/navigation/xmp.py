@@ -28,8 +28,8 @@ from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
 from aatri.formats.conventions.poses import ENU_FROM_NED
-from aatri.formats.navigation.declaration import PHOTOGRAPHS
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.xml_text import decoded_xml
 from aatri.formats.text.xml_tree import XmlElement, read_xml
@@ -39,6 +39,8 @@ from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 from aatri.regular_file import open_regular
 
+PHOTOGRAPHS = (".jpg", ".jpeg", ".xmp", ".tif", ".tiff", ".dng")
+"""Endings of files that have a packet; it is looked for by its content."""
 GEOGRAPHIC = Frame("wgs84", ("longitude", "latitude", "height"), "EPSG:4979")
 BODY_FROM_CAMERA = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """M: the camera (x right, y up, z back) in the gimbal (x forward, y right, z down)."""
@@ -50,7 +52,7 @@ SPACE = "drone-dji:"
 FIXED = 50
 
 
-def read_xmp(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a photograph, a sidecar file, or those of a folder.
 
     Raises

@@ -20,13 +20,14 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.poses import ground_from_image, is_rotation, position_of
 from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "the file is incomplete or no bundle file of version 0.3: export it again"
 
 
-def read_bundler(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_bundler(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a bundle file.
 
     Raises

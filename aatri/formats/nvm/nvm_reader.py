@@ -20,13 +20,14 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.poses import matrix_of_quaternion
 from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "the file is incomplete or no NVM_V3: export it again"
 
 
-def read_nvm(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a model.
 
     Raises

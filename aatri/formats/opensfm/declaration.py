@@ -1,59 +1,19 @@
 """What the files of OpenSfM and OpenDroneMap are recognised by, and what they carry."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from aatri.formats.parts.format import FileView, Format, Reading, Writing
-from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.opensfm.ground_control import read_ground_control
+from aatri.formats.opensfm.lists import read_gcp_list, read_geo
+from aatri.formats.opensfm.reconstruction import read_reconstruction
+from aatri.formats.opensfm.tracks import read_tracks
+from aatri.formats.opensfm.writer import write_opensfm
+from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#opensfm-and-opendronemap"
 _NUMBER = r"[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?"
 _CRS = re.compile(r"\s*(EPSG:[0-9]+|\+proj=.*|\+init=.*|WGS84(?:\s+UTM\s+[0-9]+\s*[NS])?)\s*$", re.IGNORECASE)
 _GCP_ROW = re.compile(rf"\s*(?:{_NUMBER}\s+){{5}}\S+")
 _GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
-
-
-def _read_reconstruction(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-    from aatri.formats.opensfm.reconstruction import read_reconstruction
-
-    return read_reconstruction(path, reporter, allowed_px=reading.lens_misfit_px)
-
-
-def _read_tracks(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.opensfm.tracks import read_tracks
-
-    return read_tracks(path, reporter)
-
-
-def _read_ground_control(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-    from aatri.formats.opensfm.ground_control import read_ground_control
-
-    return read_ground_control(path)
-
-
-def _read_gcp_list(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-    from aatri.formats.opensfm.lists import read_gcp_list
-
-    return read_gcp_list(path, reading.crs, reporter)
-
-
-def _read_geo(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
-    from aatri.formats.opensfm.lists import read_geo
-
-    return read_geo(path, reading.crs, reporter)
-
-
-def _write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-    from aatri.formats.opensfm.writer import write_opensfm
-
-    write_opensfm(oriented, folder, writing, reporter)
 
 
 def _reconstruction(view: FileView) -> str:
@@ -97,26 +57,26 @@ RECONSTRUCTION = Format(
     "opensfm", "OpenSfM reconstruction", _reconstruction, "a JSON list with `cameras` and `shots`",
     carries=("cameras", "distortion", "start orientations", "start values of points", "times", "frame"),
     drops=("image points", "control", "standard deviations", "strips", "rigs", "film"),
-    page=PAGE, read=_read_reconstruction, write=_write,
+    page=PAGE, read=read_reconstruction, write=write_opensfm,
     written=("cameras", "distortion", "image points", "control", "start orientations", "start values of points",
              "times", "frame"),
 )  # fmt: skip
 TRACKS = Format(
     "opensfm_tracks", "OpenSfM tracks.csv", _tracks, "a first line OPENSFM_TRACKS_VERSION",
-    carries=("image points",), drops=("cameras", "control", "start orientations"), page=PAGE, read=_read_tracks,
+    carries=("image points",), drops=("cameras", "control", "start orientations"), page=PAGE, read=read_tracks,
 )  # fmt: skip
 GROUND_CONTROL = Format(
     "opensfm_gcp", "OpenSfM ground_control_points.json", _ground_control, "JSON `points` with `observations`",
     carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
-    page=PAGE, read=_read_ground_control,
+    page=PAGE, read=read_ground_control,
 )  # fmt: skip
 GCP_LIST = Format(
     "odm_gcp", "OpenDroneMap gcp_list.txt", _gcp_list, "a coordinate system, then rows `x y z column row image`",
     carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
-    page=PAGE, read=_read_gcp_list,
+    page=PAGE, read=read_gcp_list,
 )  # fmt: skip
 GEO = Format(
     "odm_geo", "OpenDroneMap geo.txt", _geo, "a coordinate system, then rows `image x y ...`",
     carries=("positions", "attitudes", "standard deviations", "frame"), drops=("image points", "control"),
-    page=PAGE, read=_read_geo,
+    page=PAGE, read=read_geo,
 )  # fmt: skip

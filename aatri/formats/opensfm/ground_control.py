@@ -14,14 +14,16 @@ import numpy as np
 from aatri.codes import CONTROL, NO_ROLE
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.json_text import JsonText
 from aatri.frames.conversion import Frame
+from aatri.progress import SILENT, Reporter
 
 WANTED = "a ground_control_points.json of OpenSfM"
 WGS84 = Frame("wgs84", ("latitude", "longitude", "height"), "EPSG:4979")
 
 
-def read_ground_control(path: Path) -> BlockParts:
+def read_ground_control(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read ground control points.
 
     Raises

@@ -24,17 +24,18 @@ from aatri.errors import InputError
 from aatri.formats.conventions.poses import rotation_of_carrier
 from aatri.formats.opensfm.ground_control import control_parts
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.frames.conversion import Frame
 from aatri.frames.crs_text import crs_from
 from aatri.ids import clipped
-from aatri.progress import Reporter
+from aatri.progress import SILENT, Reporter
 
 NEAR_M, NEAR_DEG = 0.01, 1e-7
 """Points nearer to each other than this, and not equal, are told: one point with a mistyped digit?"""
 
 
-def read_gcp_list(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
+def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a list of control.
 
     Raises
@@ -42,7 +43,7 @@ def read_gcp_list(path: Path, crs: str | None, reporter: Reporter) -> BlockParts
     InputError
         If a line is not of this form.
     """
-    frame, rows = _lines(path, crs, reporter)
+    frame, rows = _lines(path, reading.crs, reporter)
     ids: dict[object, str] = {}
     ground, measured = [], []
     for row in rows:
@@ -84,7 +85,7 @@ def _tell_near(parts: BlockParts, path: Path, reporter: Reporter) -> None:
             reporter.warn(f"{path}:{parts.ground_points['line'][k]}: points {a} and {b} are at almost one place: one?")
 
 
-def read_geo(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
+def read_geo(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a list of positions.
 
     Raises
@@ -92,7 +93,7 @@ def read_geo(path: Path, crs: str | None, reporter: Reporter) -> BlockParts:
     InputError
         If a line is not of this form.
     """
-    frame, rows = _lines(path, crs, reporter)
+    frame, rows = _lines(path, reading.crs, reporter)
     n = len(rows)
     xyz, sigma, angles = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     for k, row in enumerate(rows):

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from aatri.codes import APPROXIMATE
-from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.opensfm.cameras import read_cameras
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import topocentric
 from aatri.formats.text.json_text import JsonText
 from aatri.frames.conversion import Frame
@@ -30,7 +31,7 @@ WANTED = "a reconstruction.json of OpenSfM"
 Y_UP = np.array([1.0, -1.0, -1.0])
 
 
-def read_reconstruction(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a reconstruction.
 
     Raises
@@ -50,7 +51,7 @@ def read_reconstruction(path: Path, reporter: Reporter = SILENT, *, allowed_px: 
         name=path.resolve().parent.name,
         frame=frame,
         pixel_axes=PIXEL_AXES["opensfm"],
-        **camera_parts(lenses, reporter, allowed_px=allowed_px),
+        **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     shots = _shots(document, number, [lens.id for lens in lenses])
     used = [True] * len(shots["id"])

@@ -15,10 +15,11 @@ import numpy as np
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped
-from aatri.progress import Reporter
+from aatri.progress import SILENT, Reporter
 
 WORDS = {0: 8, 1: 9, 2: 11}
 """Columns by version."""
@@ -26,7 +27,7 @@ WORDS = {0: 8, 1: 9, 2: 11}
 X, Y = 3, 4
 
 
-def read_tracks(path: Path, reporter: Reporter) -> BlockParts:
+def read_tracks(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read tracks.
 
     Raises

@@ -19,13 +19,13 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import InputError
-from aatri.formats.opf.declaration import PROJECT
 from aatri.formats.parts.block_parts import PLANE
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import Frame
 from aatri.ids import clipped, shown
 
+PROJECT = "application/opf-project+json"
 SPECIFICATION = "a project by the OPF specification 1.x"
 READ = ("camera-list", "input-cameras", "projected-input-cameras", "input-control-points", "projected-control-points",
         "calibrated-cameras", "scene-reference-frame", "sparse")  # fmt: skip

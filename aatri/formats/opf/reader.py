@@ -18,11 +18,12 @@ from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
-from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.opf.project import OpfProject, SceneFrame, frame_of
 from aatri.formats.opf.tracks import read_tracks
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.frames.conversion import Frame
@@ -44,7 +45,7 @@ class Located(NamedTuple):
     sigma_m: list[float]
 
 
-def read_opf(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a project.
 
     Raises
@@ -67,7 +68,7 @@ def read_opf(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MIS
         frame=scene.frame,
         notes=project.notes,
         pixel_axes=PIXEL_AXES["opf"],
-        **camera_parts(used, reporter, allowed_px=allowed_px),
+        **camera_parts(used, reporter, allowed_px=reading.lens_misfit_px),
         images={"id": [name_of[key] for key in sensor_of], "camera": [lenses[key].id for key in sensor_of.values()]},
     )
     projected = _projected(project, scene)

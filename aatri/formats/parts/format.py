@@ -1,7 +1,7 @@
 """The declaration of a format: what it is called, how it is recognised, what it carries, how it is read and written.
 
-A declaration is cheap to import: `read` and `write` import what they need when they are called. Recognition looks at
-the content alone, through a `FileView`, which reads the beginning of each file once.
+All readers are called alike, and so are all writers. Recognition looks at the content alone, through a `FileView`,
+which reads the beginning of each file once.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from aatri.formats.parts.block_parts import BlockParts
 from aatri.options import Options
 from aatri.progress import Reporter
 from aatri.regular_file import open_regular
 
 if TYPE_CHECKING:
-    from aatri.formats.parts.block_parts import BlockParts
     from aatri.formats.results.oriented_block import OrientedBlock
 
 HEAD_BYTES = 1 << 16
@@ -83,6 +83,16 @@ class FileView:
         return FileView(self.path / name)
 
 
+def all_files(view: FileView) -> list[Path]:
+    """The files of a folder, or the one file."""
+    return [view.path / name for name in view.names] if view.is_folder else [view.path]
+
+
+def begins(words: str) -> Callable[[FileView], str]:
+    """Recognises files that begin with some words."""
+    return lambda view: f"a first line {words}" if view.head.startswith(words) else ""
+
+
 TakenPart = Literal["cameras", "image points", "ground points", "positions", "attitudes"]
 """What may be taken of a source."""
 
@@ -120,6 +130,9 @@ class Reading(Options):
     use: Literal["observed", "approximate"] | None = Field(
         None, description="positions and attitudes are observations, or start values; null: as the format has it"
     )
+
+
+AS_IT_SAYS = Reading()
 
 
 class Writing(Options):

@@ -19,7 +19,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.matrix_sense import as_ground_from_image
 from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import Reading
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, places
 from aatri.progress import SILENT, Reporter
@@ -29,7 +29,7 @@ FIELDS = ((0, 2, 3, 4), (0, 1, 2, 3, 4), (0, 1, 2, 3))
 """Columns of 16 characters that the records have something in."""
 
 
-def read_patb(path: Path, reading: Reading, reporter: Reporter = SILENT) -> BlockParts:
+def read_patb(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read orientations.
 
     Raises

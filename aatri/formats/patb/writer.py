@@ -26,12 +26,7 @@ LONGEST = 9
 """Digits of a photo number: readers take it for a whole number of four bytes."""
 
 
-def write_patb(
-    oriented: OrientedBlock,
-    folder: Path,
-    writing: Writing = AS_USUAL,  # noqa: ARG001
-    reporter: Reporter = SILENT,
-) -> None:
+def write_patb(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT) -> None:
     """Write the oriented images as `orientations.ori`.
 
     Raises

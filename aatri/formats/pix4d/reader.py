@@ -18,9 +18,10 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError, raise_all
 from aatri.formats.conventions.lens import Lens
-from aatri.formats.conventions.lens_conversion import MISFIT_PX, camera_parts
+from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
@@ -35,7 +36,7 @@ MATRIX_DIGIT = 2e-6
 """Largest difference of matrices that are printed with six decimals, each rounded by half of the last."""
 
 
-def read_pix4d(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> BlockParts:
+def read_pix4d(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a folder of parameters, or its file of camera parameters.
 
     Raises
@@ -68,7 +69,7 @@ def read_pix4d(path: Path, reporter: Reporter = SILENT, *, allowed_px: float = M
         files,
         name=beside.rstrip("_") or file.parent.name,
         notes=notes,
-        **camera_parts(lenses, reporter, allowed_px=allowed_px),
+        **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
         images={"id": of_images, "camera": [names[k] for k in camera.ravel()], **places(heads, files)},
         exterior={
             "image": of_images,

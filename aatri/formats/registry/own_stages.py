@@ -1,19 +1,28 @@
 """Formats that have a variant of the role `block` of their own: how they are recognised, and read beside others."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
-from aatri.formats.parts.format import Content, FileView, Format, Reading, Writing
+from aatri.artifacts.block import Block
+from aatri.formats.bal.reader import read_bal
+from aatri.formats.bal.writer import write_bal_problem
+from aatri.formats.colmap.reader import read_colmap
+from aatri.formats.colmap.writer import write_colmap_model
+from aatri.formats.dbat.reader import read_dbat
+from aatri.formats.gama.reader import read_gama
+from aatri.formats.pairs.reader import read_pairs
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import Content, FileView, Format, Reading, Writing, all_files
+from aatri.formats.parts.of_block import parts_of
+from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.tables.reader import read_block
+from aatri.formats.tables.writer import write_block
+from aatri.formats.wucaps.reader import read_wucaps
+from aatri.formats.wucaps.writer import write_oriented
 from aatri.progress import Reporter
-
-if TYPE_CHECKING:
-    from aatri.artifacts.block import Block
-    from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.results.oriented_block import OrientedBlock
 
 _NUMBER = r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
 _BAL_HEAD = re.compile(r"\s*[0-9]+\s+[0-9]+\s+[0-9]+\s*$")
@@ -31,70 +40,13 @@ OF_MODELS: tuple[Content, ...] = (
 _COLMAP = ("cameras", "images", "points3D")
 
 
-def _reads(name: str) -> Callable[[Path, Reading, Reporter], BlockParts]:
+def _reads(name: str, read_block: Callable[..., Block]) -> Callable[[Path, Reading, Reporter], BlockParts]:
     """A reader of a Block as a reader of parts."""
-
-    def read(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:  # noqa: ARG001
-        from aatri.formats.parts.of_block import parts_of
-
-        return parts_of(_block(name, path, reporter), name)
-
-    return read
+    return lambda path, _, reporter: parts_of(read_block(path, reporter=reporter), name)
 
 
-def _block(name: str, path: Path, reporter: Reporter) -> Block:
-    if name == "tables":
-        from aatri.formats.tables.reader import read_block
-
-        return read_block(path, reporter)
-    if name == "wucaps":
-        from aatri.formats.wucaps.reader import read_wucaps
-
-        return read_wucaps(path, image_sigma_mm=0.01, reporter=reporter)
-    if name == "dbat":
-        from aatri.formats.dbat.reader import read_dbat
-
-        return read_dbat(path, None, reporter=reporter)
-    if name == "bal":
-        from aatri.formats.bal.reader import read_bal
-
-        return read_bal(path, reporter=reporter)
-    if name == "colmap":
-        from aatri.formats.colmap.reader import read_colmap
-
-        return read_colmap(path, reporter=reporter)
-    if name == "pairs":
-        from aatri.formats.pairs.reader import read_pairs
-
-        return read_pairs(path, unit_um=1000.0, image_sigma_um=10.0, reporter=reporter)
-    from aatri.formats.gama.reader import read_gama
-
-    return read_gama(path, reporter)
-
-
-def _writes(name: str) -> Callable[[OrientedBlock, Path, Writing, Reporter], None]:
-    """The writer of a format."""
-
-    def write(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-        if name == "tables":
-            from aatri.formats.tables.writer import write_block
-
-            write_block(oriented.block, folder)
-        elif name == "wucaps":
-            from aatri.formats.wucaps.writer import write_wucaps
-            from aatri.notes import tell
-
-            tell(write_wucaps(oriented.block, folder, oriented.image_points, oriented.solution), reporter)
-        elif name == "bal":
-            from aatri.formats.bal.writer import write_bal_problem
-
-            write_bal_problem(oriented, folder, writing, reporter)
-        else:
-            from aatri.formats.colmap.writer import write_colmap_model
-
-            write_colmap_model(oriented, folder, writing, reporter)
-
-    return write
+def _write_tables(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    write_block(oriented.block, folder)
 
 
 def _tables(view: FileView) -> str:
@@ -141,54 +93,59 @@ def _pairs(view: FileView) -> str:
     return f"{len(names)} files *.dat of point pairs"
 
 
-def _all_files(view: FileView) -> Sequence[Path]:
-    return [view.path / name for name in view.names]
-
-
-def _format(name: str, title: str, recognise: Callable[[FileView], str], looked_for: str, **more: Any) -> Format:
-    return Format(name, title, recognise, looked_for, stage=f"block/{name}", read=_reads(name), **more)
+def _format(
+    name: str,
+    title: str,
+    recognise: Callable[[FileView], str],
+    looked_for: str,
+    read_block: Callable[..., Block],
+    **more: Any,
+) -> Format:
+    read = _reads(name, read_block)
+    return Format(name, title, recognise, looked_for, stage=f"block/{name}", read=read, **more)
 
 
 TABLES = _format(
-    "tables", "block folder of aatri", _tables, "a folder with block.yaml",
+    "tables", "block folder of aatri", _tables, "a folder with block.yaml", read_block,
     carries=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "attitudes", "start orientations", "strips", "times", "frame", "standard deviations", "covariances",
              "rigs", "film", "geodetic observations"),
-    page="docs/formats.md#the-block-folder", files_of=_all_files, write=_writes("tables"), written=get_args(Content),
+    page="docs/formats.md#the-block-folder", files_of=all_files, write=_write_tables, written=get_args(Content),
 )  # fmt: skip
 WUCAPS = _format(
-    "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
+    "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI", read_wucaps,
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
     drops=("distortion", "standard deviations", "positions", "attitudes", "frame"),
-    page="docs/formats.md#wucaps-files", files_of=_all_files, write=_writes("wucaps"),
+    page="docs/formats.md#wucaps-files", files_of=all_files, write=write_oriented,
     written=("cameras", "image points", "control", "check points", "strips", "film"),
 )  # fmt: skip
 DBAT = _format(
-    "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler",
+    "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read_dbat,
     carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
              "standard deviations"),
     drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",
 )  # fmt: skip
 BAL = _format(
-    "bal", "Bundle Adjustment in the Large", _bal, "three numbers, then rows `camera point x y`",
+    "bal", "Bundle Adjustment in the Large", _bal, "three numbers, then rows `camera point x y`", read_bal,
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#bundle-adjustment-in-the-large", write=_writes("bal"), written=OF_MODELS,
+    page="docs/formats.md#bundle-adjustment-in-the-large", write=write_bal_problem, written=OF_MODELS,
 )  # fmt: skip
 COLMAP = _format(
-    "colmap", "COLMAP sparse model", _colmap, "a folder with cameras, images, points3D (.txt or .bin)",
+    "colmap", "COLMAP sparse model", _colmap, "a folder with cameras, images, points3D (.txt or .bin)", read_colmap,
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#colmap-models", files_of=_all_files, write=_writes("colmap"), written=OF_MODELS,
+    page="docs/formats.md#colmap-models", files_of=all_files, write=write_colmap_model, written=OF_MODELS,
 )  # fmt: skip
 PAIRS = _format(
     "pairs", "pair files of models", _pairs, "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",
+    partial(read_pairs, unit_um=1000.0, image_sigma_um=10.0),
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
     drops=("distortion", "positions", "attitudes", "frame", "standard deviations"), page="docs/formats.md#pair-files",
-    files_of=_all_files,
+    files_of=all_files,
 )  # fmt: skip
 GAMA = _format(
-    "gama", "GNU Gama network", _gama, "XML with <gama-local>",
+    "gama", "GNU Gama network", _gama, "XML with <gama-local>", read_gama,
     carries=("control", "start values of points", "geodetic observations", "standard deviations", "covariances"),
     drops=("cameras", "image points", "positions", "attitudes"), page="docs/formats.md#gnu-gama-networks",
 )  # fmt: skip

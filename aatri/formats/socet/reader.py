@@ -30,6 +30,7 @@ from aatri.codes import APPROXIMATE, CHECK, CONTROL
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import PLANE, BlockParts
+from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.frames.conversion import Frame
 from aatri.progress import SILENT, Reporter
@@ -99,14 +100,14 @@ def read_points(
     return header, points
 
 
-def read_gpf(path: Path, crs: str | None = None, reporter: Reporter = SILENT) -> BlockParts:
+def read_gpf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read ground points.
 
     Parameters
     ----------
     path : Path
-    crs : str, optional
-        Coordinate system of the points, where the file does not say it.
+    reading : Reading
+        Its `crs` is the coordinate system of the points, where the file does not say it.
     reporter : Reporter
 
     Raises
@@ -135,7 +136,7 @@ def read_gpf(path: Path, crs: str | None = None, reporter: Reporter = SILENT) ->
         "socet_gpf",
         [path],
         name=path.stem,
-        frame=_geographic(header, crs, path) if degrees or radians else PLANE,
+        frame=_geographic(header, reading.crs, path) if degrees or radians else PLANE,
         notes=[f"{len(points) - len(used)} points are not used"] if len(used) < len(points) else [],
         ground_points={
             "point": [point.id for point in used],
@@ -147,7 +148,7 @@ def read_gpf(path: Path, crs: str | None = None, reporter: Reporter = SILENT) ->
     )
 
 
-def read_ipf(path: Path, reporter: Reporter = SILENT) -> BlockParts:
+def read_ipf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read image points; the image is called as the file.
 
     Raises

@@ -17,18 +17,26 @@ from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, InputError, ResourceError, raise_all
+from aatri.formats.parts.format import Writing
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.wucaps.ends import END
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
 from aatri.formats.wucaps.observations import observation_lines
 from aatri.formats.wucaps.result_files import result_lines
 from aatri.ids import shown
-from aatri.notes import Note
+from aatri.notes import Note, tell
+from aatri.progress import Reporter
 
 ROLES = ((CONTROL,) * 3, (CONTROL, CONTROL, NO_ROLE), (NO_ROLE, NO_ROLE, CONTROL), (CHECK,) * 3)
 """East, north, up of full, plan-only and height-only control points, and of check points, in the order of PRECPI."""
 
 SCALE_UNKNOWN = 0
 _LAST = "-99 0 0"
+
+
+def write_oriented(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
+    """Write an oriented block, its solution in files beside; what the files do not hold is told."""
+    tell(write_wucaps(oriented.block, folder, oriented.image_points, oriented.solution), reporter)
 
 
 def write_wucaps(

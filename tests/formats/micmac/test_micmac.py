@@ -11,6 +11,7 @@ import pytest
 from aatri.errors import AatriError, InputError
 from aatri.formats.micmac.reader import read_micmac, read_project
 from aatri.formats.parts.assembled import assembled
+from aatri.formats.parts.format import Reading
 from tests.formats.lens_projection import misfit_px
 
 GROUND = "Saisies-MMV1/Ground-Pts3D.xml"
@@ -44,7 +45,7 @@ def test_the_ten_pairs_of_each_file_are_projected_within_a_thousandth(
     path = orientations(samples, tmp_path, folder)
     project = read_project(path)
     assert len(project.images) == images
-    block = assembled([read_micmac(path, allowed_px=0.1)])
+    block = assembled([read_micmac(path, Reading(lens_misfit_px=0.1))])
     for image in project.images:
         assert len(image.pairs) == 10
         lens = project.cameras[image.camera]

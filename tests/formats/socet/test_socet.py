@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import AatriError
+from aatri.formats.parts.format import Reading
 from aatri.formats.socet.reader import read_gpf, read_ipf, read_points
 
 GPF = """GROUND POINT FILE
@@ -81,11 +82,15 @@ def test_points_equal_the_table_that_came_with_them(
 
 def test_every_sample_is_read(samples: Path) -> None:
     for path in sorted(samples.glob("*.gpf")):
-        assert len(read_gpf(path, "EPSG:4979").ground_points["point"]) > 0
+        assert len(read_gpf(path, Reading(crs="EPSG:4979")).ground_points["point"]) > 0
     for path in sorted(samples.glob("*.ipf")):
         if path.name != "GXP_example_ipf.ipf":  # all its points are invalid
             assert len(read_ipf(path).image_points["point"]) > 0
-    assert read_gpf(samples / "InSightE08_string_id.gpf", "EPSG:4979").ground_points["point"] == ["1", "02", "3"]
+    assert read_gpf(samples / "InSightE08_string_id.gpf", Reading(crs="EPSG:4979")).ground_points["point"] == [
+        "1",
+        "02",
+        "3",
+    ]
 
 
 def test_units_order_and_roles(tmp_path: Path) -> None:
@@ -95,7 +100,7 @@ def test_units_order_and_roles(tmp_path: Path) -> None:
     assert parts.image_points["xy"] == [[-2318.25, -4058.5]]
     assert parts.image_points["sigma_px"].tolist() == [[0.25, 0.5]]
     assert parts.notes == ["1 points are not valid"]
-    ground = read_gpf(written(tmp_path, GPF), "EPSG:4979").ground_points
+    ground = read_gpf(written(tmp_path, GPF), Reading(crs="EPSG:4979")).ground_points
     np.testing.assert_allclose(ground["xyz_m"][0], [math.degrees(2.38), math.degrees(0.085), -2697.5], rtol=1e-15)
     assert ground["role"].tolist() == [[3, 3, 1], [3, 3, 3]]
     np.testing.assert_array_equal(ground["sigma_m"], [[0.0, 0.0, 1.7], [0.0, 0.0, 0.0]])
