@@ -39,14 +39,14 @@ def precision(component: ImageComponent, rays: ImagePointRows) -> float:
     rows = np.flatnonzero(component.kept)
     away = component.xyz[rays.point[rows]] - component.poses.position_m[rays.image[rows]]
     per_mm = np.linalg.norm(away, axis=1) / rays.c_mm[rows]
-    return PRECISION * max(component.spread, 0.1) * float(np.median(per_mm * rays.sigma_mm[rows].mean(axis=1)))
+    return PRECISION * component.ray_spread * float(np.median(per_mm * rays.sigma_mm[rows].mean(axis=1)))
 
 
 def angle_precision(component: ImageComponent, rays: ImagePointRows) -> float:
     """Standard deviation of the rotations of a component, rad: that of a ray."""
     rows = np.flatnonzero(component.kept)
     angle = float(np.median(rays.sigma_mm[rows].mean(axis=1) / rays.c_mm[rows]))
-    return PRECISION * max(component.spread, 0.1) * angle
+    return PRECISION * component.ray_spread * angle
 
 
 def observed_by_neighbours(

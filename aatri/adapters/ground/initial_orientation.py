@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from aatri.adapters.ground.component_bodies import body_of, moved, observed_by_neighbours, precision
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
@@ -31,9 +33,11 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import KIND as POSITION
+from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
+from aatri.orientation.graph.on_ground import fits_bent
 
 OPEN = 1e-8
 """The same below which a motion is held where the datum is free."""
@@ -171,7 +175,7 @@ def _oriented(
         turned = [] if notes else attitude_notes(ground, body, found.ground_from_body, what)
         return [*height_notes(ground.block, found, what), *turned]
 
-    if notes or found.tied.tau_m == 0:
+    if notes or found.tied.tau_m == 0 or _fits_bent(ground.block, part(found).component, found, rays):
         return part(found), [*notes, *told(found)]
     for kind, others in _without_one(found.tied.problem.ground):
         try:
@@ -184,6 +188,16 @@ def _oriented(
             note = contradiction_note(ground.block, left, alone.state, kind, what)
             return part(alone, left), [note, *told(alone)]
     return part(found), [*deformation_notes(found, precision(component, rays), what), *told(found)]
+
+
+def _fits_bent(block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows) -> bool:
+    """Whether all that the orientation used fits a component that is not rigid."""
+    problem, state = oriented.tied.problem, oriented.state
+    used = np.split(oriented.tied.active, problem.edges[1:-1])[len(problem.ties) :]
+    observed = [o.without(~active) for o, active in zip(problem.ground, used)]
+    observed += [o for o in problem.priors if BODY not in dict(o.records.touches)]
+    observed = [replace(o, start={name: state[name] for name in o.start}) for o in observed]
+    return fits_bent(component, rays, observed, block.images.id, block.points.id)
 
 
 def _without_one(observed: Sequence[Observed]) -> Iterator[tuple[str, Chosen]]:

@@ -41,6 +41,8 @@ LEAST_REDUNDANCY = 0.1
 LEAST_SHARE = 0.4
 """Images of which a smaller share of the points fits in the end are not oriented."""
 
+LEAST_SPREAD = 0.1
+
 ITERATIONS = 60
 
 TOLERANCE, FINALLY = 1.0, 0.1
@@ -73,6 +75,11 @@ class ImageComponent:
     def images(self) -> Bool:
         """Which images are in it."""
         return finite_rows(self.poses.position_m)
+
+    @property
+    def ray_spread(self) -> float:
+        """Standard deviation of its rays over the one a priori; that of rays which fit exactly is no zero."""
+        return max(self.spread, LEAST_SPREAD)
 
 
 def adjusted_component(

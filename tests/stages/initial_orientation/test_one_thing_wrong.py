@@ -183,3 +183,25 @@ def test_pairs_of_six_points_at_the_standard_positions_are_oriented_where_asked_
     done = bundle(block, points, found)
     assert done.sigma0 < 1.5
     assert not (done.suspects.verdict == "rejected").any()  # nothing is wrong
+
+
+def bending(seed: int) -> Block:
+    """Three long strips, held by four exact control points, with positions."""
+    flight, known = {"strips": 3, "images_per_strip": 8}, {"layout": [], "full": 4}
+    more = {"ties": {"per_position": 4}, "gnss": {"observed": True}}
+    return without_strips(simulated(seed, preset="sample", flight=flight, known=known, **more))
+
+
+@pytest.mark.parametrize("seed", [37, 39])
+def test_positions_that_fit_a_bent_block_are_not_left_out(seed: int) -> None:
+    told = Told()
+    found = initial_of(bending(seed), told)
+    assert not told.warnings
+    assert not (found.suspects.kind == "position").any()
+
+
+def test_positions_shifted_by_more_than_a_block_bends_are_left_out() -> None:
+    block, told = bending(37), Told()
+    e = block.exterior
+    initial_of(replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, 8.0]))), told)
+    assert any("observed positions (24) contradict all else" in text for text in told.warnings)

@@ -1,0 +1,56 @@
+"""Whether a component fits what is observed of the ground as well as its rays let it: it bends.
+
+A similarity takes a component for rigid. Its rays hold it so but nearby: a strip bends and twists with its length, and
+a few control points that a similarity fits say nothing of the rest of it. The adjustment of all its rays together with
+what is observed of the ground has this bend in it. With v'P v = W and redundancy r of that adjustment, W0 and r0 of the
+rays alone, without a datum, and s0 their standard deviation over the one a priori,
+
+    (W - W0) / s0^2  ~  chi^2(r - r0)
+
+where nothing contradicts them.
+
+Source: Koch, Parameter Estimation and Hypothesis Testing, 4.2 (the increase of W by further observations).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.global_test import LEVEL, sigma0_interval
+from aatri.adjustment.unknowns import Ids
+from aatri.errors import AatriError
+from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.observed import Observed, named
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.settings import BundleSettings
+from aatri.orientation.graph.component import ImageComponent
+
+
+def fits_bent(
+    component: ImageComponent, rays: ImagePointRows, observed: Sequence[Observed], image_ids: Ids, point_ids: Ids
+) -> bool:
+    """Whether what is observed of the ground fits a component that bends as its rays let it.
+
+    Parameters
+    ----------
+    component : ImageComponent
+        On the ground, reduced to the origin.
+    rays : ImagePointRows
+    observed : sequence of Observed
+        Of the ground, with the priors of their own unknowns.
+    image_ids, point_ids : (n,) str
+    """
+    images, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
+    as_seen = replace(rays, active=component.kept, sigma_mm=component.ray_spread * rays.sigma_mm)
+    of_rays = observed_image_points(as_seen, (), named(image=images[rays.image], point=points[rays.point]))
+    alone = BundleInput(image_ids, point_ids, of_rays, component.poses, component.xyz, np.zeros(3), as_seen)
+    try:
+        free = adjust_bundle(alone, BundleSettings("minimal", covariances=False)).adjusted
+        held = adjust_bundle(replace(alone, observed=(*of_rays, *observed)), BundleSettings(covariances=False)).adjusted
+    except AatriError:
+        return False  # so far off that no adjustment reaches it
+    further = held.redundancy - free.redundancy
+    s2 = free.cost / free.redundancy if free.redundancy else 1.0
+    return further < 1 or (held.cost - free.cost) / further <= s2 * sigma0_interval(further, LEVEL)[1] ** 2
