@@ -149,7 +149,7 @@ def _sensor(number: int, lens: Lens) -> dict[str, Any]:
         "id": number,
         "name": lens.id,
         "bands": [{"name": "Gray", "weight": 1.0}],
-        "image_size_px": list(lens.size_px),
+        "image_size_px": [round(size) for size in lens.size_px],
         "pixel_size_um": lens.pixel_mm * 1e3,
         "internals": _internals(lens),
         "shutter_type": "global",

@@ -2,9 +2,11 @@
 
 import json
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from aatri.formats.opf.writer import ITEMS, write_opf
@@ -78,3 +80,24 @@ def test_the_validator_finds_what_is_wrong(shared_data: Path) -> None:
     told = " ".join(faults(wrong, schema, schema, schemas))
     for part in ("'x' is not", "lacks is_checkpoint", "1 is no string", "-1 is below 0", "1 items", "'1' is no number"):
         assert part in told
+
+
+def test_pyopf_opens_every_document(tmp_path: Path) -> None:
+    io = pytest.importorskip("pyopf.io", reason="pyopf is not installed")
+    resolve = pytest.importorskip("pyopf.resolve")
+    block = made_block(FULL, UTM)
+    write_opf(OrientedBlock(block), tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of a document that it cannot decode it only warns
+        project = resolve.resolve(io.load(str(tmp_path / "project.opf")))
+    (sensor,) = project.input_cameras.sensors
+    assert sensor.image_size_px.tolist() == [4000, 3000]
+    assert sensor.internals.focal_length_px == pytest.approx(3500.0)
+    assert len(project.camera_list.cameras) == len(project.input_cameras.captures) == len(block.images)
+    gcps = {gcp.id: gcp for gcp in project.input_control_points.gcps}
+    assert gcps["P0"].geolocation.coordinates.tolist() == pytest.approx(block.ground_points.xyz_m[0])
+    assert [gcp for gcp in gcps if gcps[gcp].is_checkpoint] == ["P5", "P6"]
+    cameras = project.calibration.calibrated_cameras.cameras
+    shift = project.scene_reference_frame.base_to_canonical.shift
+    positions = [camera.position - shift for camera in cameras]
+    assert np.ravel(positions) == pytest.approx(np.ravel(block.exterior.position_m))
