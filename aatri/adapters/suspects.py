@@ -73,7 +73,7 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
             continue
         error, test = _errors(adjusted, done.result.adjusted.state, rows)
         made = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
-        restated = _restated(_rejected_now(restated, earlier[rejected[earlier]], made), earlier, made)
+        restated = _restated(_with_verdicts(restated, earlier[rejected[earlier]], made), earlier, made)
         parts.append(made.take([key not in before for key in keys_of(o, rows)]))
     if options is not None and options.method == "robust":
         parts += _beyond_the_limit(done.result, options)
@@ -96,13 +96,15 @@ def _errors(adjusted: AdjustedObservations, state: State, rows: Int) -> tuple[Fl
     return error, tests_of(adjusted, state)[rows]
 
 
-def _rejected_now(suspects: Suspects, out: Int, made: Suspects) -> Suspects:
-    """Suspects that an earlier stage kept, and that are out now, with the verdict of this adjustment."""
-    verdict = dict(zip(made.row.tolist(), made.verdict.tolist()))
-    new = suspects.verdict.astype(np.result_type(suspects.verdict, made.verdict))
-    for k in out[~staying_out(suspects)[out]].tolist():
-        new[k] = verdict[int(suspects.row[k])]
-    return replace(suspects, verdict=new)
+def _with_verdicts(suspects: Suspects, out: Int, made: Suspects) -> Suspects:
+    """Suspects of earlier stages that are out now, with the verdict of this adjustment, unless it tells nothing."""
+    at = {int(row): k for k, row in enumerate(made.row.tolist())}
+    verdict = suspects.verdict.astype(np.result_type(suspects.verdict, made.verdict))
+    for k in out.tolist():
+        of = at[int(suspects.row[k])]
+        if np.isfinite(made.test[of]) or made.verdict[of] != "rejected" or not staying_out(suspects)[k]:
+            verdict[k] = made.verdict[of]
+    return replace(suspects, verdict=verdict)
 
 
 def _restated(suspects: Suspects, earlier: Int, made: Suspects) -> Suspects:

@@ -235,7 +235,7 @@ def main() -> None:
     parser.add_argument("--blocks", nargs="+", choices=BLOCKS, default=["film", "uav"])
     chosen = parser.parse_args()
     failed, ratios = 0, defaultdict[tuple[str, str], list[float]](list)
-    precisions = defaultdict[tuple[str, str], list[float]](list)
+    precisions, blamed = (defaultdict[tuple[str, str], list[float]](list) for _ in range(2))
     for seed in range(chosen.first, chosen.first + chosen.count):
         for kind in chosen.blocks:
             for name, figures, bad in outcomes(seed, chosen.only, kind):
@@ -244,6 +244,7 @@ def main() -> None:
                 sys.stdout.write(f"seed {seed}, {kind}, {name}: {text}{not_good}\n")
                 ratios[kind, name].append(figures["rmse"])
                 precisions[kind, name].append(figures["precision"])
+                blamed[kind, name].append(figures["blamed"])
                 sys.stdout.flush()
                 failed += bool(bad)
     for (kind, name), values in ratios.items():
@@ -253,7 +254,8 @@ def main() -> None:
         bad = [
             text for text, is_bad in ((f"beyond {most}", ratio > most), (f"below {least}", precision < least)) if is_bad
         ]
-        sys.stdout.write(f"{kind}, {name}: rmse {ratio:.3f}, precision {precision:.3f}")
+        of_blamed = float(np.mean(blamed[kind, name]))
+        sys.stdout.write(f"{kind}, {name}: rmse {ratio:.3f}, precision {precision:.3f}, of blamed {of_blamed:.3f}")
         sys.stdout.write(f"  NOT GOOD: {', '.join(bad)}\n" if bad else "\n")
         failed += bool(bad)
     sys.exit(1 if failed else 0)

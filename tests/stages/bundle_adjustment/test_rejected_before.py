@@ -96,3 +96,25 @@ def test_right_rays_come_back_to_a_point_that_was_left_with_a_wrong_one(tmp_path
     used = found.residuals.row[rows_of(found, "image_point")]
     assert np.isin(rows, used).tolist() == [False, *[True] * (len(rows) - 1)]
     assert_is_the_block(found, OF)
+
+
+def test_of_two_rays_that_an_earlier_stage_rejected_neither_is_blamed(tmp_path: Path) -> None:
+    """One of the two is wrong, and nothing tells which: the bundle says so, whatever was said before."""
+    rows = np.flatnonzero(OF.point == 14)
+    keep = ~np.isin(np.arange(len(OF.point)), rows[2:])
+    of = replace(OF, image=OF.image[keep], point=OF.point[keep], xy_mm=OF.xy_mm[keep].copy())
+    rows = np.flatnonzero(of.point == 14)
+    measured = of.xy_mm.copy()
+    measured[rows[0]] += [0.7, 0.7]
+    block, points = read(tmp_path, of, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    found = bundle(block, points, start(OF, block, suspected("image_point", rows.tolist())))
+    assert found.suspects.verdict.tolist() == ["undecidable", "undecidable"]
+
+
+def test_two_of_an_image_that_an_earlier_stage_rejected_have_exchanged_numbers(tmp_path: Path) -> None:
+    rows = np.flatnonzero((OF.image == 1) & (np.bincount(OF.point)[OF.point] > 3))[[0, -1]]
+    measured = OF.xy_mm.copy()
+    measured[rows] = measured[rows[::-1]]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    found = bundle(block, points, start(OF, block, suspected("image_point", rows.tolist())))
+    assert found.suspects.verdict.tolist() == ["swapped", "swapped"]
