@@ -15,27 +15,18 @@ from aatri.observations.observed import Observed
 
 @dataclass(frozen=True)
 class AdjustedObservations:
-    """Observations of one kind after the adjustment.
-
-    Attributes
-    ----------
-    observed : Observed
-    rows : (k,) int
-        Rows that take part: used, or rejected and predicted.
-    used : (n,) bool
-        Of all rows: they determine the result.
-    covariance : (n, m, m) float64
-        Covariance of the adjusted (rejected: predicted) values over the a-priori standard deviations: I minus it is the
-        cofactor of the whitened residuals (I plus it that of the prediction error); NaN unknown.
-    weighted : Records, optional
-        The records with the weights of the adjustment, where they are not those a priori: whitened by these.
-    """
+    """Observations of one kind after the adjustment."""
 
     observed: Observed
     rows: Int
+    """(k,). Rows that take part: used, or rejected and predicted."""
     used: Bool
+    """(n,). Of all rows: they determine the result."""
     covariance: Float
+    """(n, m, m). Covariance of the adjusted (rejected: predicted) values over the a-priori standard deviations: I minus
+    it is the cofactor of the whitened residuals (I plus it that of the prediction error); NaN unknown."""
     weighted: Records | None = None
+    """The records with the weights of the adjustment, where they are not those a priori: whitened by these."""
 
     @property
     def records(self) -> Records:

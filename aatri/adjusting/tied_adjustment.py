@@ -32,69 +32,48 @@ SIMILARITY = 7
 
 @dataclass(frozen=True)
 class TiedResult:
-    """Result of a tied adjustment; all observations are the ties, then what is observed of the ground, kind by kind.
-
-    Attributes
-    ----------
-    problem : TiedProblem
-    observations : tuple of AdjustedObservations
-        Kind by kind.
-    state : State
-        All unknowns.
-    covariances : dict of str to (n, k, k) float64
-        Of their groups, a priori; zero where held, NaN where they take no part.
-    xyz_m : (n_points, 3) float64, m
-        Adjusted ground points; NaN where no body holds the point.
-    mean_m, mean_covariance_m2 : (n_points, 3), (n_points, 3, 3) float64, m, m^2
-        Weighted means over the bodies, what is observed of the ground not counted, and their covariances with the
-        unknowns of the bodies held; tau is in them.
-    residuals : (n, 3) float64
-        Adjusted minus observed; NaN where not observed. For rejected observations that of a predicted value.
-    active : (n,) bool
-    size : (n, 3) float64
-        Estimated gross error of each observation.
-    test : (n,) float64
-        Test statistic; NaN where it cannot be tested.
-    above : (n,) bool
-        Used, though the test is above the limit: too many of the same body or kind are rejected already.
-    tau_m : float, m
-        What had to be added to the standard deviation of the bodies' points.
-    counts : (int, int)
-        Observations, coordinate by coordinate, and unknowns, with the ground points.
-    sigma0 : float
-        Ratio to the a priori standard deviations, tau not counted; NaN without redundancy.
-    weighted_sigma0 : float
-        The same with tau counted: near 1 where tau had to be added.
-    ground_sigma0, ground_redundancy : float
-        That of what is observed of the ground alone, and the sum of its redundancy numbers.
-    iterations : int
-    settled : bool
-        False if the search for gross errors was broken off.
-    uncontrolled : (k,) int64, (k,) float64, (k, 3) float64
-        Active observations that others at their point should control, and do not: rows, redundancy number, direction.
-    """
+    """Result of a tied adjustment; all observations are the ties, then what is observed of the ground, kind by kind."""
 
     problem: TiedProblem
     observations: tuple[AdjustedObservations, ...]
+    """Kind by kind."""
     state: State
+    """All unknowns."""
     covariances: dict[str, Float]
+    """Dict of str to (n, k, k). Of their groups, a priori; zero where held, NaN where they take no part."""
     xyz_m: Float
+    """(n_points, 3), m. Adjusted ground points; NaN where no body holds the point."""
     mean_m: Float
     mean_covariance_m2: Float
+    """(n_points, 3), (n_points, 3, 3), m, m^2. Weighted means over the bodies, what is observed of the ground not
+    counted, and their covariances with the unknowns of the bodies held; tau is in them."""
     residuals: Float
+    """(n, 3). Adjusted minus observed; NaN where not observed. For rejected observations that of a predicted value."""
     active: Bool
+    """(n,)."""
     size: Float
+    """(n, 3). Estimated gross error of each observation."""
     test: Float
+    """(n,). Test statistic; NaN where it cannot be tested."""
     above: Bool
+    """(n,). Used, though the test is above the limit: too many of the same body or kind are rejected already."""
     tau_m: float
+    """What had to be added to the standard deviation of the bodies' points."""
     counts: tuple[int, int]
+    """(int, int). Observations, coordinate by coordinate, and unknowns, with the ground points."""
     sigma0: float
+    """Ratio to the a priori standard deviations, tau not counted; NaN without redundancy."""
     weighted_sigma0: float
+    """The same with tau counted: near 1 where tau had to be added."""
     ground_sigma0: float
     ground_redundancy: float
+    """That of what is observed of the ground alone, and the sum of its redundancy numbers."""
     iterations: int
     settled: bool
+    """False if the search for gross errors was broken off."""
     uncontrolled: tuple[Int, Float, Float]
+    """(k,) int64, (k,), (k, 3). Active observations that others at their point should control, and do not: rows,
+    redundancy number, direction."""
 
     @property
     def redundancy(self) -> int:

@@ -21,27 +21,17 @@ from aatri.observations.ties import BODY
 
 @dataclass(frozen=True)
 class TiedProblem:
-    """Ties and what is observed of the ground, with their unknowns.
-
-    Attributes
-    ----------
-    ties : tuple of Observed
-    ground : tuple of Observed
-        Of ground points, of images, and of the bodies themselves.
-    priors : tuple of Observed
-        Of the bodies' unknowns: they are not tested.
-    unknowns : tuple of Unknowns
-    start : State
-    what : str
-        For messages.
-    """
+    """Ties and what is observed of the ground, with their unknowns."""
 
     ties: tuple[Observed, ...]
     ground: tuple[Observed, ...]
+    """Of ground points, of images, and of the bodies themselves."""
     priors: tuple[Observed, ...]
+    """Of the bodies' unknowns: they are not tested."""
     unknowns: tuple[Unknowns, ...]
     start: State
     what: str
+    """For messages."""
 
     @property
     def observed(self) -> tuple[Observed, ...]:

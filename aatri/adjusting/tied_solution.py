@@ -39,33 +39,21 @@ WEAK = BELOW**-0.5
 
 @dataclass(frozen=True)
 class TiedSolution:
-    """An adjustment with its tests; see adjustment.statistics.search.
-
-    Attributes
-    ----------
-    problem : TiedProblem
-    solved : LinearSolution or DenseSolution
-    whiteners : tuple of (n, m, m) float64
-        Kind by kind.
-    spread : Spread
-        Of the ties, tau not counted.
-    tau_m : float, m
-    taking_part : (n,) bool
-        Observations whose point some active tie holds.
-    use : (n,) bool
-        Active observations.
-    iterations : int
-        Up to here.
-    """
+    """An adjustment with its tests; see adjustment.statistics.search."""
 
     problem: TiedProblem
     solved: LinearSolution | DenseSolution
     whiteners: tuple[Float, ...]
+    """Tuple of (n, m, m). Kind by kind."""
     spread: Spread
+    """Of the ties, tau not counted."""
     tau_m: float
     taking_part: Bool
+    """(n,). Observations whose point some active tie holds."""
     use: Bool
+    """(n,). Active observations."""
     iterations: int
+    """Up to here."""
 
     @property
     def state(self) -> State:

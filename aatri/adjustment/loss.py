@@ -28,18 +28,12 @@ NEWTON = 0.9999
 
 @dataclass(frozen=True)
 class Huber:
-    """Huber's loss.
-
-    Attributes
-    ----------
-    k : float
-        In standard deviations, positive; infinite is least squares.
-    curvature : float
-        theta, from 0 to below 1. It changes the steps, not the cost.
-    """
+    """Huber's loss."""
 
     k: float
+    """In standard deviations, positive; infinite is least squares."""
     curvature: float = 0.0
+    """theta, from 0 to below 1. It changes the steps, not the cost."""
 
     def __post_init__(self) -> None:
         if not (self.k > 0 and 0 <= self.curvature < 1):

@@ -8,17 +8,10 @@ from aatri.adjustment.unknowns import Unknowns
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of least squares.
-
-    Attributes
-    ----------
-    unknowns : tuple of Unknowns
-    records : tuple of Records
-        Observations, active or not.
-    constraints : tuple of Records
-        What must hold exactly, given like observations; see `constraints`.
-    """
+    """A problem of least squares."""
 
     unknowns: tuple[Unknowns, ...]
     records: tuple[Records, ...]
+    """Observations, active or not."""
     constraints: tuple[Records, ...] = ()
+    """What must hold exactly, given like observations; see `constraints`."""

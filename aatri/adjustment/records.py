@@ -32,42 +32,29 @@ Compiled = Callable[[Int], Weigh]
 
 @dataclass(frozen=True)
 class Records:
-    """All records of one observation type.
-
-    Attributes
-    ----------
-    name : str
-    touches : tuple of (str, (n,) int)
-        Name of the group of unknowns and the block each record touches.
-    evaluate : callable
-        (state, rows) -> v (n, m), one J (n, m, k) per touched group.
-    whitener : (n, m, m) or (n, m) float64
-        Inverse Cholesky factor of the covariance, or inverse standard deviations of independent components; a zero
-        row switches off a component that was not observed.
-    active : (n,) bool
-    compiled : callable, optional
-    loss : Huber, optional
-        What the cost of a record is if not its square.
-    linear : bool
-        The Jacobians do not depend on the state, and all unknowns touched are plain numbers.
-    label : callable, optional
-        Row -> what messages call the record.
-    similarity : callable, optional
-        (state, rows) -> what the records can see of the shifts, rotations and scale of a similarity (see `Unknowns`),
-        projectors (n, 7, 7). Absent: what their derivatives say, which have a share that grows with the residuals
-        where a shape is turned or scaled with its points.
-    """
+    """All records of one observation type."""
 
     name: str
     touches: tuple[tuple[str, Int], ...]
+    """Name of the group of unknowns and the block each record touches."""
     evaluate: Evaluate
+    """(state, rows) -> v (n, m), one J (n, m, k) per touched group."""
     whitener: Float
+    """(n, m, m) or (n, m). Inverse Cholesky factor of the covariance, or inverse standard deviations of independent
+    components; a zero row switches off a component that was not observed."""
     active: Bool
+    """(n,)."""
     compiled: Compiled | None = None
     loss: Huber | None = None
+    """What the cost of a record is if not its square."""
     linear: bool = False
+    """The Jacobians do not depend on the state, and all unknowns touched are plain numbers."""
     label: Callable[[int], str] | None = None
+    """Row -> what messages call the record."""
     similarity: Evaluated | None = None
+    """(state, rows) -> what the records can see of the shifts, rotations and scale of a similarity (see `Unknowns`),
+    projectors (n, 7, 7). Absent: what their derivatives say, which have a share that grows with the residuals where a
+    shape is turned or scaled with its points."""
 
     def called(self, row: int) -> str:
         """What messages call a record."""

@@ -10,33 +10,21 @@ Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """Settings of an adjustment.
-
-    Attributes
-    ----------
-    max_iterations : int
-    tolerance : float
-        Bound of the Newton decrement.
-    ordering : str
-        `nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the
-        chains `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions.
-    threads : int, optional
-        Default: all processors.
-    reproducible : bool
-        The same bits for any number of threads.
-    memory_gb : float, optional
-        Limit of the memory; default: a share of the machine's.
-    solver : str
-        `auto`, or one of `direct` and `conjugate_gradients` whatever the forecast; see `forecast`.
-    demands : str
-        What was asked for that only a factor gives, in words: without the memory for it nothing is solved.
-    """
+    """Settings of an adjustment."""
 
     max_iterations: int = 30
     tolerance: float = 1e-3
+    """Bound of the Newton decrement."""
     ordering: Ordering = "auto"
+    """`nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the
+    chains `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions."""
     threads: int | None = None
+    """Default: all processors."""
     reproducible: bool = False
+    """The same bits for any number of threads."""
     memory_gb: float | None = None
+    """Limit of the memory; default: a share of the machine's."""
     solver: Solver = "auto"
+    """`auto`, or one of `direct` and `conjugate_gradients` whatever the forecast; see `forecast`."""
     demands: str = ""
+    """What was asked for that only a factor gives, in words: without the memory for it nothing is solved."""

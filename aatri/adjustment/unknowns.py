@@ -23,41 +23,27 @@ State = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Unknowns:
-    """One group of unknowns.
-
-    Attributes
-    ----------
-    name : str
-    free : (n, k) bool
-        False where the scalar is held.
-    labels : tuple of str
-        Names of the k scalars of a block.
-    ids : sequence of str
-        Names of the n blocks.
-    retract : callable
-        (value of the group, step (n, k)) -> value of the group: the manifold's update.
-    eliminated : bool
-    joins : str
-        Name of a group listed before, or empty.
-    position : (n, d) float64, optional
-        Where the blocks lie, for the order of elimination; NaN unknown.
-    generator : callable, optional
-        State -> (n, k, 7): how the blocks move with three shifts, three rotations about the origin and a change of
-        scale of the object space; absent: not at all.
-    implausible : (k,) float64, optional
-        Standard deviations a priori beyond which a scalar counts as open, see `openness.nearly_open`.
-    """
+    """One group of unknowns."""
 
     name: str
     free: Bool
+    """(n, k). False where the scalar is held."""
     labels: tuple[str, ...]
+    """Names of the k scalars of a block."""
     ids: Ids
+    """Names of the n blocks."""
     retract: Callable[[Any, Float], Any]
+    """(value of the group, step (n, k)) -> value of the group: the manifold's update."""
     eliminated: bool = False
     joins: str = ""
+    """Name of a group listed before, or empty."""
     position: Float | None = None
+    """(n, d). Where the blocks lie, for the order of elimination; NaN unknown."""
     generator: Callable[[State], Float] | None = None
+    """State -> (n, k, 7): how the blocks move with three shifts, three rotations about the origin and a change of scale
+    of the object space; absent: not at all."""
     implausible: Float | None = None
+    """(k,). Standard deviations a priori beyond which a scalar counts as open, see `openness.nearly_open`."""
 
     @property
     def size(self) -> int:

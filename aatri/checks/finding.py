@@ -23,46 +23,31 @@ MOST_WORDS = 30
 
 @dataclass(frozen=True)
 class Finding:
-    """One cause, found by one routine.
-
-    Attributes
-    ----------
-    cause : str
-        Name of the file of the check.
-    level : {'note', 'warning', 'error'}
-        A note goes to the log, a warning is what the user should act on, an error ends the stage.
-    sentence : str
-        What is the case, with its figures, without names and remedy; at most 30 words.
-    remedy : str
-        What to do about it.
-    ids : tuple of str
-        Images, points, models ... it is about, all of them; shown in part where they are many.
-    rows : mapping of str to (n,) int
-        The same as rows of the Block's tables, by kind of observation.
-    where : str
-        `file:line`, image or component it is about.
-    alternatives : tuple of str
-        Other causes that would explain as much.
-    statistic, significance : float
-        The test behind it: its value, and the probability of as much where all is well; NaN where it is none.
-    contradicts : bool
-        The result cannot be right within its standard deviations: the run ends with the exit code of a gate.
-    error : type of AatriError
-        What an error is raised as.
-    """
+    """One cause, found by one routine."""
 
     cause: str
+    """Name of the file of the check."""
     level: Level
+    """A note goes to the log, a warning is what the user should act on, an error ends the stage."""
     sentence: str
+    """What is the case, with its figures, without names and remedy; at most 30 words."""
     remedy: str = ""
+    """What to do about it."""
     ids: tuple[str, ...] = ()
+    """Images, points, models ... it is about, all of them; shown in part where they are many."""
     rows: Mapping[str, Int] = field(default_factory=dict)
+    """Mapping of str to (n,). The same as rows of the Block's tables, by kind of observation."""
     where: str = ""
+    """`file:line`, image or component it is about."""
     alternatives: tuple[str, ...] = ()
+    """Other causes that would explain as much."""
     statistic: float = float("nan")
     significance: float = float("nan")
+    """The test behind it: its value, and the probability of as much where all is well; NaN where it is none."""
     contradicts: bool = False
+    """The result cannot be right within its standard deviations: the run ends with the exit code of a gate."""
     error: type[AatriError] = InputError
+    """What an error is raised as."""
 
     @property
     def what(self) -> str:

@@ -32,20 +32,14 @@ _AXES = skew(np.eye(3))
 
 @dataclass(frozen=True)
 class RayPairs:
-    """Rays of the same points in two images.
-
-    Attributes
-    ----------
-    left, right : (n, 3) float64, mm
-        (x, y, -c) in the left and right image.
-    left_sigma, right_sigma : (n, 2) float64, mm
-        Standard deviations of x and y.
-    """
+    """Rays of the same points in two images."""
 
     left: Float
     right: Float
+    """(n, 3), mm. (x, y, -c) in the left and right image."""
     left_sigma: Float
     right_sigma: Float
+    """(n, 2), mm. Standard deviations of x and y."""
 
     def take(self, rows: Bool | Int | slice) -> RayPairs:
         """The rays of the chosen points."""

@@ -27,21 +27,14 @@ PARALLEL = 1e-12
 
 @dataclass(frozen=True)
 class Intersection:
-    """Points intersected from two images.
-
-    Attributes
-    ----------
-    xyz : (n, 3) float64, unit of the base
-        NaN where the rays are parallel.
-    covariance : (n, 3, 3) float64
-        From the image coordinates, orientation held; NaN where the rays are parallel.
-    depth : (n, 2) float64
-        Projection coefficients l1 and l2; positive in front of the image.
-    """
+    """Points intersected from two images."""
 
     xyz: Float
+    """(n, 3), unit of the base. NaN where the rays are parallel."""
     covariance: Float
+    """(n, 3, 3). From the image coordinates, orientation held; NaN where the rays are parallel."""
     depth: Float
+    """(n, 2). Projection coefficients l1 and l2; positive in front of the image."""
 
 
 def intersect_pair(left_from_right: Float, base: Float, rays: RayPairs) -> Intersection:

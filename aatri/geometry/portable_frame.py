@@ -29,22 +29,16 @@ FLAT = 1e-4
 
 @dataclass(frozen=True)
 class BodyDistances:
-    """Distances that hold the shape and size of a body.
-
-    Attributes
-    ----------
-    pairs : (k, 2) int
-        Marks of each; k = 3n - 6, of marks in a plane 2n - 3.
-    length_m : (k,) float64, m
-    covariance_m2 : (k, k) float64, m^2
-    plane_sigma_m : float, m
-        Standard deviation of a mark across the plane that four or more of them lie in; NaN where they lie in none.
-    """
+    """Distances that hold the shape and size of a body."""
 
     pairs: Int
+    """(k, 2). Marks of each; k = 3n - 6, of marks in a plane 2n - 3."""
     length_m: Float
+    """(k,), m."""
     covariance_m2: Float
+    """(k, k), m^2."""
     plane_sigma_m: float = float("nan")
+    """Standard deviation of a mark across the plane that four or more of them lie in; NaN where they lie in none."""
 
 
 def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:

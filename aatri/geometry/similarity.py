@@ -24,18 +24,14 @@ UNKNOWNS = 7
 
 @dataclass(frozen=True)
 class Similarity:
-    """X = translation + scale * rotation @ x.
-
-    Attributes
-    ----------
-    translation : (3,) float64, unit of the target
-    scale : float, target unit per source unit
-    rotation : (3, 3) float64, target from source
-    """
+    """X = translation + scale * rotation @ x."""
 
     translation: Float
+    """(3,), unit of the target."""
     scale: float
+    """target unit per source unit."""
     rotation: Float
+    """(3, 3), target from source."""
 
 
 IDENTITY = Similarity(np.zeros(3), 1.0, np.eye(3))

@@ -32,21 +32,14 @@ LINEAR_ACROSS = 7
 
 @dataclass(frozen=True)
 class StripAxes:
-    """Axes of a strip: U along it, V across, W up.
-
-    Attributes
-    ----------
-    origin_m : (3,) float64, m
-        Centre of the points' range in U and V, at their mean height.
-    half_range_m : (2,) float64, m
-        Half the range of U and V.
-    ground_from_axes : (3, 3) float64
-        Rotation about the vertical.
-    """
+    """Axes of a strip: U along it, V across, W up."""
 
     origin_m: Float
+    """(3,), m. Centre of the points' range in U and V, at their mean height."""
     half_range_m: Float
+    """(2,), m. Half the range of U and V."""
     ground_from_axes: Float
+    """(3, 3). Rotation about the vertical."""
 
 
 def strip_axes(points_m: Float, centres_m: Float) -> StripAxes:
@@ -74,28 +67,19 @@ def strip_axes(points_m: Float, centres_m: Float) -> StripAxes:
 
 @dataclass(frozen=True)
 class StripBasis:
-    """A set of deformations.
-
-    Attributes
-    ----------
-    form : {'polynomial', 'conformal'}
-    full : bool
-        Powers of v too.
-    narrow : bool
-        Conformal without powers of v.
-    labels : tuple of str
-        Of the K coefficients: a of dU, b of dV, c of dW.
-    part : (K,) int
-        Plan (0) or height (1).
-    degree : (K,) int
-    """
+    """A set of deformations."""
 
     form: str
     full: bool
+    """Powers of v too."""
     narrow: bool
+    """Conformal without powers of v."""
     labels: tuple[str, ...]
+    """Of the K coefficients: a of dU, b of dV, c of dW."""
     part: Int
+    """(K,). Plan (0) or height (1)."""
     degree: Int
+    """(K,)."""
 
     @property
     def size(self) -> int:

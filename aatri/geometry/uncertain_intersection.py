@@ -31,29 +31,21 @@ OPEN = 1e-12
 
 @dataclass(frozen=True)
 class UncertainIntersection:
-    """Intersected points.
-
-    Attributes
-    ----------
-    xyz_m : (n, 3) float64, m
-        NaN where fewer than two images see the point, or its rays are parallel.
-    covariance_m2 : (n, 3, 3) float64, m^2
-    rays : (n,) int
-        Rays used.
-    whitened : (m, 2) float64
-        Residuals of all rays over their standard deviations, whitened by C_v; NaN where not used.
-    residual_mm, sigma_mm : (m, 2) float64, mm
-        Residuals and their standard deviations from C_v.
-    used : (m,) bool
-    """
+    """Intersected points."""
 
     xyz_m: Float
+    """(n, 3), m. NaN where fewer than two images see the point, or its rays are parallel."""
     covariance_m2: Float
+    """(n, 3, 3), m^2."""
     rays: Int
+    """(n,). Rays used."""
     whitened: Float
+    """(m, 2). Residuals of all rays over their standard deviations, whitened by C_v; NaN where not used."""
     residual_mm: Float
     sigma_mm: Float
+    """(m, 2), mm. Residuals and their standard deviations from C_v."""
     used: Bool
+    """(m,)."""
 
 
 def intersect_uncertain(

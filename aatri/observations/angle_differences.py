@@ -29,24 +29,16 @@ CARRIER = "roll-pitch-heading"
 
 @dataclass(frozen=True)
 class ObservedAngles:
-    """Observed angles of n images.
-
-    Attributes
-    ----------
-    angles_rad : (n, 3) float64, rad
-        NaN where not given.
-    system : str
-        omega-phi-kappa, phi-omega-kappa or roll-pitch-heading.
-    ground : (n, 3, 3) float64
-        Axes of the block from those the angles refer to: I, or (north, east, down).
-    mount_deg : (n,)
-        Of the cameras; used for roll, pitch, heading.
-    """
+    """Observed angles of n images."""
 
     angles_rad: Float
+    """(n, 3), rad. NaN where not given."""
     system: str
+    """omega-phi-kappa, phi-omega-kappa or roll-pitch-heading."""
     ground: Float
+    """(n, 3, 3). Axes of the block from those the angles refer to: I, or (north, east, down)."""
     mount_deg: Any
+    """(n,). Of the cameras; used for roll, pitch, heading."""
 
     @property
     def whole(self) -> Bool:

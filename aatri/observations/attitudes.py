@@ -72,32 +72,23 @@ class AttitudeOptions(Options):
 
 @dataclass(frozen=True)
 class Attitudes:
-    """Observed attitudes.
-
-    Attributes
-    ----------
-    row, image, camera : (n,) int
-        Rows in exterior, images and cameras of the Block.
-    observed : (n, 3, 3) float64
-        R_obs: axes of the block from the axes of the camera without boresight; NaN where angles are given in part.
-    turning : (n, 3, 3) float64
-        G, columns.
-    sigma_rad : (n, 3) float64, rad
-        NaN where not given, 0 exact.
-    axes : (n, 3, 3) float64
-        B.
-    angles : ObservedAngles, optional
-        As given; None: all three of every image.
-    """
+    """Observed attitudes."""
 
     row: Int
     image: Int
     camera: Int
+    """(n,). Rows in exterior, images and cameras of the Block."""
     observed: Float
+    """(n, 3, 3). R_obs: axes of the block from the axes of the camera without boresight; NaN where angles are given in
+    part."""
     turning: Float
+    """(n, 3, 3). G, columns."""
     sigma_rad: Float
+    """(n, 3), rad. NaN where not given, 0 exact."""
     axes: Float
+    """(n, 3, 3). B."""
     angles: ObservedAngles | None = None
+    """As given; None: all three of every image."""
 
     @property
     def whole(self) -> Bool:

@@ -26,21 +26,14 @@ CORRECTING = ("pinhole", "brown")
 
 @dataclass(frozen=True)
 class CameraRows:
-    """Cameras with models of their own.
-
-    Attributes
-    ----------
-    block : (n,) int
-        Block of the group CAMERA for each ray.
-    model : (n_blocks,) str
-        Model of each block, see `calibration.PARAMETERS`; blocks are as wide as the widest model.
-    known : (n_blocks, s) float64, optional
-        Parameters, where none of them is unknown: then the records do not touch the group.
-    """
+    """Cameras with models of their own."""
 
     block: Int
+    """(n,). Block of the group CAMERA for each ray."""
     model: tuple[str, ...]
+    """(n_blocks,) str. Model of each block, see `calibration.PARAMETERS`; blocks are as wide as the widest model."""
     known: Float | None = None
+    """(n_blocks, s). Parameters, where none of them is unknown: then the records do not touch the group."""
 
     def take(self, rows: Int | Bool) -> CameraRows:
         """The chosen rows."""

@@ -30,20 +30,12 @@ LEVER_ARM, BORESIGHT = "lever arm", "boresight"
 
 @dataclass(frozen=True)
 class CarriedVector:
-    """A vector of each camera, in its axes: where the antenna is, how the IMU is turned.
-
-    Attributes
-    ----------
-    group : str
-        Of unknowns.
-    name : str
-        Of its components in the camera parameters, before the axis.
-    labels : tuple of str
-    unit : str
-    """
+    """A vector of each camera, in its axes: where the antenna is, how the IMU is turned."""
 
     group: str
+    """Of unknowns."""
     name: str
+    """Of its components in the camera parameters, before the axis."""
     labels: tuple[str, str, str]
     unit: str
 

@@ -34,28 +34,20 @@ USES = ("ground_points.xyz_m", "ground_points.covariance_m2", "ground_point_cova
 
 @dataclass(frozen=True)
 class Control:
-    """Control points.
-
-    Attributes
-    ----------
-    row : (n,) int32
-        Row in the Block's ground_points.
-    point : (n,) int32
-        Row in points.
-    xyz_m : (n, 3) float64, m
-    covariance_m2 : (n, 3, 3) float64, m^2
-    observed : (n, 3) bool
-        The coordinate is control, with a standard deviation.
-    exact : (n, 3) bool
-        The coordinate is control and exact.
-    """
+    """Control points."""
 
     row: Int
+    """(n,) int32. Row in the Block's ground_points."""
     point: Int
+    """(n,) int32. Row in points."""
     xyz_m: Float
+    """(n, 3), m."""
     covariance_m2: Float
+    """(n, 3, 3), m^2."""
     observed: Bool
+    """(n, 3). The coordinate is control, with a standard deviation."""
     exact: Bool
+    """(n, 3). The coordinate is control and exact."""
 
     @property
     def given(self) -> Bool:

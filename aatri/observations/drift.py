@@ -33,22 +33,15 @@ XYZ = ("X", "Y", "Z")
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """Unknowns that some observations touch.
-
-    Attributes
-    ----------
-    unknowns : Unknowns
-    start : (n_blocks, k) float64
-    block : (n,) int
-        Block of each observation; -1 none.
-    basis : (n, 3, k) float64, optional
-        Derivatives; None where the observations say how they depend on it (an unknown lever arm).
-    """
+    """Unknowns that some observations touch."""
 
     unknowns: Unknowns
     start: Float
+    """(n_blocks, k)."""
     block: Int
+    """(n,). Block of each observation; -1 none."""
     basis: Float | None = None
+    """(n, 3, k). Derivatives; None where the observations say how they depend on it (an unknown lever arm)."""
 
     def take(self, some: Int) -> SharedUnknowns:
         """Of the chosen observations."""

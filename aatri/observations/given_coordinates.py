@@ -22,29 +22,20 @@ from aatri.observations.observed import Given
 
 @dataclass(frozen=True)
 class GivenCoordinates:
-    """Given coordinates of n points or images.
-
-    Attributes
-    ----------
-    used : (n, 3) bool
-        Coordinates that are given.
-    place_m : (n, 3) float64, m
-        In the frame of the adjustment, reduced to its origin; zero where unknown.
-    derivatives : (n, 3, 3) float64
-        D.
-    expanded : Expanded, optional
-        The map, where the adjustment is not in the block's own axes.
-    partial_m : (n, 3) float64, m
-        Coordinates of the block less the reference of the map, used of those given in part.
-    origin_m : (3,) float64, m
-    """
+    """Given coordinates of n points or images."""
 
     used: Bool
+    """(n, 3). Coordinates that are given."""
     place_m: Float
+    """(n, 3), m. In the frame of the adjustment, reduced to its origin; zero where unknown."""
     derivatives: Float
+    """(n, 3, 3). D."""
     expanded: Expanded | None
+    """The map, where the adjustment is not in the block's own axes."""
     partial_m: Float
+    """(n, 3), m. Coordinates of the block less the reference of the map, used of those given in part."""
     origin_m: Float
+    """(3,), m."""
 
     @property
     def own_axes(self) -> Bool:

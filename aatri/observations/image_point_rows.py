@@ -9,28 +9,21 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class ImagePointRows:
-    """Measured image points.
-
-    Attributes
-    ----------
-    image, point : (n,) int32
-        Blocks of unknowns.
-    xy_mm : (n, 2) float64, mm, from the principal point
-    sigma_mm : (n, 2) float64, mm
-    c_mm : (n,) float64, mm
-        Principal distance of each ray's camera.
-    principal_point_mm : (n, 2) float64, mm
-        Of each ray's camera, from the fiducial centre.
-    active : (n,) bool
-    """
+    """Measured image points."""
 
     image: Int
     point: Int
+    """(n,) int32. Blocks of unknowns."""
     xy_mm: Float
+    """(n, 2), mm, from the principal point."""
     sigma_mm: Float
+    """(n, 2), mm."""
     c_mm: Float
+    """(n,), mm. Principal distance of each ray's camera."""
     principal_point_mm: Float
+    """(n, 2), mm. Of each ray's camera, from the fiducial centre."""
     active: Bool
+    """(n,)."""
 
     def take(self, rows: Int | Bool) -> ImagePointRows:
         """The chosen rows."""
@@ -39,20 +32,13 @@ class ImagePointRows:
 
 @dataclass(frozen=True)
 class LinearCorrection:
-    """A correction added to the measured coordinates, linear in a group of unknowns.
-
-    Attributes
-    ----------
-    group : str
-    block : (n,) int
-        Block of the group for each ray.
-    basis : (n, 2, s) float64
-        K, correction per parameter.
-    """
+    """A correction added to the measured coordinates, linear in a group of unknowns."""
 
     group: str
     block: Int
+    """(n,). Block of the group for each ray."""
     basis: Float
+    """(n, 2, s). K, correction per parameter."""
 
     def take(self, rows: Int | Bool) -> LinearCorrection:
         """The chosen rows."""

@@ -23,28 +23,19 @@ WithDerivative = Callable[[Float], tuple[Float, Float]]
 
 @dataclass(frozen=True)
 class Level:
-    """Local axes, heights and the coordinates that were given.
-
-    Attributes
-    ----------
-    axes : callable
-        Places -> axes (n, 3, 3), rows: grid east, grid north, up; and by coordinates (n, 3, 3, 3), the last index that
-        of the coordinate.
-    height : callable
-        Places -> height in the vertical datum of the block (n,), but for a constant; by coordinates (n, 3).
-    coordinates : callable
-        Places -> coordinates in the block's first frame (n, 3), but for constants; by coordinates (n, 3, 3).
-    curvature_per_m : float
-        1 / R of the Earth; 0 for a frame that knows no Earth.
-    curved : bool
-        The axes follow the curvature of the Earth: what remains of it is refraction.
-    """
+    """Local axes, heights and the coordinates that were given."""
 
     axes: WithDerivative
+    """Places -> axes (n, 3, 3), rows: grid east, grid north, up; and by coordinates (n, 3, 3, 3), the last index that
+    of the coordinate."""
     height: WithDerivative
+    """Places -> height in the vertical datum of the block (n,), but for a constant; by coordinates (n, 3)."""
     coordinates: WithDerivative
+    """Places -> coordinates in the block's first frame (n, 3), but for constants; by coordinates (n, 3, 3)."""
     curvature_per_m: float = 0.0
+    """1 / R of the Earth; 0 for a frame that knows no Earth."""
     curved: bool = False
+    """The axes follow the curvature of the Earth: what remains of it is refraction."""
 
 
 def _plane_axes(xyz: Float) -> tuple[Float, Float]:

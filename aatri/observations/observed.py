@@ -39,38 +39,26 @@ NEARLY_EXACT = 1e-6
 
 @dataclass(frozen=True)
 class Given:
-    """What observations are taken from.
-
-    Attributes
-    ----------
-    block : Block
-    image_points : ImagePoints or None
-        None for a network without images.
-    origin_m : (3,) float64, m
-        Origin of the adjustment, near the block; all coordinates below it are reduced to it.
-    start : mapping
-        Poses and ground points at the start, reduced to the origin; NaN where unknown.
-    parameters : tuple of ParameterRows
-        Unknown parameters of images and cameras.
-    level : Level
-        What is up, north and height in the frame of the adjustment.
-    frame : TangentFrame, optional
-        The frame of the adjustment, where it is not that of the block: `start` is in it, and the origin is its own.
-    geodesy : TangentFrame, optional
-        A tangent frame of the block's CRS, also where the adjustment is in the block's own frame; None if it has none.
-    notes : tuple of Note
-        What there is to say of the start.
-    """
+    """What observations are taken from."""
 
     block: Block
     image_points: ImagePoints | None
+    """None for a network without images."""
     origin_m: Float
+    """(3,), m. Origin of the adjustment, near the block; all coordinates below it are reduced to it."""
     start: State
+    """Poses and ground points at the start, reduced to the origin; NaN where unknown."""
     parameters: tuple[ParameterRows, ...] = ()
+    """Unknown parameters of images and cameras."""
     level: Level = PLANE
+    """What is up, north and height in the frame of the adjustment."""
     frame: TangentFrame | None = None
+    """The frame of the adjustment, where it is not that of the block: `start` is in it, and the origin is its own."""
     geodesy: TangentFrame | None = None
+    """A tangent frame of the block's CRS, also where the adjustment is in the block's own frame; None if it has none.
+    """
     notes: tuple[Note, ...] = ()
+    """What there is to say of the start."""
 
     def axes_at(self, place: Float) -> Float:
         """B: the axes of the block at places of the adjustment (not reduced), (n, 3, 3), columns."""
@@ -107,104 +95,70 @@ class Given:
 
 @dataclass(frozen=True)
 class Holds:
-    """Scalars that exact observations fix: they are held at their values.
-
-    Attributes
-    ----------
-    group : str
-    block : (n,) int
-    scalar : (n, k) bool
-    value : (n, k) float64
-        Reduced to the origin.
-    """
+    """Scalars that exact observations fix: they are held at their values."""
 
     group: str
     block: Int
+    """(n,)."""
     scalar: Bool
+    """(n, k)."""
     value: Float
+    """(n, k). Reduced to the origin."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Covariances that turn with unknowns, and that an adjustment may add a variance to: those of points of bodies.
-
-    Attributes
-    ----------
-    values : (n, 3) float64, m^2
-        Eigenvalues.
-    vectors : (n, 3, 3) float64
-        Eigenvectors, by columns.
-    at : callable
-        State -> the same there.
-    """
+    """Covariances that turn with unknowns, and that an adjustment may add a variance to: those of points of bodies."""
 
     values: Float
+    """(n, 3), m^2. Eigenvalues."""
     vectors: Float
+    """(n, 3, 3). Eigenvectors, by columns."""
     at: Callable[[State], Spread]
+    """State -> the same there."""
 
 
 @dataclass(frozen=True)
 class Observed:
-    """Observations of one kind; coordinates reduced to the origin of the adjustment.
-
-    Attributes
-    ----------
-    records : Records
-        Its name is the kind: of residuals, suspects, messages, report.
-    row : (n,) int
-        Row of each in its table of the Block; -1 if it has none.
-    names : callable
-    unit : str
-        Of its residuals.
-    components : tuple of str
-        Names of the components of a record where they are parameters and not coordinates.
-    units : tuple of str
-        Of the components, where they differ.
-    refitted : callable, optional
-        The same with its own unknowns, a shape, fitted to the points of another start.
-    unknowns, start
-        Unknowns of its own: drift, additional parameters ...; their start.
-    exact : bool
-        Demanded, not observed.
-    holds : Holds, optional
-        Coordinates that are demanded, row by row as the records.
-    rejected : (n,) bool, optional
-        Rejected earlier: not used, but predicted, and held against the prediction.
-    veto : callable, optional
-        Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text.
-    whole : Observed, optional
-        The same with nothing rejected.
-    group : (n,) str, optional
-        Group of observations that the table names, empty where it names none.
-    parts : tuple of (str, tuple of int)
-        Components that are measured apart, and so have standard deviations of their own: plan and height.
-    sees : (bool, bool, bool) or (n, 3) bool
-        Which coordinates of ground points it can see: what no observation sees is no unknown.
-    notes : tuple of Note
-        What there is to say of them before they are adjusted.
-    spread : Spread, optional
-        Covariances, where they are not those of the records.
-    """
+    """Observations of one kind; coordinates reduced to the origin of the adjustment."""
 
     records: Records
+    """Its name is the kind: of residuals, suspects, messages, report."""
     row: Int
+    """(n,). Row of each in its table of the Block; -1 if it has none."""
     names: Names
     unit: str
+    """Of its residuals."""
     components: tuple[str, ...] = ()
+    """Names of the components of a record where they are parameters and not coordinates."""
     unknowns: tuple[Unknowns, ...] = ()
     start: Mapping[str, Any] = field(default_factory=dict)
+    """Unknowns of its own: drift, additional parameters ...; their start."""
     exact: bool = False
+    """Demanded, not observed."""
     holds: Holds | None = None
+    """Coordinates that are demanded, row by row as the records."""
     rejected: Bool | None = None
+    """(n,). Rejected earlier: not used, but predicted, and held against the prediction."""
     veto: Callable[[Int], Veto] | None = None
+    """Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text."""
     whole: Observed | None = None
+    """The same with nothing rejected."""
     group: Text | None = None
+    """(n,) str. Group of observations that the table names, empty where it names none."""
     parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    """Components that are measured apart, and so have standard deviations of their own: plan and height."""
     sees: tuple[bool, bool, bool] | Bool = (True, True, True)
+    """(bool, bool, bool) or (n, 3). Which coordinates of ground points it can see: what no observation sees is no
+    unknown."""
     notes: tuple[Note, ...] = ()
+    """What there is to say of them before they are adjusted."""
     units: tuple[str, ...] = ()
+    """Of the components, where they differ."""
     refitted: Callable[[State], Observed] | None = None
+    """The same with its own unknowns, a shape, fitted to the points of another start."""
     spread: Spread | None = None
+    """Covariances, where they are not those of the records."""
 
     @property
     def kind(self) -> str:

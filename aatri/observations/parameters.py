@@ -22,57 +22,40 @@ def uses_of_vector(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ParameterRows:
-    """A group of unknown parameters of images or cameras, beside the poses.
-
-    Attributes
-    ----------
-    group : str
-        FILM, ADDITIONAL or CAMERA.
-    ids : (n,) str
-        Names of the blocks.
-    labels : tuple of str
-        Names of the s parameters of a block.
-    start : (n, s) float64
-    free : (n, s) bool
-    prior : (n, s) float64
-        Observed values of the weighted parameters.
-    covariance : (n, s, s) float64
-        Their covariance.
-    weighted : (n, s) bool
-    block : (n_rays,) int
-        Block of each ray.
-    basis : (n_rays, 2, s) float64 or None
-        Correction of the measured coordinate per parameter; None where `model` tells the equations.
-    model : tuple of str
-        Camera model of each block, for CAMERA.
-    per_image : bool
-        The blocks are those of the images, one by one.
-    calibrated : bool
-        What weights them is the result of another block.
-    terms : callable, optional
-        The basis at any coordinates, (n_rays, 2) mm; None where it is what it is.
-    ideal : bool
-        Its coordinates are those that the parameters have corrected.
-    formed_by : (n, s) float64, optional
-        Values of the adjustment at whose coordinates the basis is; None: at the measured ones.
-    """
+    """A group of unknown parameters of images or cameras, beside the poses."""
 
     group: str
+    """FILM, ADDITIONAL or CAMERA."""
     ids: Ids
+    """(n,) str. Names of the blocks."""
     labels: tuple[str, ...]
+    """Names of the s parameters of a block."""
     start: Float
+    """(n, s)."""
     free: Bool
+    """(n, s)."""
     prior: Float
+    """(n, s). Observed values of the weighted parameters."""
     covariance: Float
+    """(n, s, s). Their covariance."""
     weighted: Bool
+    """(n, s)."""
     block: Int
+    """(n_rays,). Block of each ray."""
     basis: Float | None = None
+    """(n_rays, 2, s). Correction of the measured coordinate per parameter; None where `model` tells the equations."""
     model: tuple[str, ...] = ()
+    """Camera model of each block, for CAMERA."""
     per_image: bool = False
+    """The blocks are those of the images, one by one."""
     calibrated: bool = False
+    """What weights them is the result of another block."""
     terms: Callable[[Float], Float] | None = None
+    """The basis at any coordinates, (n_rays, 2) mm; None where it is what it is."""
     ideal: bool = False
+    """Its coordinates are those that the parameters have corrected."""
     formed_by: Float | None = None
+    """(n, s). Values of the adjustment at whose coordinates the basis is; None: at the measured ones."""
 
     def take(self, rays: Int | Bool) -> ParameterRows:
         """With the chosen rays only."""

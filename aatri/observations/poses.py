@@ -30,16 +30,12 @@ def is_additional(group: str) -> bool:
 
 @dataclass(frozen=True)
 class Poses:
-    """Orientations of n images.
-
-    Attributes
-    ----------
-    position_m : (n, 3) float64, m
-    ground_from_image : (n, 3, 3) float64
-    """
+    """Orientations of n images."""
 
     position_m: Float
+    """(n, 3), m."""
     ground_from_image: Float
+    """(n, 3, 3)."""
 
 
 def position(state: State, group: str) -> Float:

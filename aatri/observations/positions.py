@@ -59,27 +59,18 @@ class PositionOptions(Options):
 
 @dataclass(frozen=True)
 class Positions:
-    """Observed positions of projection centres or antennas.
-
-    Attributes
-    ----------
-    row : (n,) int32
-        Row in the Block's exterior.
-    image : (n,) int32
-        Row in images.
-    position_m : (n, 3) float64, m
-        NaN where not given.
-    covariance_m2 : (n, 3, 3) float64, m^2
-        A zero variance means exact.
-    lever_arm_m : (n, 3) float64, m, camera axes
-        Zero where the projection centre itself was observed.
-    """
+    """Observed positions of projection centres or antennas."""
 
     row: Int
+    """(n,) int32. Row in the Block's exterior."""
     image: Int
+    """(n,) int32. Row in images."""
     position_m: Float
+    """(n, 3), m. NaN where not given."""
     covariance_m2: Float
+    """(n, 3, 3), m^2. A zero variance means exact."""
     lever_arm_m: Float
+    """(n, 3), m, camera axes. Zero where the projection centre itself was observed."""
 
     @property
     def given(self) -> Bool:

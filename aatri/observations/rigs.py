@@ -70,23 +70,16 @@ class RigOptions(Options):
 
 @dataclass(frozen=True)
 class RigPairs:
-    """Images tied by a rig.
-
-    Attributes
-    ----------
-    first, second : (n,) int32
-        Rows in images.
-    first_mount, second_mount : (n,) int32
-        Rows in rig_members.
-    mount : (m, 3, 3) float64
-        M_0 of every member.
-    """
+    """Images tied by a rig."""
 
     first: Int
     second: Int
+    """(n,) int32. Rows in images."""
     first_mount: Int
     second_mount: Int
+    """(n,) int32. Rows in rig_members."""
     mount: Float
+    """(m, 3, 3). M_0 of every member."""
 
 
 def rigs(given: Given, options: RigOptions) -> tuple[Observed, ...]:

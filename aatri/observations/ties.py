@@ -37,38 +37,26 @@ images of a component; what a component is held by where its datum is free."""
 
 @dataclass(frozen=True)
 class Ties(Generic[S]):
-    """Points of bodies as functions of the unknowns of the bodies.
-
-    Attributes
-    ----------
-    body, block : (n,) int32
-        Bodies, and ground points or images.
-    on_ground : callable
-        (values of the bodies' unknowns, rows) -> ground coordinates (n, 3).
-    derivatives : callable
-        (the same) -> their derivatives by the unknowns of the body (n, 3, k).
-    spectrum : callable
-        Values of the bodies' unknowns -> eigenvalues (n, 3), m^2, and eigenvectors (n, 3, 3), by columns, of the
-        covariances on the ground.
-    unknowns : Unknowns
-        The group of the bodies, named `BODY`.
-    linear : bool
-        Ground coordinates are linear in the unknowns.
-    compiled : callable, optional
-        Faster lane of ties at ground points, see adjustment.records.
-    group : str
-        Group of what they tie the bodies to: points or images.
-    """
+    """Points of bodies as functions of the unknowns of the bodies."""
 
     body: Int
     block: Int
+    """(n,) int32. Bodies, and ground points or images."""
     on_ground: Callable[[S, Int], Float]
+    """(values of the bodies' unknowns, rows) -> ground coordinates (n, 3)."""
     derivatives: Callable[[S, Int], Float]
+    """(the same) -> their derivatives by the unknowns of the body (n, 3, k)."""
     spectrum: Callable[[S], tuple[Float, Float]]
+    """Values of the bodies' unknowns -> eigenvalues (n, 3), m^2, and eigenvectors (n, 3, 3), by columns, of the
+    covariances on the ground."""
     unknowns: Unknowns
+    """The group of the bodies, named `BODY`."""
     linear: bool = False
+    """Ground coordinates are linear in the unknowns."""
     compiled: Callable[[Int], Weigh] | None = None
+    """Faster lane of ties at ground points, see adjustment.records."""
     group: str = POINT
+    """Group of what they tie the bodies to: points or images."""
 
     @property
     def rows(self) -> Int:

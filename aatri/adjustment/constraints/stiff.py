@@ -32,17 +32,11 @@ HELD = 0.05
 
 @dataclass(frozen=True)
 class Stiff:
-    """Constraints that stand among the observations.
-
-    Attributes
-    ----------
-    records : tuple of Records
-    felt : tuple of Records
-        The same with the weight rho.
-    """
+    """Constraints that stand among the observations."""
 
     records: tuple[Records, ...] = ()
     felt: tuple[Records, ...] = ()
+    """The same with the weight rho."""
 
     @property
     def count(self) -> int:

@@ -29,21 +29,13 @@ VANISHING = 1e-10
 
 @dataclass(frozen=True)
 class DenseSolution:
-    """A solved small problem; see `LinearSolution`.
-
-    Attributes
-    ----------
-    state : dict
-        After the step.
-    records : tuple of Records
-    departure : float
-        Largest difference of a residual from the linear model, in its standard deviations.
-    marginal : Covariances
-    """
+    """A solved small problem; see `LinearSolution`."""
 
     state: dict[str, Any]
+    """After the step."""
     records: tuple[Records, ...]
     departure: float
+    """Largest difference of a residual from the linear model, in its standard deviations."""
     marginal: Covariances
 
     def covariances(self) -> Covariances:

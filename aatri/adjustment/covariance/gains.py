@@ -25,24 +25,16 @@ from aatri.arrays import Float, Int
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of one observation type.
-
-    Attributes
-    ----------
-    group : tuple of str
-        Of each touched block.
-    columns : tuple of slice
-        Columns of each among the Jacobians laid side by side.
-    eliminated : str
-        The group of which blocks are eliminated.
-    gain : tuple of (n, k, m) float64 or None
-        Of each touched block, by row of the records; None where not wanted, NaN where not known.
-    """
+    """Gains of one observation type."""
 
     group: tuple[str, ...]
+    """Of each touched block."""
     columns: tuple[slice, ...]
+    """Columns of each among the Jacobians laid side by side."""
     eliminated: str
+    """The group of which blocks are eliminated."""
     gain: tuple[Float | None, ...]
+    """Tuple of (n, k, m). Of each touched block, by row of the records; None where not wanted, NaN where not known."""
 
     def of(self, group: str) -> Float | None:
         """Gain of the first touched block of a group, (n, k, m); None if there is none."""

@@ -39,28 +39,20 @@ from aatri.arrays import Float, Int
 
 @dataclass(frozen=True)
 class Covariances:
-    """Marginal covariances of an adjustment.
-
-    Attributes
-    ----------
-    groups : dict of str to (n, k, k) float64
-        Covariance of every block of every group; zero for held scalars, NaN for blocks that take no part.
-    rays : (n, m, m) float64
-        Covariance of the whitened adjusted values of the rays, by row of their records.
-    records : tuple of (n, m, m) float64
-        The same of all records, in the order of the problem's; where not active, of the predicted values. NaN where a
-        block that is touched takes no part.
-    gains : tuple of Gains
-        How errors of each record move the blocks it touches; nothing where not asked for.
-    whitened : tuple of (n, m) float64
-        Whitened residuals of all records, active or not, where they were asked for.
-    """
+    """Marginal covariances of an adjustment."""
 
     groups: dict[str, Float]
+    """Dict of str to (n, k, k). Covariance of every block of every group; zero for held scalars, NaN for blocks that
+    take no part."""
     rays: Float
+    """(n, m, m). Covariance of the whitened adjusted values of the rays, by row of their records."""
     records: tuple[Float, ...]
+    """Tuple of (n, m, m). The same of all records, in the order of the problem's; where not active, of the predicted
+    values. NaN where a block that is touched takes no part."""
     gains: tuple[Gains, ...] = ()
+    """How errors of each record move the blocks it touches; nothing where not asked for."""
     whitened: tuple[Float, ...] = ()
+    """Tuple of (n, m). Whitened residuals of all records, active or not, where they were asked for."""
 
 
 def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: Collection[str] = ()) -> Covariances:

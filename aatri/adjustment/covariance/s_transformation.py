@@ -35,20 +35,14 @@ from aatri.arrays import Bool, Float
 
 @dataclass(frozen=True)
 class STransformation:
-    """The way from a minimally constrained adjustment to inner constraints.
-
-    Attributes
-    ----------
-    H, Z : mapping of (n, k, d) float64
-        Open directions, and Q_s G, by group.
-    M, inner : (d, d) float64
-        (G'H)^-1, and M G'Z M.
-    """
+    """The way from a minimally constrained adjustment to inner constraints."""
 
     H: Mapping[str, Float]
     Z: Mapping[str, Float]
+    """Mapping of (n, k, d). Open directions, and Q_s G, by group."""
     M: Float
     inner: Float
+    """(d, d). (G'H)^-1, and M G'Z M."""
 
     def covariances(self, groups: Mapping[str, Float]) -> dict[str, Float]:
         """Covariances of all blocks, from those of the minimally constrained adjustment."""

@@ -40,40 +40,27 @@ MOST_SIDES, ROOM_BYTES = 48, 2e7
 
 @dataclass(frozen=True)
 class Joint:
-    """Some parameters of a unit together.
-
-    Attributes
-    ----------
-    gain : float
-        By which they would reduce v'v.
-    rank : int
-        How many of them the unknowns leave open to be seen.
-    value : (k,) float64
-    covariance : (k, k) float64
-        A priori.
-    """
+    """Some parameters of a unit together."""
 
     gain: float
+    """By which they would reduce v'v."""
     rank: int
+    """How many of them the unknowns leave open to be seen."""
     value: Float
+    """(k,)."""
     covariance: Float
+    """(k, k). A priori."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Parameters that were not carried, unit by unit (a strip, a camera): the other units' are held at zero.
-
-    Attributes
-    ----------
-    gradient, whole : (u, k) float64
-        g, and the diagonal of H'H.
-    information : (u, k, k) float64
-        M.
-    """
+    """Parameters that were not carried, unit by unit (a strip, a camera): the other units' are held at zero."""
 
     gradient: Float
     whole: Float
+    """(u, k). g, and the diagonal of H'H."""
     information: Float
+    """(u, k, k). M."""
 
     @property
     def seen(self) -> Float:

@@ -32,27 +32,17 @@ from aatri.errors import ConvergenceError
 
 @dataclass(frozen=True)
 class LinearSolution:
-    """A solved problem with its factor.
-
-    Attributes
-    ----------
-    problem : IndexedProblem
-        With the weights it was solved with.
-    state : dict
-        After the step.
-    factored : Factored
-    before : mapping
-        The state of the linearisation.
-    step : dict of str to (n, k) float64
-        Of every group, from there.
-    observations, n_unknowns, redundancy : int
-    """
+    """A solved problem with its factor."""
 
     problem: IndexedProblem
+    """With the weights it was solved with."""
     state: dict[str, Any]
+    """After the step."""
     factored: Factored
     before: State
+    """The state of the linearisation."""
     step: dict[str, Float]
+    """Dict of str to (n, k). Of every group, from there."""
     observations: int
     n_unknowns: int
     redundancy: int

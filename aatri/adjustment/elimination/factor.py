@@ -18,18 +18,12 @@ from aatri.errors import ResourceError
 
 @dataclass(frozen=True)
 class Factor:
-    """What a linearisation was solved with: L of the whole matrix, or the solution alone.
-
-    Attributes
-    ----------
-    panels : Panels of (n, m) float64, optional
-        L11 and L21 of each node.
-    x : (n_kept,) float64, optional
-        The solution that conjugate gradients have reached.
-    """
+    """What a linearisation was solved with: L of the whole matrix, or the solution alone."""
 
     panels: Panels | None = None
+    """Panels of (n, m) float64. L11 and L21 of each node."""
     x: Float | None = None
+    """(n_kept,). The solution that conjugate gradients have reached."""
 
     @property
     def whole(self) -> bool:
@@ -64,38 +58,26 @@ class Factor:
 
 @dataclass
 class Factored:
-    """A factorised linearisation.
-
-    Attributes
-    ----------
-    factor : Factor
-        Of the reduced normal equations, whole or not.
-    y : list of (m,) float64
-        Forward-substituted gradient of each node.
-    block_factor, block_y : (n_blocks, 6), (n_blocks, 3) float64
-    determined : (n_blocks,) float64
-        0 where an eliminated block is not determined.
-    diagonal : (n_kept,) float64
-        Diagonal of A'A.
-    weak : list of (node, row)
-        First pivot of each front that is not positive.
-    cost : float
-    damping : float
-    multiplier, violation : (m,) float64
-        Of the constraints, if any.
-    """
+    """A factorised linearisation."""
 
     factor: Factor
+    """Of the reduced normal equations, whole or not."""
     y: list[Float]
+    """List of (m,). Forward-substituted gradient of each node."""
     block_factor: Float
     block_y: Float
+    """(n_blocks, 6), (n_blocks, 3)."""
     determined: Float
+    """(n_blocks,). 0 where an eliminated block is not determined."""
     diagonal: Float
+    """(n_kept,). Diagonal of A'A."""
     weak: list[tuple[int, int]]
+    """List of (node, row). First pivot of each front that is not positive."""
     cost: float
     damping: float
     multiplier: Float = field(default_factory=lambda: np.zeros(0))
     violation: Float = field(default_factory=lambda: np.zeros(0))
+    """(m,). Of the constraints, if any."""
 
     @property
     def decrease(self) -> float:

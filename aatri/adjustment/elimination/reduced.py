@@ -16,21 +16,14 @@ from aatri.arrays import Float
 
 @dataclass(frozen=True)
 class ReducedNormals:
-    """Normal equations N dx + g = 0 of the kept unknowns at a state.
-
-    Attributes
-    ----------
-    N : (n_kept, n_kept) float64
-        Zero rows and columns where held.
-    g : (n_kept,) float64
-        Half the gradient of the cost.
-    diagonal : (n_kept,) float64
-        Diagonal of A'A, before elimination.
-    """
+    """Normal equations N dx + g = 0 of the kept unknowns at a state."""
 
     N: Float
+    """(n_kept, n_kept). Zero rows and columns where held."""
     g: Float
+    """(n_kept,). Half the gradient of the cost."""
     diagonal: Float
+    """(n_kept,). Diagonal of A'A, before elimination."""
 
 
 def reduced_normals(problem: IndexedProblem, state: State) -> ReducedNormals:

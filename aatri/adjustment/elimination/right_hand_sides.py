@@ -29,20 +29,14 @@ from aatri.arrays import Float, Int
 
 @dataclass(frozen=True)
 class Sides:
-    """m right-hand sides R, or U = L^-1 R.
-
-    Attributes
-    ----------
-    kept : (n_kept, m) float64
-        Zero for held scalars.
-    block : (k,) int64
-        Eliminated blocks that are not zero, ascending, by their place among the rays' blocks.
-    of_block : (k, 3, m) float64
-    """
+    """m right-hand sides R, or U = L^-1 R."""
 
     kept: Float
+    """(n_kept, m). Zero for held scalars."""
     block: Int
+    """(k,) int64. Eliminated blocks that are not zero, ascending, by their place among the rays' blocks."""
     of_block: Float
+    """(k, 3, m)."""
 
     def gram(self) -> Float:
         """Products of all pairs of columns, (m, m)."""

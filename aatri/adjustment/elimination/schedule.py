@@ -38,24 +38,16 @@ class Schedule:
     Subtrees are independent: they run in parallel, one BLAS thread each. Above them the tree is worked on level by
     level; where a level has fewer nodes than there are threads, one node after the other with all BLAS threads. A small
     problem has no subtrees: its nodes come one after the other.
-
-    Attributes
-    ----------
-    nodes : tuple of FrontNode
-    subtrees : tuple of tuple of int
-        The largest first; at least two, or none.
-    levels : tuple of tuple of int
-        The nodes above them, from below.
-    threads : int
-    reproducible : bool
-        One BLAS thread throughout.
     """
 
     nodes: tuple[FrontNode, ...]
     subtrees: tuple[tuple[int, ...], ...]
+    """The largest first; at least two, or none."""
     levels: tuple[tuple[int, ...], ...]
+    """The nodes above them, from below."""
     threads: int
     reproducible: bool
+    """One BLAS thread throughout."""
 
     @staticmethod
     def of(problem: IndexedProblem) -> Schedule:
@@ -166,20 +158,14 @@ def _subtree(nodes: Sequence[FrontNode], k: int) -> list[int]:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some blocks of one node, worked on by one thread at a time.
-
-    Attributes
-    ----------
-    number : int
-        In the order of the nodes and their blocks.
-    node, first, last : int
-        The blocks first ... last - 1 of a node.
-    """
+    """Some blocks of one node, worked on by one thread at a time."""
 
     number: int
+    """In the order of the nodes and their blocks."""
     node: int
     first: int
     last: int
+    """The blocks first ... last - 1 of a node."""
 
 
 def stretches(problem: IndexedProblem) -> list[Stretch]:

@@ -39,20 +39,14 @@ RAY_BYTES = 50
 
 @dataclass(frozen=True)
 class Forecast:
-    """Predicted work and memory.
-
-    Attributes
-    ----------
-    flops : float
-        Of one factorisation.
-    factor_bytes, fronts_bytes, rays_bytes : float
-        Factor; fronts in memory at a time, at most; rays and eliminated blocks with their index.
-    """
+    """Predicted work and memory."""
 
     flops: float
+    """Of one factorisation."""
     factor_bytes: float
     fronts_bytes: float
     rays_bytes: float
+    """Factor; fronts in memory at a time, at most; rays and eliminated blocks with their index."""
 
     def memory_bytes(self, spill: bool = False) -> float:
         """Memory of an iteration, with the factor or without."""

@@ -41,22 +41,14 @@ LEAST_PIECE, MOST_PIECE = 200, 2000
 
 @dataclass(frozen=True)
 class Preconditioner:
-    """The factor M.
-
-    Attributes
-    ----------
-    problem : IndexedProblem
-    below : tuple of int
-        Nodes of the subtrees, children before parents.
-    panels : Panels
-    pieces : tuple of (columns (m,), L (m, m))
-        Kept columns of each piece above, and its factor.
-    """
+    """The factor M."""
 
     problem: IndexedProblem
     below: tuple[int, ...]
+    """Nodes of the subtrees, children before parents."""
     panels: Panels
     pieces: tuple[tuple[Int, Float], ...]
+    """Tuple of (columns (m,), L (m, m)). Kept columns of each piece above, and its factor."""
 
     def solve(self, right: Float) -> Float:
         """M^-1 times a vector, (n_kept,)."""

@@ -21,24 +21,17 @@ def _none() -> Int:
 
 @dataclass(frozen=True)
 class OpenCombination:
-    """A combination of unknowns that is open.
-
-    Attributes
-    ----------
-    text : str
-        What messages call it.
-    moves : set of str
-        What it does to a whole that it moves: shift, tilt (a rotation about a level axis), azimuth, scale; else empty.
-    of_whole : bool
-        Of the whole block; else of a part of it.
-    unknowns : tuple of (str, str)
-        Labels and groups of the unknowns that are named.
-    """
+    """A combination of unknowns that is open."""
 
     text: str
+    """What messages call it."""
     moves: frozenset[Move] = frozenset()
+    """What it does to a whole that it moves: shift, tilt (a rotation about a level axis), azimuth, scale; else empty.
+    """
     of_whole: bool = False
+    """Of the whole block; else of a part of it."""
     unknowns: tuple[tuple[str, str], ...] = ()
+    """Labels and groups of the unknowns that are named."""
 
     def __str__(self) -> str:
         return self.text
@@ -54,36 +47,24 @@ class OpenError(GeometryError):
 
 @dataclass(frozen=True)
 class OpenDirections:
-    """What the observations leave open, or nearly so.
-
-    Attributes
-    ----------
-    count : int
-        Open combinations of unknowns.
-    texts : tuple of OpenCombination
-        What they are; motions of the whole in one.
-    directions : (n_kept, count) float64
-        The combinations, in unknowns times the root of their diagonal.
-    vertices : (k,) int
-        Vertices that are open by themselves.
-    blocks : (k,) int
-        Eliminated blocks that are, by their place among the rays' blocks.
-    nearly : tuple of OpenCombination
-        Combinations that are within a factor of ten of it.
-    exact : bool
-        A pivot vanishes; else rounding hides it.
-    more : int
-        Directions without a text.
-    """
+    """What the observations leave open, or nearly so."""
 
     count: int
+    """Open combinations of unknowns."""
     texts: tuple[OpenCombination, ...]
+    """What they are; motions of the whole in one."""
     directions: Float
+    """(n_kept, count). The combinations, in unknowns times the root of their diagonal."""
     vertices: Int = field(default_factory=_none)
+    """(k,). Vertices that are open by themselves."""
     blocks: Int = field(default_factory=_none)
+    """(k,). Eliminated blocks that are, by their place among the rays' blocks."""
     nearly: tuple[OpenCombination, ...] = ()
+    """Combinations that are within a factor of ten of it."""
     exact: bool = False
+    """A pivot vanishes; else rounding hides it."""
     more: int = 0
+    """Directions without a text."""
 
     def refuse(self, before: str = "") -> None:
         """Raise if any combination is open; the message may begin with how it showed.

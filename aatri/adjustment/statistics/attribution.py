@@ -40,26 +40,18 @@ MOST_FOR_PAIRS = 14
 
 @dataclass(frozen=True)
 class BlockRecords:
-    """The records of some blocks, padded to the same number.
-
-    Attributes
-    ----------
-    v : (n, k, m) float64
-        Whitened residuals; zero where there is no component.
-    B : (n, k, m, 3) float64
-        Their derivatives by the block.
-    present : (n, k) bool
-    firm : (n, k) bool
-        Demanded exact: to leave it out counts as two.
-    limit : (n, k) float64
-        |w| up to which a record agrees.
-    """
+    """The records of some blocks, padded to the same number."""
 
     v: Float
+    """(n, k, m). Whitened residuals; zero where there is no component."""
     B: Float
+    """(n, k, m, 3). Their derivatives by the block."""
     present: Bool
+    """(n, k)."""
     firm: Bool
+    """(n, k). Demanded exact: to leave it out counts as two."""
     limit: Float
+    """(n, k). |w| up to which a record agrees."""
 
     def of(self, blocks: Int | Bool) -> BlockRecords:
         """Some of the blocks."""
@@ -68,27 +60,18 @@ class BlockRecords:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What is wrong in each block.
-
-    Attributes
-    ----------
-    out : (n, k) bool
-        Records to leave out.
-    undecided : (n, k) bool
-        Those of them of which only some are wrong, and nothing tells which.
-    single : (n,) bool
-        To leave out one record is enough.
-    step : (n, 3) float64
-        What the others move the block by.
-    gain : (n,) float64
-        Fall of e'e by leaving them out.
-    """
+    """What is wrong in each block."""
 
     out: Bool
+    """(n, k). Records to leave out."""
     undecided: Bool
+    """(n, k). Those of them of which only some are wrong, and nothing tells which."""
     single: Bool
+    """(n,). To leave out one record is enough."""
     step: Float
+    """(n, 3). What the others move the block by."""
     gain: Float
+    """(n,). Fall of e'e by leaving them out."""
 
 
 def explain(records: BlockRecords, suspected: Bool) -> Explanation:

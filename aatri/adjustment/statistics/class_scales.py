@@ -47,19 +47,14 @@ _ITERATIONS = 20
 
 @dataclass(frozen=True)
 class ClassScales:
-    """Factors on the standard deviations of classes of observations.
-
-    Attributes
-    ----------
-    scale : (g,) float64
-        1 where not estimable.
-    redundancy : (g,) float64
-    estimable : (g,) bool
-    """
+    """Factors on the standard deviations of classes of observations."""
 
     scale: Float
+    """(g,). 1 where not estimable."""
     redundancy: Float
+    """(g,)."""
     estimable: Bool
+    """(g,)."""
 
     @property
     def differing(self) -> Float:

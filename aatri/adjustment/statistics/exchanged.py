@@ -26,19 +26,13 @@ MOST_TRIED = 40
 
 @dataclass(frozen=True)
 class Exchanged:
-    """Two points with each other's number.
-
-    Attributes
-    ----------
-    first, second : int
-    as_given_m, exchanged_m : float, m
-        The smaller distance from where they are found as given, the larger with the numbers exchanged.
-    """
+    """Two points with each other's number."""
 
     first: int
     second: int
     as_given_m: float
     exchanged_m: float
+    """The smaller distance from where they are found as given, the larger with the numbers exchanged."""
 
 
 def exchanged_pairs(

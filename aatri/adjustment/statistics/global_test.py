@@ -38,24 +38,16 @@ Verdict = Literal["untested", "fits", "outside", "warned", "far"]
 
 @dataclass(frozen=True)
 class GlobalTest:
-    """sigma0 with its test.
-
-    Attributes
-    ----------
-    sigma0 : float
-        NaN without redundancy.
-    redundancy : int
-    low, high : float
-        Where sigma0 is expected with 95 %; NaN without redundancy.
-    verdict : {'untested', 'fits', 'outside', 'warned', 'far'}
-        In the 99.9 % interval; outside, but within 0.8 to 1.25; beyond that; beyond 0.5 to 2.
-    """
+    """sigma0 with its test."""
 
     sigma0: float
+    """NaN without redundancy."""
     redundancy: int
     low: float
     high: float
+    """Where sigma0 is expected with 95 %; NaN without redundancy."""
     verdict: Verdict
+    """In the 99.9 % interval; outside, but within 0.8 to 1.25; beyond that; beyond 0.5 to 2."""
 
 
 def global_test(sigma0: float, redundancy: int) -> GlobalTest:

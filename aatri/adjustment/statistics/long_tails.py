@@ -45,18 +45,12 @@ _SCALES = np.exp(np.linspace(-0.3, 0.3, 31))
 
 @dataclass(frozen=True)
 class Tail:
-    """The tail of the errors of a class of observations.
-
-    Attributes
-    ----------
-    freedom : float
-        Degrees of freedom of Student's distribution; infinite where a normal one explains the residuals.
-    limit : float
-        |w| beyond which an error is not explained by it.
-    """
+    """The tail of the errors of a class of observations."""
 
     freedom: float
+    """Degrees of freedom of Student's distribution; infinite where a normal one explains the residuals."""
     limit: float
+    """|w| beyond which an error is not explained by it."""
 
 
 def tail_of(w: Float, limit: float) -> Tail:

@@ -27,24 +27,16 @@ from aatri.arrays import Bool, Float
 
 @dataclass(frozen=True)
 class RecordTests:
-    """Tests of the records of one observation type.
-
-    Attributes
-    ----------
-    records : Records
-    state : mapping
-        The solution.
-    whitened : (n, m) float64
-        Whitened residuals, computed minus observed.
-    redundancy : (n, m, m) float64
-        I - H where active; of inactive records P = I + H, the cofactor of the prediction error. Zero for components
-        that are not observed, NaN where not known.
-    """
+    """Tests of the records of one observation type."""
 
     records: Records
     state: State
+    """The solution."""
     whitened: Float
+    """(n, m). Whitened residuals, computed minus observed."""
     redundancy: Float
+    """(n, m, m). I - H where active; of inactive records P = I + H, the cofactor of the prediction error. Zero for
+    components that are not observed, NaN where not known."""
 
     @property
     def name(self) -> str:

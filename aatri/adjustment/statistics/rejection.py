@@ -22,58 +22,38 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class Snooping:
-    """Rules of data snooping.
-
-    Attributes
-    ----------
-    limit : float
-        Test statistic above which a record is rejected.
-    neighbourhood : tuple of str
-        Groups of unknowns: at most one rejection per block and round.
-    share : (str, float)
-        A group of unknowns, and the largest share of a block's records that is rejected.
-    clear : float
-        Least test of a rejection, as a share of the largest.
-    most : float
-        Most rejections of a round, as a share of all records; at least one.
-    back : float, optional
-        Test statistic below which a rejected record is taken back; default: the limit.
-    """
+    """Rules of data snooping."""
 
     limit: float
+    """Test statistic above which a record is rejected."""
     neighbourhood: tuple[str, ...] = ("point",)
+    """Groups of unknowns: at most one rejection per block and round."""
     share: tuple[str, float] = ("strip", 0.15)
+    """(str, float). A group of unknowns, and the largest share of a block's records that is rejected."""
     clear: float = 0.5
+    """Least test of a rejection, as a share of the largest."""
     most: float = 0.01
+    """Most rejections of a round, as a share of all records; at least one."""
     back: float | None = None
+    """Test statistic below which a rejected record is taken back; default: the limit."""
 
 
 @dataclass(frozen=True)
 class Pool:
-    """All records of an adjustment, kind after kind.
-
-    Attributes
-    ----------
-    neighbours : (n, groups) int64
-        Block of each group of the neighbourhood; -1 where it is not touched.
-    source : (n,) int64
-        What the share is counted over: a block of the share's group, or a kind.
-    carrier : (n,) bool
-        Records that touch the share's group.
-    counted : (n,) bool
-        Records that have a neighbour: the others are tested by nothing.
-    variance : (n,) float64
-        Trace of the covariance.
-    room : (sources,) int64, optional
-        How many may be rejected of each source; default: by the share of the rule.
-    """
+    """All records of an adjustment, kind after kind."""
 
     neighbours: Int
+    """(n, groups) int64. Block of each group of the neighbourhood; -1 where it is not touched."""
     source: Int
+    """(n,) int64. What the share is counted over: a block of the share's group, or a kind."""
     carrier: Bool
+    """(n,). Records that touch the share's group."""
     counted: Bool
+    """(n,). Records that have a neighbour: the others are tested by nothing."""
     variance: Float
+    """(n,). Trace of the covariance."""
     room: Int | None = None
+    """(sources,) int64. How many may be rejected of each source; default: by the share of the rule."""
 
 
 def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Float]) -> Pool:

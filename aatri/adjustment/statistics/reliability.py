@@ -32,20 +32,15 @@ DELTA0 = 4.13
 
 @dataclass(frozen=True)
 class Reliability:
-    """Reliability of n records of m components.
-
-    Attributes
-    ----------
-    redundancy, test, detectable : (n, m) float64
-        `detectable` in the unit of the observation; the last two NaN where uncontrolled.
-    external : (n, m) float64
-        delta-bar: largest effect of a detectable error on any function of the unknowns, in its standard deviations.
-    """
+    """Reliability of n records of m components."""
 
     redundancy: Float
     test: Float
     detectable: Float
+    """(n, m). `detectable` in the unit of the observation; the last two NaN where uncontrolled."""
     external: Float
+    """(n, m). delta-bar: largest effect of a detectable error on any function of the unknowns, in its standard
+    deviations."""
 
 
 def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) -> Reliability:

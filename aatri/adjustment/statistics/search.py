@@ -45,48 +45,33 @@ A = TypeVar("A", bound=Solved)
 
 @dataclass(frozen=True)
 class Searched(Generic[A]):
-    """Result of the search.
-
-    Attributes
-    ----------
-    solved : A
-        Adjusted with the active records and the added standard deviation.
-    active : (n,) bool
-    tau : float
-        The added standard deviation.
-    rounds : int
-    settled : bool
-        False if it was broken off.
-    above : (n,) bool
-        Active records above the limit that the rules do not let reject, that nothing controls well, or that are needed.
-    """
+    """Result of the search."""
 
     solved: A
+    """Adjusted with the active records and the added standard deviation."""
     active: Bool
+    """(n,)."""
     tau: float
+    """The added standard deviation."""
     rounds: int
     settled: bool
+    """False if it was broken off."""
     above: Bool
+    """(n,). Active records above the limit that the rules do not let reject, that nothing controls well, or that are
+    needed."""
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps of the added standard deviation, with the same active records.
-
-    Attributes
-    ----------
-    low, high : float
-        Largest value that was too small, smallest that was too large.
-    up : bool or None
-        Direction of the step before.
-    turns : int
-        How often the direction has changed.
-    """
+    """Steps of the added standard deviation, with the same active records."""
 
     low: float = 0.0
     high: float = float("inf")
+    """Largest value that was too small, smallest that was too large."""
     up: bool | None = None
+    """Direction of the step before."""
     turns: int = 0
+    """How often the direction has changed."""
 
     def after(self, tau: float, new: float) -> tuple[Steps, float]:
         """The value to go on with, the same where it is settled; `new` is what the adjustment with `tau` asks for."""

@@ -34,52 +34,35 @@ UNDETERMINED_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates of one group of parameters.
-
-    Attributes
-    ----------
-    names : tuple of str
-    values : (s,) float64
-    covariance : (s, s) float64
-        A priori, without sigma0; NaN where a parameter is not determined.
-    prior_sigma : (s,) float64
-        Of the pseudo-observation of zero; infinite without.
-    sigma0 : float
-        Factor of the standard deviations: 1 a priori.
-    redundancy : float
-        Degrees of freedom of sigma0; infinite if it is known.
-    """
+    """Estimates of one group of parameters."""
 
     names: tuple[str, ...]
     values: Float
+    """(s,)."""
     covariance: Float
+    """(s, s). A priori, without sigma0; NaN where a parameter is not determined."""
     prior_sigma: Float
+    """(s,). Of the pseudo-observation of zero; infinite without."""
     sigma0: float = 1.0
+    """Factor of the standard deviations: 1 a priori."""
     redundancy: float = np.inf
+    """Degrees of freedom of sigma0; infinite if it is known."""
 
 
 @dataclass(frozen=True)
 class ParameterTests:
-    """Tests of single parameters, one row each.
-
-    Attributes
-    ----------
-    sigma : (s,) float64
-        Standard deviation, sigma0 applied.
-    data_share : (s,) float64
-        Share of the value that comes from the data; NaN undetermined.
-    t : (s,) float64
-        Test statistic; NaN where the data share is below `UNDETERMINED_SHARE`.
-    p_value : (s,) float64
-        Probability of a larger |t| if the true value is zero.
-    significant : (s,) bool
-    """
+    """Tests of single parameters, one row each."""
 
     sigma: Float
+    """(s,). Standard deviation, sigma0 applied."""
     data_share: Float
+    """(s,). Share of the value that comes from the data; NaN undetermined."""
     t: Float
+    """(s,). Test statistic; NaN where the data share is below `UNDETERMINED_SHARE`."""
     p_value: Float
+    """(s,). Probability of a larger |t| if the true value is zero."""
     significant: Bool
+    """(s,)."""
 
 
 @dataclass(frozen=True)

@@ -93,22 +93,16 @@ def common_sigma(squares: Float, known: Float, share: Float, *, robust: bool = F
 
 @dataclass(frozen=True)
 class GroupSigmas:
-    """Factors on the standard deviations of groups of observations, from one adjustment.
-
-    Attributes
-    ----------
-    count : (g,) int
-        Components observed.
-    redundancy : (g,) float64
-    factor : (g,) float64
-        On the standard deviations in use; 1 where not estimable.
-    estimable : (g,) bool
-    """
+    """Factors on the standard deviations of groups of observations, from one adjustment."""
 
     count: Int
+    """(g,). Components observed."""
     redundancy: Float
+    """(g,)."""
     factor: Float
+    """(g,). On the standard deviations in use; 1 where not estimable."""
     estimable: Bool
+    """(g,)."""
 
     @cached_property
     def limits(self) -> tuple[Float, Float]:

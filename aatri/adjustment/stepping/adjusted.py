@@ -10,58 +10,39 @@ from aatri.notes import Note
 
 @dataclass(frozen=True)
 class Step:
-    """One line of the history.
-
-    Attributes
-    ----------
-    cost, decrement, damping : float
-        Before the step.
-    strayed : bool
-        The linear step was not taken as it was: refused, damped, or taken with the eliminated blocks moved on.
-    """
+    """One line of the history."""
 
     cost: float
     decrement: float
     damping: float
+    """Before the step."""
     strayed: bool = False
+    """The linear step was not taken as it was: refused, damped, or taken with the eliminated blocks moved on."""
 
 
 @dataclass(frozen=True)
 class Adjusted:
-    """A converged adjustment.
-
-    Attributes
-    ----------
-    state : dict
-        Adjusted values of all groups.
-    problem : IndexedProblem
-    cost : float
-        v'v at the solution, or what a robust loss makes of it.
-    observations, n_unknowns, redundancy : int
-        The redundancy counts the constraints.
-    sigma0 : float
-        sqrt(v'v / redundancy), NaN without redundancy and where observations are down-weighted.
-    history : tuple of Step
-    down_weighted : int
-        Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
-        no covariances.
-    factored : Factored, optional
-        Of a linear problem its only factor, which serves the covariances; of others where it was asked for.
-    notes : tuple of Note
-        What takes no part, was set aside, has no finite optimum, or is hardly determined.
-    """
+    """A converged adjustment."""
 
     state: dict[str, Any]
+    """Adjusted values of all groups."""
     problem: IndexedProblem
     cost: float
+    """v'v at the solution, or what a robust loss makes of it."""
     observations: int
     n_unknowns: int
     redundancy: int
+    """The redundancy counts the constraints."""
     sigma0: float
+    """sqrt(v'v / redundancy), NaN without redundancy and where observations are down-weighted."""
     history: tuple[Step, ...]
     down_weighted: int = 0
+    """Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
+    no covariances."""
     factored: Factored | None = None
+    """Of a linear problem its only factor, which serves the covariances; of others where it was asked for."""
     notes: tuple[Note, ...] = ()
+    """What takes no part, was set aside, has no finite optimum, or is hardly determined."""
 
     @property
     def has_factor(self) -> bool:

@@ -25,20 +25,13 @@ ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class Damping:
-    """Damping of the next step.
-
-    Attributes
-    ----------
-    value : float
-    growth : float
-        The factor that applies if the step is refused.
-    threshold : float
-        Below it an undamped step is tried.
-    """
+    """Damping of the next step."""
 
     value: float = 0.0
     growth: float = 2.0
+    """The factor that applies if the step is refused."""
     threshold: float = 2 * FIRST
+    """Below it an undamped step is tried."""
 
     def accepted(self, gain: float) -> Damping:
         """After a step that was taken."""

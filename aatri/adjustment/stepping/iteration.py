@@ -33,26 +33,17 @@ LATELY = 5
 
 @dataclass(frozen=True)
 class IterationState:
-    """What an iteration stands on.
-
-    Attributes
-    ----------
-    problem : IndexedProblem
-        With the curvature of its losses and the blocks slowed down so far.
-    state : dict
-        Values of all groups.
-    factored : Factored
-        The linearisation there.
-    damping : Damping
-    strayed : bool
-        The step to here was not the linear one.
-    """
+    """What an iteration stands on."""
 
     problem: IndexedProblem
+    """With the curvature of its losses and the blocks slowed down so far."""
     state: dict[str, Any]
+    """Values of all groups."""
     factored: Factored
+    """The linearisation there."""
     damping: Damping = Damping()
     strayed: bool = False
+    """The step to here was not the linear one."""
 
     @property
     def decrement(self) -> float:

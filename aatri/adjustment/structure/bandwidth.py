@@ -22,27 +22,17 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class OrderingFigures:
-    """Figures of one order of elimination.
-
-    Attributes
-    ----------
-    ordering : str
-    half_bandwidth : int
-        Vertices, with the diagonal, without the border.
-    half_bandwidth_unknowns : int
-    border_unknowns : int
-    stored : int
-        Elements of the factor.
-    flops : float
-        Multiplications and additions of a factorisation.
-    """
+    """Figures of one order of elimination."""
 
     ordering: str
     half_bandwidth: int
+    """Vertices, with the diagonal, without the border."""
     half_bandwidth_unknowns: int
     border_unknowns: int
     stored: int
+    """Elements of the factor."""
     flops: float
+    """Multiplications and additions of a factorisation."""
 
 
 def ordering_figures(

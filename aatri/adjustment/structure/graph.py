@@ -25,16 +25,12 @@ LEAF = 32
 
 @dataclass(frozen=True)
 class Graph:
-    """Neighbours of each vertex, in compressed form.
-
-    Attributes
-    ----------
-    start : (n + 1,) int64
-    neighbour : (.,) int32
-    """
+    """Neighbours of each vertex, in compressed form."""
 
     start: Int
+    """(n + 1,) int64."""
     neighbour: Int
+    """(.,) int32."""
 
     @property
     def n(self) -> int:

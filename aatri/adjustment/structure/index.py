@@ -24,74 +24,49 @@ SORTED_IMAGES = 12
 
 @dataclass(frozen=True)
 class Parts:
-    """The kept unknowns that records touch, joined groups taken together.
-
-    Attributes
-    ----------
-    vertex : (n, parts) int32
-        Vertex of each part; -1 where it is held.
-    shift : (parts,) int64
-        First scalar of the part within its vertex.
-    size, start : (parts,) int32
-        Scalars of a part, and its first column among the Jacobians laid side by side.
-    """
+    """The kept unknowns that records touch, joined groups taken together."""
 
     vertex: Int
+    """(n, parts) int32. Vertex of each part; -1 where it is held."""
     shift: Int
+    """(parts,) int64. First scalar of the part within its vertex."""
     size: Int
     start: Int
+    """(parts,) int32. Scalars of a part, and its first column among the Jacobians laid side by side."""
 
 
 @dataclass(frozen=True)
 class KeptRecords:
-    """Records of kept unknowns alone, sorted by node.
-
-    Attributes
-    ----------
-    records : Records
-    rows : (n,) int64
-        Rows of the records, in order.
-    first : (n_nodes + 1,) int64
-    parts : Parts
-    loc : (n, parts) int32
-        Row of each part in the front of the record's node.
-    """
+    """Records of kept unknowns alone, sorted by node."""
 
     records: Records
     rows: Int
+    """(n,) int64. Rows of the records, in order."""
     first: Int
+    """(n_nodes + 1,) int64."""
     parts: Parts
     loc: Int
+    """(n, parts) int32. Row of each part in the front of the record's node."""
 
 
 @dataclass(frozen=True)
 class EliminatedRecords:
-    """Records of eliminated blocks (rays), sorted by node, block and order of elimination.
-
-    Attributes
-    ----------
-    records : Records
-    lane : callable
-        Their compiled lane, or the same by `evaluate`, in the order of the rays; see `records`.
-    rows : (n,) int64
-        Rows of the records, in order.
-    ray_start : (n_blocks + 1,) int64
-    block : (n_blocks,) int64
-        Block of the eliminated group, in order.
-    first : (n_nodes + 1,) int64
-        First block of each node.
-    parts : Parts
-    loc : (n, parts) int32
-    """
+    """Records of eliminated blocks (rays), sorted by node, block and order of elimination."""
 
     records: Records
     lane: Weigh
+    """Their compiled lane, or the same by `evaluate`, in the order of the rays; see `records`."""
     rows: Int
+    """(n,) int64. Rows of the records, in order."""
     ray_start: Int
+    """(n_blocks + 1,) int64."""
     block: Int
+    """(n_blocks,) int64. Block of the eliminated group, in order."""
     first: Int
+    """(n_nodes + 1,) int64. First block of each node."""
     parts: Parts
     loc: Int
+    """(n, parts) int32."""
 
 
 def parts_of(records: Records, rows: Int, layout: Layout, size_of: dict[str, int]) -> Parts:

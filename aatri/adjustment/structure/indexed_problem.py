@@ -19,67 +19,43 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class PartlyFactorised:
-    """How much of a matrix is factorised where the whole factor has no room.
-
-    Attributes
-    ----------
-    subtrees : tuple of tuple of int
-        Nodes of subtrees that are factorised, children before parents.
-    piece : int
-        How many of the other unknowns are factorised together, at most.
-    """
+    """How much of a matrix is factorised where the whole factor has no room."""
 
     subtrees: tuple[tuple[int, ...], ...]
+    """Nodes of subtrees that are factorised, children before parents."""
     piece: int
+    """How many of the other unknowns are factorised together, at most."""
 
 
 @dataclass(frozen=True)
 class IndexedProblem:
-    """An adjustment problem with its index: made once, used in every iteration.
-
-    Attributes
-    ----------
-    stated : Problem
-        What was indexed, as it was stated.
-    unknowns : tuple of Unknowns
-        Its unknowns, with all scalars held of blocks that take no part; see `weights`.
-    records : tuple of Records
-        Its records, active or not: the index does not depend on it. The constraints follow them, as records of a
-        weight.
-    layout : Layout
-    tree : Tree
-    rays : EliminatedRecords or None
-    kept : tuple of KeptRecords
-    direct : tuple of (Records, rows (n,), block in order (n,))
-        Records that touch one eliminated block and nothing else.
-    block_free : (n_blocks, 3) float64
-        1 where a scalar of an eliminated block is free, in the order of the rays' blocks.
-    settings : SolverSettings
-    hold : (n_blocks, 3, 3) float64
-        Added to the normal matrix of an eliminated block without an observation: zero but for blocks that have no
-        finite optimum, whose steps it shortens.
-    set_aside : dict of str to (n,) bool
-        Blocks of any group that are held as weak, with all their records inactive.
-    spill : bool
-        The panels of the factor go to a file.
-    iterative : PartlyFactorised, optional
-        Solve by conjugate gradients, with so much of the matrix factorised (`preconditioner`).
-    """
+    """An adjustment problem with its index: made once, used in every iteration."""
 
     stated: Problem
+    """What was indexed, as it was stated."""
     unknowns: tuple[Unknowns, ...]
+    """Its unknowns, with all scalars held of blocks that take no part; see `weights`."""
     records: tuple[Records, ...]
+    """Its records, active or not: the index does not depend on it. The constraints follow them, as records of a weight.
+    """
     layout: Layout
     tree: Tree
     rays: EliminatedRecords | None
     kept: tuple[KeptRecords, ...]
     direct: tuple[tuple[Records, Int, Int], ...]
+    """Records that touch one eliminated block and nothing else."""
     block_free: Float
+    """(n_blocks, 3). 1 where a scalar of an eliminated block is free, in the order of the rays' blocks."""
     settings: SolverSettings
     hold: Float
+    """(n_blocks, 3, 3). Added to the normal matrix of an eliminated block without an observation: zero but for blocks
+    that have no finite optimum, whose steps it shortens."""
     set_aside: dict[str, Bool] = field(default_factory=dict)
+    """Dict of str to (n,). Blocks of any group that are held as weak, with all their records inactive."""
     spill: bool = False
+    """The panels of the factor go to a file."""
     iterative: PartlyFactorised | None = None
+    """Solve by conjugate gradients, with so much of the matrix factorised (`preconditioner`)."""
 
     @property
     def constraints(self) -> tuple[Records, ...]:

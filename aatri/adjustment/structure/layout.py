@@ -19,33 +19,23 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of all unknowns.
-
-    Attributes
-    ----------
-    vertex : dict of str to (n,) int32
-        Vertex of each block of a group; -1 where it has none (held, or eliminated).
-    within : dict of str to int
-        First scalar of a group's blocks within their vertex.
-    size, start : (n_vertices,), (n_vertices + 1,) int64
-        Scalars of each vertex, and its first kept column.
-    held : (n_kept,) bool
-        Columns of held scalars, those of blocks that take no part among them.
-    position : (n_vertices, d) float64
-    eliminated : str
-        Name of the eliminated group, or empty.
-    block : (n,) int32
-        For each block of the eliminated group its number among the eliminated ones; -1 where retained.
-    """
+    """Places of all unknowns."""
 
     vertex: dict[str, Int]
+    """Dict of str to (n,) int32. Vertex of each block of a group; -1 where it has none (held, or eliminated)."""
     within: dict[str, int]
+    """First scalar of a group's blocks within their vertex."""
     size: Int
     start: Int
+    """(n_vertices,), (n_vertices + 1,) int64. Scalars of each vertex, and its first kept column."""
     held: Bool
+    """(n_kept,). Columns of held scalars, those of blocks that take no part among them."""
     position: Float
+    """(n_vertices, d)."""
     eliminated: str
+    """Name of the eliminated group, or empty."""
     block: Int
+    """(n,) int32. For each block of the eliminated group its number among the eliminated ones; -1 where retained."""
 
     @property
     def n_kept(self) -> int:

@@ -14,28 +14,18 @@ from aatri.arrays import Int
 
 @dataclass(frozen=True)
 class FrontNode:
-    """One front.
-
-    Attributes
-    ----------
-    vertices : (k,) int64
-        Own vertices, then the boundary, both in the order of elimination.
-    own : int
-        How many of them are its own.
-    offset : (k + 1,) int64
-        Where each vertex starts in the front.
-    columns : (n,) int64
-        Kept column of each row of the front.
-    parent : int
-        -1 for a root.
-    children : tuple of int
-    """
+    """One front."""
 
     vertices: Int
+    """(k,) int64. Own vertices, then the boundary, both in the order of elimination."""
     own: int
+    """How many of them are its own."""
     offset: Int
+    """(k + 1,) int64. Where each vertex starts in the front."""
     columns: Int
+    """(n,) int64. Kept column of each row of the front."""
     parent: int
+    """-1 for a root."""
     children: tuple[int, ...]
 
     @property
@@ -57,23 +47,15 @@ class FrontNode:
 
 @dataclass(frozen=True)
 class Tree:
-    """All nodes, children before parents.
-
-    Attributes
-    ----------
-    nodes : tuple of FrontNode
-    node_of : (n_vertices,) int32
-        Where each vertex is eliminated.
-    place : (n_vertices,) int64
-        Place of each vertex in the order of elimination.
-    maps : tuple of (.,) int32
-        For each node: row of the parent's front for each row of its boundary.
-    """
+    """All nodes, children before parents."""
 
     nodes: tuple[FrontNode, ...]
     node_of: Int
+    """(n_vertices,) int32. Where each vertex is eliminated."""
     place: Int
+    """(n_vertices,) int64. Place of each vertex in the order of elimination."""
     maps: tuple[Int, ...]
+    """Tuple of (.,) int32. For each node: row of the parent's front for each row of its boundary."""
 
     @property
     def flops(self) -> float:

@@ -19,17 +19,12 @@ from aatri.arrays import Bool, Float
 
 @dataclass(frozen=True)
 class Weights:
-    """What may change of the records of one observation type; None stays as it is.
-
-    Attributes
-    ----------
-    active : (n,) bool, optional
-    whitener : (n, m, m) or (n, m) float64, optional
-        Of the shape it had.
-    """
+    """What may change of the records of one observation type; None stays as it is."""
 
     active: Bool | None = None
+    """(n,)."""
     whitener: Float | None = None
+    """(n, m, m) or (n, m). Of the shape it had."""
 
 
 def with_weights(problem: IndexedProblem, weights: Mapping[str, Weights]) -> IndexedProblem:

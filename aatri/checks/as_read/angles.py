@@ -65,27 +65,18 @@ class AngleCause:
 
 @dataclass(frozen=True)
 class Contradiction:
-    """What positions, control and image points say against each other.
-
-    Attributes
-    ----------
-    text, remedy : str
-    of : {'control', 'position', 'camera'}
-        Where to look first.
-    certain : bool
-        Not to be adjusted.
-    images : (j,) int
-        The images it is about.
-    points : tuple of int
-        Single control points that are as likely, rows of `control_m`.
-    """
+    """What positions, control and image points say against each other."""
 
     text: str
     remedy: str
     of: str
+    """Where to look first."""
     certain: bool
+    """Not to be adjusted."""
     images: Int
+    """(j,). The images it is about."""
     points: tuple[int, ...] = ()
+    """Single control points that are as likely, rows of `control_m`."""
 
 
 def angles_that_differ(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:

@@ -25,22 +25,15 @@ from aatri.units import length
 
 @dataclass(frozen=True)
 class CameraFrames:
-    """Cameras of a block.
-
-    Attributes
-    ----------
-    id : sequence of str
-    principal_distance_mm : (c,) float64, mm
-    half_format_mm : (c, 2) float64, mm
-        From the principal point; NaN not known.
-    pixel_mm : (c,) float64, mm
-        NaN for film measured in a comparator.
-    """
+    """Cameras of a block."""
 
     id: Sequence[str]
     principal_distance_mm: Float
+    """(c,), mm."""
     half_format_mm: Float
+    """(c, 2), mm. From the principal point; NaN not known."""
     pixel_mm: Float
+    """(c,), mm. NaN for film measured in a comparator."""
 
 
 def cameras_of(block: Block) -> CameraFrames:

@@ -12,28 +12,19 @@ from aatri.units import FOOT_M, LENGTH_M
 
 @dataclass(frozen=True)
 class Change:
-    """One error undone.
-
-    Attributes
-    ----------
-    text : str
-        `with X and Y exchanged`.
-    of_all, of_one : str
-        What to do if all control has it, if one point has it.
-    apply : callable
-        (n, 3) coordinates to (n, 3), m.
-    in_plan : bool
-        It moves points in plan; else heights alone.
-    moves_near : bool
-        It proves something also near the origin, where factors gather points.
-    """
+    """One error undone."""
 
     text: str
+    """`with X and Y exchanged`."""
     of_all: str
     of_one: str
+    """What to do if all control has it, if one point has it."""
     apply: Callable[[Float], Float]
+    """(n, 3) coordinates to (n, 3), m."""
     in_plan: bool = True
+    """It moves points in plan; else heights alone."""
     moves_near: bool = False
+    """It proves something also near the origin, where factors gather points."""
 
 
 def _times(x: float, y: float, z: float) -> Callable[[Float], Float]:

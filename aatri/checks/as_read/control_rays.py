@@ -22,32 +22,23 @@ from aatri.observations.control import control_of
 
 @dataclass(frozen=True)
 class ControlRays:
-    """Rays to control points.
-
-    Attributes
-    ----------
-    image, point : (k,) int
-        Rows of `position_m` and `control_m`.
-    xy_mm : (k, 2) float64, mm
-        From the principal point.
-    principal_point_mm : (k, 2) float64, mm
-        What has been subtracted.
-    c_mm : (k,) float64, mm
-    position_m : (n, 3) float64, m
-    control_m : (m, 3) float64, m
-        All of them known.
-    observed : bool
-        Most positions are observed, not only approximate.
-    """
+    """Rays to control points."""
 
     image: Int
     point: Int
+    """(k,). Rows of `position_m` and `control_m`."""
     xy_mm: Float
+    """(k, 2), mm. From the principal point."""
     principal_point_mm: Float
+    """(k, 2), mm. What has been subtracted."""
     c_mm: Float
+    """(k,), mm."""
     position_m: Float
+    """(n, 3), m."""
     control_m: Float
+    """(m, 3), m. All of them known."""
     observed: bool = True
+    """Most positions are observed, not only approximate."""
 
 
 @dataclass(frozen=True)

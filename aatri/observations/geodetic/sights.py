@@ -30,38 +30,29 @@ ALL, PLAN, HEIGHT = (True, True, True), (True, True, False), (False, False, True
 
 @dataclass(frozen=True)
 class Sights:
-    """Lines from stations to targets.
-
-    Attributes
-    ----------
-    row : (n,) int
-        Row in the Block's table.
-    station, target : (n,) int
-        Rows in points or images.
-    station_is_image, target_is_image : (n,) bool
-    station_height_m, target_height_m : (n,) float64, m
-    value, sigma : (n,) float64, m or rad
-        Sigma 0: exact.
-    names : (n,) str
-        `A-B`.
-    set, group : (n,) str
-    reduced : (n,) bool
-        Reduced to the horizon, the ellipsoid or the map.
-    """
+    """Lines from stations to targets."""
 
     row: Int
+    """(n,). Row in the Block's table."""
     station: Int
     target: Int
+    """(n,). Rows in points or images."""
     station_is_image: Bool
     target_is_image: Bool
+    """(n,)."""
     station_height_m: Float
     target_height_m: Float
+    """(n,), m."""
     value: Float
     sigma: Float
+    """(n,), m or rad. Sigma 0: exact."""
     names: Text
+    """(n,) str. `A-B`."""
     set: Text
     group: Text
+    """(n,) str."""
     reduced: Text
+    """(n,) bool. Reduced to the horizon, the ellipsoid or the map."""
 
     def take(self, rows: Int | Bool) -> Sights:
         """The chosen sights."""
@@ -120,20 +111,14 @@ Between = Callable[[Level, Float, Float, Float, Float], tuple[Float, Float, Floa
 
 @dataclass(frozen=True)
 class Calibrated:
-    """Further unknowns between the value computed from the line and what the instrument shows.
-
-    Attributes
-    ----------
-    group : str
-        Group of unknowns.
-    block : (n,) int
-    shown : callable
-        (value (n,), unknowns (n, k)) -> what is shown (n,), its derivatives by value (n,) and by unknowns (n, k).
-    """
+    """Further unknowns between the value computed from the line and what the instrument shows."""
 
     group: str
+    """Group of unknowns."""
     block: Int
+    """(n,)."""
     shown: Callable[[Float, Float], tuple[Float, Float, Float]]
+    """(value (n,), unknowns (n, k)) -> what is shown (n,), its derivatives by value (n,) and by unknowns (n, k)."""
 
 
 def sight_records(

@@ -39,24 +39,16 @@ class KindOptions(Options):
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of observation.
-
-    Attributes
-    ----------
-    observe : callable
-        Takes it from a block, given its options where it has such.
-    table : str, optional
-        Table of the Block that has its rows: where it is empty there are none.
-    options : callable, optional
-        Its own among those of all kinds.
-    uses : tuple of str
-        What it uses of the block, by the names of `artifacts.offers`.
-    """
+    """A kind of observation."""
 
     observe: Callable[..., tuple[Observed, ...]]
+    """Takes it from a block, given its options where it has such."""
     table: str = ""
+    """Table of the Block that has its rows: where it is empty there are none."""
     options: Callable[[KindOptions], Options] | None = None
+    """Its own among those of all kinds."""
     uses: tuple[str, ...] = ()
+    """What it uses of the block, by the names of `artifacts.offers`."""
 
 
 KINDS = (

@@ -57,36 +57,25 @@ def pairs_as_sights(block: Block, type_: str) -> Sights:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Conditions of one type on points, each with unknowns of its own: a shape, a height, a length.
-
-    Attributes
-    ----------
-    type : str
-        Name of the kind, too.
-    exact : bool
-    row : (n,) int
-        In relative_control.
-    point : (m, k) int32
-        The points of each record.
-    of : (m,) int32
-        Condition of each record.
-    names : (m,) str
-    member : (m,) int
-        Row of each record in relative_control_members.
-    labels : (n,) str
-        What messages call the conditions.
-    sigma : (m,) float64
-    """
+    """Conditions of one type on points, each with unknowns of its own: a shape, a height, a length."""
 
     type: str
+    """Name of the kind, too."""
     exact: bool
     row: Int
+    """(n,). In relative_control."""
     point: Int
+    """(m, k) int32. The points of each record."""
     of: Int
+    """(m,) int32. Condition of each record."""
     names: Text
+    """(m,) str."""
     member: Int
+    """(m,). Row of each record in relative_control_members."""
     labels: Text
+    """(n,) str. What messages call the conditions."""
     sigma: Float
+    """(m,)."""
 
     @property
     def group(self) -> str:

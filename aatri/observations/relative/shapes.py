@@ -45,30 +45,20 @@ def seeing(what: str) -> Evaluated:
 
 @dataclass(frozen=True)
 class Shape:
-    """A kind of shape.
-
-    Attributes
-    ----------
-    type : str
-        Of relative_control.yaml; name of the kind and of the group of unknowns.
-    labels : tuple of str
-        Names of its unknowns.
-    rows : int
-        Residuals of a point.
-    equation, fit : callable
-    sees : str
-        NOTHING, TILT or TILT_ACROSS.
-    radius : bool
-        The last unknown is a radius, held where it is given.
-    """
+    """A kind of shape."""
 
     type: str
+    """Of relative_control.yaml; name of the kind and of the group of unknowns."""
     labels: tuple[str, ...]
+    """Names of its unknowns."""
     rows: int
+    """Residuals of a point."""
     equation: Equation
     fit: Fit
     sees: str = NOTHING
+    """NOTHING, TILT or TILT_ACROSS."""
     radius: bool = False
+    """The last unknown is a radius, held where it is given."""
 
 
 def observed_shapes(given: Given, shape: Shape) -> tuple[Observed, ...]:

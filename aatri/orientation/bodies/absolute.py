@@ -66,53 +66,35 @@ OFF_THE_LINE = "add a point with a known height well off that line, or observed 
 
 @dataclass(frozen=True)
 class OrientationRules:
-    """How a body is oriented.
-
-    Attributes
-    ----------
-    limit : float
-        Test statistic of what is wrong.
-    start : str
-        From all places known in full (`closed`), from two known in plan (`two_points`), from these by all known in
-        full, reduced to their centroid (`centroids`).
-    weakest : float
-        Motions known less well count as not determined; see `datum_analysis`.
-    stiff : bool
-        The body comes from an adjustment of all its images: where all else fits without some gross errors, they are
-        told from a deformation, which a few wrong points would otherwise be taken for.
-    free : bool
-        What is not determined is held where it is.
-    """
+    """How a body is oriented."""
 
     limit: float
+    """Test statistic of what is wrong."""
     start: Start = "closed"
+    """From all places known in full (`closed`), from two known in plan (`two_points`), from these by all known in full,
+    reduced to their centroid (`centroids`)."""
     weakest: float = UNDETERMINED
+    """Motions known less well count as not determined; see `datum_analysis`."""
     stiff: bool = False
+    """The body comes from an adjustment of all its images: where all else fits without some gross errors, they are told
+    from a deformation, which a few wrong points would otherwise be taken for."""
     free: bool = False
+    """What is not determined is held where it is."""
 
 
 @dataclass(frozen=True)
 class OrientedBody:
-    """Result of the absolute orientation of a body.
-
-    Attributes
-    ----------
-    ground_from_body : Similarity
-    analysis : DatumAnalysis
-        Of what is not rejected.
-    tied : TiedResult
-        The adjustment: the points, centres and rotations of the body, then what is observed, kind by kind.
-    began : (n,) bool
-        Observations of it that had part at first.
-    state : State
-        Images and points as they lie on the ground, not adjusted; the adjusted unknowns of the kinds.
-    """
+    """Result of the absolute orientation of a body."""
 
     ground_from_body: Similarity
     analysis: DatumAnalysis
+    """Of what is not rejected."""
     tied: TiedResult
+    """The adjustment: the points, centres and rotations of the body, then what is observed, kind by kind."""
     began: Bool
+    """(n,). Observations of it that had part at first."""
     state: State
+    """Images and points as they lie on the ground, not adjusted; the adjusted unknowns of the kinds."""
 
     @property
     def places(self) -> GivenPlaces:

@@ -34,20 +34,16 @@ ITERATIONS = 50
 
 @dataclass(frozen=True)
 class BodyPoints:
-    """Points of all strips, in the strips' own frames.
-
-    Attributes
-    ----------
-    strip : (n,) int
-    point : (n,) int
-    xyz : (n, 3) float64, unit of the strip
-    covariance : (n, 3, 3) float64, unit of the strip squared
-    """
+    """Points of all strips, in the strips' own frames."""
 
     strip: Int
+    """(n,)."""
     point: Int
+    """(n,)."""
     xyz: Float
+    """(n, 3), unit of the strip."""
     covariance: Float
+    """(n, 3, 3), unit of the strip squared."""
 
     def take(self, rows: Bool | Int) -> BodyPoints:
         """The chosen rows."""

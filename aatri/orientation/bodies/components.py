@@ -32,53 +32,36 @@ TIE_LIMIT = 6.0
 
 @dataclass(frozen=True)
 class Component:
-    """Strips joined to one free body.
-
-    Attributes
-    ----------
-    strips : (k,) int
-        Numbers of the strips, ascending.
-    component_from_strip : tuple of Similarity
-        For each of them.
-    rows : (m,) int
-        Rows of its points in the BodyPoints.
-    point : (p,) int
-        Numbers of its points, ascending.
-    xyz : (p, 3) float64, unit of the component
-    covariance : (p, 3, 3) float64, unit of the component squared
-    tied : TiedResult or None
-        The adjustment; None for a single strip. Its observations are the rows.
-    """
+    """Strips joined to one free body."""
 
     strips: Int
+    """(k,). Numbers of the strips, ascending."""
     component_from_strip: tuple[Similarity, ...]
+    """For each of them."""
     rows: Int
+    """(m,). Rows of its points in the BodyPoints."""
     point: Int
+    """(p,). Numbers of its points, ascending."""
     xyz: Float
+    """(p, 3), unit of the component."""
     covariance: Float
+    """(p, 3, 3), unit of the component squared."""
     tied: TiedResult | None
+    """The adjustment; None for a single strip. Its observations are the rows."""
 
 
 @dataclass(frozen=True)
 class FreeBlock:
-    """Free components, and why they were not joined further.
-
-    Attributes
-    ----------
-    components : tuple of Component
-        Largest first (number of points, then first strip).
-    active : (n,) bool
-        Rows of the BodyPoints not rejected.
-    unjoined : tuple of str
-        For each pair of components with few or bad ties: what is missing.
-    weak : tuple of bool
-        For each of these: it could be joined weakly, by points nearly on a line.
-    """
+    """Free components, and why they were not joined further."""
 
     components: tuple[Component, ...]
+    """Largest first (number of points, then first strip)."""
     active: Bool
+    """(n,). Rows of the BodyPoints not rejected."""
     unjoined: tuple[str, ...]
+    """For each pair of components with few or bad ties: what is missing."""
     weak: tuple[bool, ...] = ()
+    """For each of these: it could be joined weakly, by points nearly on a line."""
 
 
 def join_strips(

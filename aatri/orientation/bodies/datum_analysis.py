@@ -41,29 +41,20 @@ RIDGE = 1e-12
 
 @dataclass(frozen=True)
 class GivenPlaces:
-    """Points and images of which coordinates are observed.
-
-    Attributes
-    ----------
-    kind : (n,) str
-    name : (n,) str
-        For messages.
-    xyz : (n, 3) float64
-        Where they are.
-    observed_m : (n, 3) float64, m
-        Where they are observed to be; of the coordinates that are not the place itself.
-    given : (n, 3) bool
-        Coordinates that are observed.
-    row : (n,) int
-        Among all observations, kind by kind.
-    """
+    """Points and images of which coordinates are observed."""
 
     kind: np.ndarray
+    """(n,) str."""
     name: np.ndarray
+    """(n,) str. For messages."""
     xyz: Float
+    """(n, 3). Where they are."""
     observed_m: Float
+    """(n, 3), m. Where they are observed to be; of the coordinates that are not the place itself."""
     given: Bool
+    """(n, 3). Coordinates that are observed."""
     row: Int
+    """(n,). Among all observations, kind by kind."""
 
     def take(self, some: Int | Bool) -> GivenPlaces:
         """The chosen ones."""
@@ -89,21 +80,14 @@ def given_places(observed: Sequence[Observed], state: State) -> GivenPlaces:
 
 @dataclass(frozen=True)
 class DatumAnalysis:
-    """What is open.
-
-    Attributes
-    ----------
-    open : tuple of str
-        Names of what is not determined; empty if all is.
-    motions : (7, d) float64
-        The motions that are not: shift, rotation and change of scale about the origin.
-    extrapolation : float
-        Largest magnification of control errors in the body; infinite with a defect of rank.
-    """
+    """What is open."""
 
     open: tuple[str, ...]
+    """Names of what is not determined; empty if all is."""
     motions: Float
+    """(7, d). The motions that are not: shift, rotation and change of scale about the origin."""
     extrapolation: float
+    """Largest magnification of control errors in the body; infinite with a defect of rank."""
 
 
 def analyse_datum(

@@ -56,26 +56,18 @@ def expected_ratio(models: int) -> float:
 
 @dataclass(frozen=True)
 class Misfit:
-    """From where on strips and control do not fit.
-
-    Attributes
-    ----------
-    max_sigma0 : float or None
-        Largest ratio to what deformation explains. None: `MAX_SIGMA0`, and only where the misfit is also more than
-        `START` of the distance; the bundle can begin from less.
-    distance_m : float, m
-        From the projection centres to the points.
-    oriented : bool
-        An earlier stage has held the bodies against the ground: what begins from there can go on from a larger misfit
-        too, as that of models of few points is, and without `max_sigma0` it is a warning.
-    farthest : str
-        The bodies that are farthest off, for messages.
-    """
+    """From where on strips and control do not fit."""
 
     max_sigma0: float | None
+    """Largest ratio to what deformation explains. None: `MAX_SIGMA0`, and only where the misfit is also more than
+    `START` of the distance; the bundle can begin from less."""
     distance_m: float
+    """From the projection centres to the points."""
     oriented: bool = False
+    """An earlier stage has held the bodies against the ground: what begins from there can go on from a larger misfit
+    too, as that of models of few points is, and without `max_sigma0` it is a warning."""
     farthest: str = ""
+    """The bodies that are farthest off, for messages."""
 
     def notes(self, sigma0: float, expected: float, off_m: float, what: str, why: str) -> list[Note]:
         """A warning where sigma0 is beyond the limit and the misfit is small.

@@ -62,25 +62,17 @@ what is not taken up has 1e-3 and more."""
 
 @dataclass(frozen=True)
 class DeformedCovariances:
-    """What the points and coefficients of adjusted strips are worth.
-
-    Attributes
-    ----------
-    point_covariance_m2 : (n_points, 3, 3) float64, m^2
-        NaN where not determined; all of it where a component is not estimable.
-    coefficient_sigma_m : (n_strips, K) float64, m
-        The same.
-    sigma, redundancy : dict of str to float
-        Standard deviations of the components, rad, and their redundancies.
-    missing : str
-        Why there are none.
-    """
+    """What the points and coefficients of adjusted strips are worth."""
 
     point_covariance_m2: Float
+    """(n_points, 3, 3), m^2. NaN where not determined; all of it where a component is not estimable."""
     coefficient_sigma_m: Float
+    """(n_strips, K), m. The same."""
     sigma: dict[str, float]
     redundancy: dict[str, float]
+    """Standard deviations of the components, rad, and their redundancies."""
     missing: str = ""
+    """Why there are none."""
 
 
 def deformed_covariances(

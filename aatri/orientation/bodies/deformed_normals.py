@@ -23,25 +23,18 @@ from aatri.orientation.bodies.summed_deformation import HIGHEST, causes, functio
 
 @dataclass(frozen=True)
 class DeformedTies:
-    """Active points of strips, in the order of points and strips.
-
-    Attributes
-    ----------
-    row, strip, point : (n,) int
-    weight : (n, 3, 3) float64, 1/m^2
-        From the strip's axes to the ground: W G.
-    axes : (n, 3, 3) float64
-        G.
-    f : (n, m) float64
-        Functions.
-    """
+    """Active points of strips, in the order of points and strips."""
 
     row: Int
     strip: Int
     point: Int
+    """(n,)."""
     weight: Float
+    """(n, 3, 3), 1/m^2. From the strip's axes to the ground: W G."""
     axes: Float
+    """(n, 3, 3). G."""
     f: Float
+    """(n, m). Functions."""
 
 
 def is_wide(basis: StripBasis) -> bool:

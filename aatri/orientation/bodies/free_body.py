@@ -38,27 +38,18 @@ WIDEST = 3
 
 @dataclass(frozen=True)
 class FreeBody:
-    """A component of images and points in a frame of its own; rows are those of all images and points of the block.
-
-    Attributes
-    ----------
-    poses : Poses
-        NaN where it has no image.
-    xyz : (n_points, 3) float64
-        NaN where it has no point.
-    covariance : (n_points, 3, 3) float64
-        Of the points.
-    centre_variance : float
-        Of a coordinate of a projection centre.
-    turn_rad : float, rad
-        Standard deviation of the rotations of the images.
-    """
+    """A component of images and points in a frame of its own; rows are those of all images and points of the block."""
 
     poses: Poses
+    """NaN where it has no image."""
     xyz: Float
+    """(n_points, 3). NaN where it has no point."""
     covariance: Float
+    """(n_points, 3, 3). Of the points."""
     centre_variance: float
+    """Of a coordinate of a projection centre."""
     turn_rad: float
+    """Standard deviation of the rotations of the images."""
 
     @property
     def has(self) -> dict[str, Bool]:

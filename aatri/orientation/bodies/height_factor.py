@@ -58,19 +58,13 @@ SURELY = 2.0
 
 @dataclass(frozen=True)
 class HeightFactor:
-    """How much more heights of control vary than those of the model.
-
-    Attributes
-    ----------
-    factor, sigma : float
-    cause, remedy : str
-        Of a factor that is known; else what else it may be.
-    """
+    """How much more heights of control vary than those of the model."""
 
     factor: float
     sigma: float
     cause: str
     remedy: str
+    """Of a factor that is known; else what else it may be."""
 
     @property
     def certain(self) -> bool:

@@ -45,24 +45,17 @@ class ModelPoses:
 
 @dataclass(frozen=True)
 class ModelRows:
-    """Points of models, or their perspective centres.
-
-    Attributes
-    ----------
-    model, block : (n,) int
-        Models, and ground points or images.
-    x : (n, 3) float64, bases
-    covariance : (n, 3, 3) float64, bases^2
-        Of the row alone, orientation held.
-    by_latent : (n, 3, 5) float64, bases
-        Zero without latent unknowns.
-    """
+    """Points of models, or their perspective centres."""
 
     model: Int
     block: Int
+    """(n,). Models, and ground points or images."""
     x: Float
+    """(n, 3), bases."""
     covariance: Float
+    """(n, 3, 3), bases^2. Of the row alone, orientation held."""
     by_latent: Float
+    """(n, 3, 5), bases. Zero without latent unknowns."""
 
 
 def model_ties(

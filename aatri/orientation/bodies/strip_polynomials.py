@@ -33,31 +33,20 @@ MOST_NAMED = 6
 
 @dataclass(frozen=True)
 class StripPolynomials:
-    """Result of the strip block adjustment.
-
-    Attributes
-    ----------
-    degree : (n_strips, 2) int
-        Of plan and height; -1 without correction.
-    falls : tuple of Fall
-    basis : StripBasis
-    coefficients_m : (n_strips, K) float64, m
-        In the order of the basis.
-    corrected_m : (n, 3) float64, m
-        Strip points with their corrections.
-    point_m : (n_points, 3) float64, m
-        Weighted mean over the strips, control not counted; NaN where no strip holds the point.
-    tied : TiedResult
-        The adjustment; observations are the strip points and then the control.
-    """
+    """Result of the strip block adjustment."""
 
     degree: Int
+    """(n_strips, 2). Of plan and height; -1 without correction."""
     falls: tuple[Fall, ...]
     basis: StripBasis
     coefficients_m: Float
+    """(n_strips, K), m. In the order of the basis."""
     corrected_m: Float
+    """(n, 3), m. Strip points with their corrections."""
     point_m: Float
+    """(n_points, 3), m. Weighted mean over the strips, control not counted; NaN where no strip holds the point."""
     tied: TiedResult
+    """The adjustment; observations are the strip points and then the control."""
 
 
 def adjust_strip_polynomials(

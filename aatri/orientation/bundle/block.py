@@ -29,73 +29,50 @@ from aatri.orientation.bundle.strip_numbering import StripNumbering
 
 @dataclass(frozen=True)
 class BundleInput:
-    """A block ready for adjustment: rows are those of all images and points. Coordinates are reduced to the origin.
-
-    Attributes
-    ----------
-    image_ids, point_ids : str
-    observed : tuple of Observed
-    poses : Poses
-        Start; NaN where unknown.
-    xyz_m : (n_points, 3) float64, m
-        Start; NaN where unknown.
-    origin_m : (3,) float64, m
-    rays : ImagePointRows, optional
-        The image points, from which missing start values are found.
-    parameters : tuple of ParameterRows
-        What the image points touch beside poses and points.
-    marked : (n_points,) bool, optional
-        Points on which a free datum may rest.
-    numbering : StripNumbering, optional
-        Places of the images for the textbook's orders of elimination; else their positions.
-    images : ImageGroups, optional
-        What images have in common, where that is known.
-    level : Level
-        What is up in the frame of the adjustment.
-    held_images, held_points : (n,) bool, optional
-        Images and points that are not adjusted, see `partial`.
-    datum_position_m, datum_xyz_m : (n, 3) float64, m, optional
-        Projection centres and points onto which a free datum is fitted; NaN and default: those of the start.
-    """
+    """A block ready for adjustment: rows are those of all images and points. Coordinates are reduced to the origin."""
 
     image_ids: Ids
     point_ids: Ids
     observed: tuple[Observed, ...]
     poses: Poses
+    """Start; NaN where unknown."""
     xyz_m: Float
+    """(n_points, 3), m. Start; NaN where unknown."""
     origin_m: Float
+    """(3,), m."""
     rays: ImagePointRows | None = None
+    """The image points, from which missing start values are found."""
     parameters: tuple[ParameterRows, ...] = ()
+    """What the image points touch beside poses and points."""
     marked: Bool | None = None
+    """(n_points,). Points on which a free datum may rest."""
     numbering: StripNumbering | None = None
+    """Places of the images for the textbook's orders of elimination; else their positions."""
     images: ImageGroups | None = None
+    """What images have in common, where that is known."""
     level: Level = PLANE
+    """What is up in the frame of the adjustment."""
     held_images: Bool | None = None
     held_points: Bool | None = None
+    """(n,). Images and points that are not adjusted, see `partial`."""
     datum_position_m: Float | None = None
     datum_xyz_m: Float | None = None
+    """(n, 3), m. Projection centres and points onto which a free datum is fitted; NaN and default: those of the start.
+    """
 
 
 @dataclass(frozen=True)
 class Participants:
-    """What takes part.
-
-    Attributes
-    ----------
-    start : State
-        Values of all groups of unknowns.
-    of : dict of str to (n,) bool
-        Blocks of each group of unknowns.
-    rows : tuple of (k,) int
-        Rows of each of the observations: used, or rejected and predicted.
-    absent : (n_points, 3) bool
-        Coordinates of points that no observation can see.
-    """
+    """What takes part."""
 
     start: State
+    """Values of all groups of unknowns."""
     of: dict[str, Bool]
+    """Dict of str to (n,). Blocks of each group of unknowns."""
     rows: tuple[Int, ...]
+    """Tuple of (k,). Rows of each of the observations: used, or rejected and predicted."""
     absent: Bool
+    """(n_points, 3). Coordinates of points that no observation can see."""
 
 
 def taking_part(given: BundleInput) -> Participants:

@@ -47,27 +47,18 @@ SAME_COST = 1e-6
 
 @dataclass(frozen=True)
 class FreeDatum:
-    """A block whose datum is free.
-
-    Attributes
-    ----------
-    unknowns, records
-        The problem, nothing held for the datum; the records without those that see no similarity, the image points.
-    start : mapping
-    part : mapping of (n,) bool
-        What is adjusted, by group.
-    over : mapping of (n,) bool
-        Images whose projection centres, and points whose coordinates, carry the datum.
-    absent : (n_points, 3) bool
-        Coordinates of points that are no unknowns and take no part in a movement.
-    """
+    """A block whose datum is free."""
 
     unknowns: Sequence[Unknowns]
     records: Sequence[Records]
+    """The problem, nothing held for the datum; the records without those that see no similarity, the image points."""
     start: State
     part: Mapping[str, Bool]
+    """Mapping of (n,). What is adjusted, by group."""
     over: Mapping[str, Bool]
+    """Mapping of (n,). Images whose projection centres, and points whose coordinates, carry the datum."""
     absent: Bool
+    """(n_points, 3). Coordinates of points that are no unknowns and take no part in a movement."""
 
     @staticmethod
     def of(

@@ -7,26 +7,17 @@ from aatri.arrays import Float, Int, Text
 
 @dataclass(frozen=True)
 class ImageGroups:
-    """Camera, strip, flight and time of all images.
-
-    Attributes
-    ----------
-    cameras : (k,) str
-        Ids of all cameras.
-    corner_mm : (k,) float64, mm
-        Half the diagonal of their formats; NaN unknown.
-    camera : (n,) int
-        Of each image, among these.
-    strip, flight : (n,) str
-        Empty without.
-    time_s, sequence : (n,) float64
-        Time, and place in the strip.
-    """
+    """Camera, strip, flight and time of all images."""
 
     cameras: Text
+    """(k,) str. Ids of all cameras."""
     corner_mm: Float
+    """(k,), mm. Half the diagonal of their formats; NaN unknown."""
     camera: Int
+    """(n,). Of each image, among these."""
     strip: Text
     flight: Text
+    """(n,) str. Empty without."""
     time_s: Float
     sequence: Float
+    """(n,). Time, and place in the strip."""

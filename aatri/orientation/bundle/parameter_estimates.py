@@ -65,20 +65,14 @@ def column_kinds(given: BundleInput) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class IdleParameters:
-    """Which parameters stay, group by group, and why others do not.
-
-    Attributes
-    ----------
-    kept : tuple of (n, s) bool
-    considered : tuple of (n, s) bool
-        With those that are not significant; empty where there are none.
-    notes : tuple of Note
-        Empty where all are worth keeping.
-    """
+    """Which parameters stay, group by group, and why others do not."""
 
     kept: tuple[Bool, ...]
+    """Tuple of (n, s)."""
     considered: tuple[Bool, ...]
+    """Tuple of (n, s). With those that are not significant; empty where there are none."""
     notes: tuple[Note, ...]
+    """Empty where all are worth keeping."""
 
 
 def idle_parameters(given: BundleInput, result: BundleResult) -> IdleParameters:

@@ -18,50 +18,25 @@ from aatri.orientation.bundle.free_datum import FreeDatum
 
 @dataclass(frozen=True)
 class AdjustedParameters:
-    """A group of parameters after the adjustment.
-
-    Attributes
-    ----------
-    given : ParameterRows
-    value : (n, s) float64
-    covariance : (n, s, s) float64
-        NaN where not asked for; zero where held.
-    """
+    """A group of parameters after the adjustment."""
 
     given: ParameterRows
     value: Float
+    """(n, s)."""
     covariance: Float
+    """(n, s, s). NaN where not asked for; zero where held."""
 
 
 @dataclass(frozen=True)
 class BundleResult:
-    """An adjusted block.
-
-    Attributes
-    ----------
-    poses : Poses
-        NaN where the image was left out.
-    xyz_m : (n_points, 3) float64, m
-    covariances : dict of str to (n, k, k) float64
-        Of all groups of unknowns; NaN where not determined or not asked for.
-    parameters : tuple of AdjustedParameters
-    observations : tuple of AdjustedObservations
-    image_adjusted, point_adjusted : bool
-    adjusted : Adjusted
-    notes : tuple of Note
-    free : FreeDatum, optional
-        Where the datum is free.
-    absent : (n_points, 3) bool, optional
-        Coordinates that no observation can see: values of the start, no results.
-    counted : float, optional
-        Redundancy that sigma0 counts, where it is not all of it, see `observed_sigma0`.
-    set_aside : dict of str to (n,) bool
-        Images and points that were left out, as their observations do not determine them.
-    """
+    """An adjusted block."""
 
     poses: Poses
+    """NaN where the image was left out."""
     xyz_m: Float
+    """(n_points, 3), m."""
     covariances: dict[str, Float]
+    """Dict of str to (n, k, k). Of all groups of unknowns; NaN where not determined or not asked for."""
     parameters: tuple[AdjustedParameters, ...]
     observations: tuple[AdjustedObservations, ...]
     image_adjusted: Bool
@@ -69,9 +44,13 @@ class BundleResult:
     adjusted: Adjusted
     notes: tuple[Note, ...] = ()
     free: FreeDatum | None = None
+    """Where the datum is free."""
     absent: Bool | None = None
+    """(n_points, 3). Coordinates that no observation can see: values of the start, no results."""
     counted: float | None = None
+    """Redundancy that sigma0 counts, where it is not all of it, see `observed_sigma0`."""
     set_aside: Mapping[str, Bool] = field(default_factory=dict)
+    """Dict of str to (n,). Images and points that were left out, as their observations do not determine them."""
 
     @property
     def pose_covariance(self) -> Float:

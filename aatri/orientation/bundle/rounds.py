@@ -54,34 +54,22 @@ class OtherNumber:
 
 @dataclass(frozen=True)
 class AdjustedBlock:
-    """An adjusted block and what led to it.
-
-    Attributes
-    ----------
-    given : BundleInput
-        What is rejected is not active in it.
-    result : BundleResult
-    notes : tuple of Note
-    undecided : tuple of Key
-        Left out though only some are wrong, and nothing tells which.
-    above : tuple of Key
-        Used, though their test is above the limit.
-    swapped : tuple of (Key, Key)
-        Numbers to exchange.
-    renumbered : tuple of OtherNumber
-        Image points that fit another ground point.
-    scale : float
-        Of the standard deviations of the class with the most redundancy, over those given, where they do not fit.
-    """
+    """An adjusted block and what led to it."""
 
     given: BundleInput
+    """What is rejected is not active in it."""
     result: BundleResult
     notes: tuple[Note, ...] = ()
     undecided: tuple[Key, ...] = ()
+    """Left out though only some are wrong, and nothing tells which."""
     above: tuple[Key, ...] = ()
+    """Used, though their test is above the limit."""
     swapped: tuple[tuple[Key, Key], ...] = ()
+    """Numbers to exchange."""
     renumbered: tuple[OtherNumber, ...] = ()
+    """Image points that fit another ground point."""
     scale: float = 1.0
+    """Of the standard deviations of the class with the most redundancy, over those given, where they do not fit."""
     considered: tuple[Bool, ...] = ()
 
 

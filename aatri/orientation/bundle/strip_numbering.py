@@ -23,21 +23,14 @@ from aatri.arrays import Float, Int
 
 @dataclass(frozen=True)
 class StripNumbering:
-    """Places of images for the numbering.
-
-    Attributes
-    ----------
-    place : (n, 2) float64
-        Along the flight in bases, across it in metres; NaN unknown.
-    strips : int
-        Parallel strips N; 0 if there are none.
-    images : int
-        Most images n of one of them.
-    """
+    """Places of images for the numbering."""
 
     place: Float
+    """(n, 2). Along the flight in bases, across it in metres; NaN unknown."""
     strips: int
+    """Parallel strips N; 0 if there are none."""
     images: int
+    """Most images n of one of them."""
 
     @property
     def textbook(self) -> dict[str, int]:

@@ -41,22 +41,14 @@ MOST = 50_000
 
 @dataclass(frozen=True)
 class OffTerrain:
-    """Points against the terrain around them.
-
-    Attributes
-    ----------
-    row : (k,) int
-        Points that are doubtful.
-    height_m : (k,) float64, m
-        Above the terrain.
-    test : (k,) float64
-        In standard deviations.
-    limit : float
-    """
+    """Points against the terrain around them."""
 
     row: Int
+    """(k,). Points that are doubtful."""
     height_m: Float
+    """(k,), m. Above the terrain."""
     test: Float
+    """(k,). In standard deviations."""
     limit: float
 
 

@@ -31,17 +31,11 @@ Adjust = Callable[[BundleInput], BundleResult]
 
 @dataclass(frozen=True)
 class VarianceGroups:
-    """Groups of observations that have a standard deviation in common.
-
-    Attributes
-    ----------
-    names : tuple of str
-    number : tuple of (n, m) int
-        Of every component of each of the observations of a block; -1 none.
-    """
+    """Groups of observations that have a standard deviation in common."""
 
     names: tuple[str, ...]
     number: tuple[Int, ...]
+    """Tuple of (n, m). Of every component of each of the observations of a block; -1 none."""
 
 
 def variance_components(
