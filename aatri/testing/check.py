@@ -6,7 +6,8 @@
         check_stage("interior_orientation/mine", local=Path("stages"))
 
 The stage runs on small made-up blocks, one of film and one digital. One of them it may refuse with an InputError or
-GeometryError, if it cannot take it. What must hold is said in `SENTENCES`; every breach is reported at once.
+GeometryError, if it cannot take it. What must hold is said in `SENTENCES`; every breach is reported at once. That
+results are right is judged by the truth of the example (`beside_truth`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,6 +22,7 @@ from aatri.errors import AatriError, GeometryError, InputError, PluginError
 from aatri.pipeline.methods.registry import find_stages
 from aatri.plugin import Options, Role, StageCard
 from aatri.tables.schema import Artifact
+from aatri.testing.beside_truth import properties
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_inputs
 from aatri.testing.stage_trial import Outcome, anonymous, call, difference, other_rows, unlike_its_file
 
@@ -39,6 +41,14 @@ SENTENCES = {
     "provenance": "files and lines of the input change nothing",
     "order": "the order of the rows of the input files changes nothing",
     "rows": "images, points and image points are those of the Block, in its rows",
+    "rotations": "rotation matrices are orthonormal and mirror nothing",
+    "covariances": "covariance matrices are symmetric and have no negative variance",
+    "photo coordinates": "photo coordinates are those of the true points in the true images, to 0.3 mm",
+    "orientations": "orientations are the true ones, to 0.01 rad and 1 % of the flying height or base",
+    "points": "points are the true ones, to 1 % of the flying height or distance",
+    "standard deviations": "standard deviations are of the size of the true errors, to a factor of 3 (in photos 10)",
+    "residuals": "residuals and parallaxes are those of the result, adjusted minus observed, in mm and m",
+    "figures": "figures and differences are those of the solution that is evaluated",
     "inputs": "it leaves its inputs as they are",
     "quiet": "it prints nothing and gives no Python warning: what is to be told goes to `context`",
     "context": "what it tells `context` is text, and progress counts from 0 to the total",
@@ -265,3 +275,13 @@ def _compared(
         yield same("order", call(card, {**inputs, **shuffled}, options))
     for block in blocks.values():
         yield "rows", other_rows(block, first.artifact)
+    for judged in properties(_with_truth(example, blocks), inputs, first.artifact):
+        yield judged.name, judged.breach()
+
+
+def _with_truth(example: str, blocks: Mapping[str, Block]) -> Block | None:
+    """The Block that a result is judged by: of an example with its truth, of given inputs without."""
+    if example in EXAMPLES:
+        return example_block(example)
+    block = next(iter(blocks.values()), None)
+    return block and replace(block, true_images=None, true_points=None)

@@ -25,7 +25,8 @@ WRITTEN = "<!-- written by APPROVE=1 pytest tests/acceptance/test_reference_page
 
 ARTIFACTS = (
     "Every table and column of every kind of artifact, as `aatri show FILE` lists them and `aatri schema --artifacts`",
-    "exports them. `?`: may be missing (NaN, or -1 in a row number).",
+    "exports them. `?`: may be missing (NaN, or -1 in a row number). Every table names its class, imported from the",
+    "module of its kind unless another is given; columns are arrays, rows of another table are numbers from 0.",
 )
 STAGES = (
     "Every variant with its ports, what it uses of a block, and its options, as `aatri stages ROLE/VARIANT` prints",
@@ -37,10 +38,18 @@ def artifacts_page() -> str:
     """Tables and columns of all kinds."""
     lines = ["# Artifacts", "", WRITTEN, "", *ARTIFACTS, ""]
     for kind in sorted(KINDS.values(), key=lambda k: k.kind):
-        lines += [f"## {kind.kind}", "", f"Schema {kind.schema_version}. {_first(kind)}", "", *_attributes(kind)]
+        lines += [f"## {kind.kind}", "", f"Schema {kind.schema_version}. {_first(kind)}", ""]
+        lines += [f"`from {kind.__module__} import {kind.__name__}`", "", *_attributes(kind)]
         for name, table in tables_of(kind).items():
             may = ", optional" if is_optional(kind, name) else ""
-            lines += [f"### `{name}`{may}", "", _first(table), "", "| column | type | unit | |", "|---|---|---|---|"]
+            lines += [
+                f"### `{name}`{may}",
+                "",
+                _class(table, kind),
+                "",
+                "| column | type | unit | |",
+                "|---|---|---|---|",
+            ]
             lines += [_column(n, c) for n, c in columns_of(table).items()] + [""]
     return "\n".join(lines)
 
@@ -54,6 +63,11 @@ def stages_page(registry: Registry) -> str:
         lines += [f"## `{name}`", "", f"{card.doc.partition(chr(10))[0]} Version {card.version}.", ""]
         lines += [f"({', '.join(ports) or 'nothing'}) → {card.kind.kind}", "", *_uses(card), *_options(card)]
     return "\n".join(lines)
+
+
+def _class(table: type, kind: type[Artifact]) -> str:
+    place = f" (`{table.__module__}`)" if table.__module__ != kind.__module__ else ""
+    return f"`{table.__name__}`{place}: {_first(table)}"
 
 
 def _first(documented: type) -> str:
