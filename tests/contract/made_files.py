@@ -6,6 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from aatri.formats.merging.part import part_of
+from aatri.tables.hdf5 import write
+from aatri.testing.example_inputs import example_block
+
 
 def colmap_model(folder: Path) -> Path:
     """A COLMAP text model: two images, one beside the other, of eight points; pinhole camera."""
@@ -40,3 +44,13 @@ def model_file(folder: Path) -> Path:
     path = folder / "models.txt"
     path.write_text("".join(f"{m} P{k} {k % 2} {k // 2 + m} {0.1 * k * k}\n" for m in range(2) for k in range(6)))
     return path
+
+
+def two_parts(folder: Path) -> list[Path]:
+    """The film example in two: its first and its last two strips."""
+    block = example_block("film")
+    folder.mkdir(parents=True)
+    paths = [folder / "west.h5", folder / "east.h5"]
+    for path, strips in zip(paths, ((0, 1), (1, 2))):
+        write(part_of(block, np.isin(block.images.strip, strips)), path)
+    return paths

@@ -18,7 +18,7 @@ from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
-from tests.contract.made_files import colmap_model, model_file, pair_files
+from tests.contract.made_files import colmap_model, model_file, pair_files, two_parts
 
 VARIANTS = sorted(find_stages().variants)
 MADE_FILES = {
@@ -43,6 +43,10 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
     """Options for variants in which some have no default: files to read."""
     if name in MADE_FILES:
         return {"path": MADE_FILES[name](folder / "made")}
+    if name == "block/merged":
+        return {"blocks": tuple(str(path) for path in two_parts(folder / "made"))}
+    if name == "block/part":
+        return {"path": example_folder(folder / "made"), "images": ["*"]}
     if name == "block/combined":
         return {"sources": (str(colmap_model(folder / "made")),)}
     if name in REAL_FILES:

@@ -1,0 +1,1 @@
+"""Blocks as wholes: several merged to one by their ids, a part of one cut out."""

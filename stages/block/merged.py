@@ -1,0 +1,84 @@
+"""Several blocks as one: ids matched, what is in more than one counted once, contradictions told by name.
+
+Images, points, cameras and strips of one id are the same thing. Equal rows count once. Two measurements of one thing
+(an image point, given coordinates, a position) are averaged where they agree,
+
+    x = P^-1 (P1 x1 + P2 x2),    P = P1 + P2,    Pi = Ci^-1
+
+and refused by name where they differ by more than six standard deviations of their difference; so is a camera, a
+strip or a role that is another in two blocks. All blocks are in one frame. A block that brings nothing new, or has
+nothing in common with the others, is refused. Ids that mean other things in another block get a prefix or other names.
+
+Source: lecture notes A1604 (common points averaged and checked against a tolerance); Mikhail & Ackermann 1976.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import model_validator
+
+from aatri.artifacts.block import Block
+from aatri.checks.as_read.screening import FEW_POINTS, OUTSIDE, REJECTED_IMAGE, SEEN_ONCE
+from aatri.checks.limits import SAME_POINT_SIGMAS
+from aatri.formats.merging.merged import merged as merged_blocks
+from aatri.formats.merging.names import Kind, Renaming, renamed
+from aatri.formats.merging.source import block_from
+from aatri.formats.merging.twice import Conflicts, Duplicates
+from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+
+from ._as_read import ReadingOptions, as_read
+
+OF_PARTS = frozenset({OUTSIDE, SEEN_ONCE, REJECTED_IMAGE, FEW_POINTS})
+"""Reasons to set something aside that hold for a block as it stood alone."""
+
+
+class SingleBlockOptions(Options):
+    """One block, and how its ids are to be read."""
+
+    path: InputPath = Field(description="block folder, or the Block of another run (runs/NAME/current/block.h5)")
+    prefix: dict[Kind, str] = Field({}, description="set before its ids, by kind: `{images: e-, points: e-}`")
+    rename: dict[Kind, dict[str, str]] = Field(
+        {}, description="single ids by kind, before any prefix: `{points: {K1: 1001}}`"
+    )
+    common: list[str] = Field([], description="ids, with * and ?, that get no prefix: those that the others have too")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _path_alone(cls, given: Any) -> Any:
+        return {"path": given} if isinstance(given, str | Path) else given
+
+
+class MergedOptions(ReadingOptions):
+    """Options of block/merged."""
+
+    blocks: tuple[SingleBlockOptions, ...] = Field(
+        min_length=2, description="folders and artifacts: a path, or `{path: ..., prefix: ..., rename: ...}`"
+    )
+    name: str = Field("", description="name of the block; empty: those of the blocks")
+    duplicates: Duplicates = Field(
+        "average", description="two measurements of one thing that agree: their mean, the first, or an error"
+    )
+    conflicts: Conflicts = Field(
+        "refuse", description="values that exclude each other: an error, or those of the first with a warning"
+    )
+    unconnected: bool = Field(False, description="blocks without a common image or point may stand side by side")
+
+
+@stage(version=1, uses=())
+def merged(*, options: MergedOptions, context: Context = SILENT) -> Block:
+    """Read blocks and merge them."""
+    blocks = [
+        renamed(block_from(part.path, context, OF_PARTS), Renaming(part.prefix, part.rename, part.common))
+        for part in options.blocks
+    ]
+    block = merged_blocks(
+        blocks,
+        [str(part.path) for part in options.blocks],
+        context,
+        name=options.name,
+        duplicates=options.duplicates,
+        conflicts=options.conflicts,
+        sigmas=SAME_POINT_SIGMAS,
+        unconnected=options.unconnected,
+    )
+    return as_read(block, options, context)
