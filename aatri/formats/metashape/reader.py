@@ -2,7 +2,7 @@
 
 The pose of a camera is `transform`, camera (x right, y down, z forward) to chunk; that of the chunk, or of its
 component, is X = s R x + T: geocentric on the datum of `reference`, or in its plane where that is local. A slave of a
-rig has the pose of its master and the mounting of its sensor. Markers that are enabled are control, others with
+rig starts from the pose of its master and the mounting of its sensor. Markers that are enabled are control, others with
 coordinates check points; of their places in the images those that are pinned are measured, the rest are projections of
 Metashape's own and are left out. Positions of cameras are observed where their reference is enabled, with its accuracy
 or that of the settings. All comes out in the map of the reference; where that is in degrees, in the UTM zone of its
@@ -23,6 +23,7 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
+from aatri.formats.metashape.rigs import rigs_of
 from aatri.formats.metashape.sensors import Sensor, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
@@ -89,8 +90,12 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     _give_marks(parts, chunk, names, point_names, settings)
     if ties is not None:
         _give_ties(parts, ties, settings.get("accuracy_tiepoints", np.nan))
-    if any(s.master for s in sensors.values()):
-        parts.notes.append("cameras of a rig have the start values of their mounting; that it is fixed is not taken")
+    rigs = rigs_of(cameras, sensors, frame.transform("")[1])
+    if rigs is not None:
+        parts.images, parts.others = {**parts.images, **rigs[0]}, {"rig_members": rigs[1]}
+        parts.notes.append(f"rigs: {shown(np.unique(rigs[1].rig).tolist())}; their mounts start from Metashape's, free")
+    if turned := [c.name for c in cameras if (r := c.at.optional("reference")) is not None and r.get("yaw")]:
+        parts.notes.append(f"yaw, pitch, roll of {len(turned)} references are not read: {shown(turned)}")
     return parts
 
 

@@ -20,6 +20,8 @@ from aatri.formats.metashape.reader import read_metashape
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.sources import read_source
+from aatri.geometry.rotations import rotation_from_angles
+from aatri.observations.rigs import rig_pairs
 from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
 
@@ -164,6 +166,25 @@ def test_a_slave_is_where_its_master_and_its_mounting_put_it(tmp_path: Path) -> 
     ground = 2 * (np.diag([1, -1, -1]) @ in_master + [10, 20, 50]) + [1, 2, 3]
     seen = np.asarray(exterior["ground_from_image"][k]).T @ (ground - exterior["position_m"][k])
     np.testing.assert_allclose(seen, 2 * q * [1, -1, -1], atol=1e-12)
+
+
+def test_a_rig_is_a_rig_of_the_block(tmp_path: Path) -> None:
+    """The mount turns a point of the slave into the frame as R q + t does, in metres and photogrammetric axes."""
+    path = written(tmp_path, local())
+    block = assembled([read_metashape(path)])
+    assert block.images.rig.tolist() == ["cam", "cam"]
+    assert block.images.member.tolist() == ["cam", "slave"]
+    assert block.images.sequence.tolist() == [1.0, 1.0]  # one exposure
+    m = block.rig_members
+    assert m.is_frame.tolist() == [True, False]
+    assert m.position_free.tolist() == m.angle_free.tolist() == [[False] * 3, [True] * 3]
+    R = np.array([[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]])
+    q = np.array([0.3, -0.2, 4.0])
+    in_master = 2 * (R @ q + [0.5, 0.25, 0.0]) * [1, -1, -1]
+    turned = rotation_from_angles(m.angles_rad[1]) @ (2 * q * [1, -1, -1]) + m.position_m[1]
+    np.testing.assert_allclose(turned, in_master, atol=1e-12)
+    (pair,) = rig_pairs(block).second.tolist()
+    assert block.images.id[pair] == "b.jpg"
 
 
 def test_real_poses_agree_with_gnss_and_gimbal(tmp_path: Path) -> None:
