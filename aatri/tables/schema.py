@@ -232,6 +232,14 @@ def plain_columns(rows: Table) -> dict[str, npt.NDArray[Any]]:
     return columns
 
 
+def same_rows(a: object, b: object) -> bool:
+    """Whether two tables say the same; NaN is equal to itself."""
+    if not isinstance(a, Table) or type(a) is not type(b):
+        return False
+    pairs = ((getattr(a, name), getattr(b, name)) for name in columns_of(type(a)))
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
+
+
 def may_be_absent(cls: type[Table], name: str) -> bool:
     """Whether a column need not be given."""
     return any(f.name == name and f.default is None for f in dataclasses.fields(cls))

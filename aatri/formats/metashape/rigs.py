@@ -1,7 +1,7 @@
 """Rigs of Metashape: slave sensors mounted on a master, and the images of one exposure.
 
 `rotation` R and `translation` t of a slave map its axes to those of its master, q_master = R q_slave + t, in units of
-the chunk. Metashape has adjusted them with the same observations, so that they are start values here: free, without weight.
+the chunk. Metashape has adjusted them with the same observations, so that they are start values here: free.
 """
 
 from collections.abc import Mapping, Sequence

@@ -27,7 +27,7 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import Table, columns_of, plain_columns, tables_of
+from aatri.tables.schema import columns_of, same_rows, tables_of
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 ANOTHER_LIST = 14.0
@@ -104,11 +104,8 @@ def assembled(
 def _check_others(sources: Sequence[BlockParts], given: dict[str, Any]) -> None:
     """Tables that are taken as they are belong to the first source, and count in its rows."""
     for parts in sources[1:]:
-        tables = sorted(
-            name
-            for name, table in parts.others.items()
-            if name in tables_of(Block) and name != "distortion_table" and not _same(table, sources[0].others.get(name))
-        )
+        others = {k: v for k, v in parts.others.items() if k in tables_of(Block) and k != "distortion_table"}
+        tables = sorted(k for k, v in others.items() if not same_rows(v, sources[0].others.get(k)))
         if tables:
             what = f"its {', '.join(tables).replace('_', ' ')} would be lost beside {sources[0].format}"
             raise InputError(what, where=str(parts.files[0]), remedy="give it as the first source")
@@ -116,14 +113,6 @@ def _check_others(sources: Sequence[BlockParts], given: dict[str, Any]) -> None:
     if "ground_point_covariances" in sources[0].others and not np.array_equal(given["ground_points"]["point"], own):
         what = "another source gives ground points, which the covariances between those of the first do not count in"
         raise InputError(what, where=str(sources[0].files[0]), remedy="write all control into ground_points.csv")
-
-
-def _same(table: Any, other: Any) -> bool:
-    """Whether two tables say the same, as two exports of one project do."""
-    if not isinstance(table, Table) or not isinstance(other, Table):
-        return False
-    pairs = zip(plain_columns(table).values(), plain_columns(other).values())
-    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in pairs)
 
 
 def _distortion_tables(sources: Sequence[BlockParts], cameras: Text) -> dict[str, Any]:
