@@ -20,7 +20,8 @@ import numpy as np
 from aatri.adjustment.statistics.global_test import LEVEL, sigma0_interval
 from aatri.adjustment.unknowns import Ids
 from aatri.errors import AatriError
-from aatri.observations.image_points import ImagePointRows, observed_image_points
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import Observed, named
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
