@@ -20,21 +20,14 @@ CONTRADICTION = "the result contradicts its own tests"
 
 @dataclass(frozen=True)
 class Note:
-    """One thing to say.
-
-    Attributes
-    ----------
-    level : {'note', 'warning'}
-        A warning is what the user must see.
-    text : str
-        One sentence, without the ids.
-    ids : tuple of str
-        Images, points, models ... it is about, all of them; told in part where they are many.
-    """
+    """One thing to say."""
 
     level: Level
+    """A warning is what the user must see."""
     text: str
+    """One sentence, without the ids."""
     ids: tuple[str, ...] = ()
+    """Images, points, models ... it is about, all of them; told in part where they are many."""
 
     def __str__(self) -> str:
         return f"{self.text}: {shown(self.ids)}" if self.ids else self.text

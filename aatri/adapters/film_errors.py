@@ -17,23 +17,16 @@ from aatri.observations.poses import FILM
 
 @dataclass(frozen=True)
 class FilmErrors:
-    """Common errors of the film of every image.
-
-    Attributes
-    ----------
-    labels : tuple of str
-        Of the numbers d.
-    basis : (n, 2, s) float64
-        K of every measurement.
-    covariance : (n_images, s, s) float64, mm and 1
-        Of d; zero where an image has no open film.
-    open : (n_images, s) bool
-    """
+    """Common errors of the film of every image."""
 
     labels: tuple[str, ...]
+    """Of the numbers d."""
     basis: Float
+    """(n, 2, s). K of every measurement."""
     covariance: Float
+    """(n_images, s, s), mm and 1. Of d; zero where an image has no open film."""
     open: Bool
+    """(n_images, s)."""
 
 
 def film_errors(block: Block, image_points: ImagePoints) -> FilmErrors | None:

@@ -35,21 +35,14 @@ SCALE_KINDS = ("distance", "relative_distance")
 
 @dataclass(frozen=True)
 class Determined:
-    """What observations determine of position, attitude and scale.
-
-    Attributes
-    ----------
-    xyz_m : (n, 3) float64, m
-        Coordinates in the solution.
-    weight : (n, n) float64 or None
-        Projection that takes shift and drift of each group off; None where there are none.
-    is_determined : (n, 3) bool
-    scale : bool
-    """
+    """What observations determine of position, attitude and scale."""
 
     xyz_m: Float
+    """(n, 3), m. Coordinates in the solution."""
     weight: Float | None
+    """(n, n). Projection that takes shift and drift of each group off; None where there are none."""
     is_determined: Bool
+    """(n, 3)."""
     scale: bool
 
     def rows(self, move: Float) -> Float:
@@ -60,20 +53,13 @@ class Determined:
 
 @dataclass(frozen=True)
 class Alignment:
-    """A solution fitted to a reference within what is open of its datum.
-
-    Attributes
-    ----------
-    solution : Solution
-    components : int
-        Open ones, 0 to 7.
-    over_datum : bool
-        The fit is over what carries the datum: theoretical standard deviations hold for the differences.
-    """
+    """A solution fitted to a reference within what is open of its datum."""
 
     solution: Solution
     components: int
+    """Open ones, 0 to 7."""
     over_datum: bool
+    """The fit is over what carries the datum: theoretical standard deviations hold for the differences."""
 
 
 def aligned(block: Block, solution: Solution, point: Int, xyz_m: Float) -> Alignment | None:

@@ -45,46 +45,32 @@ DETERMINED = 1e-10
 
 @dataclass(frozen=True)
 class Congruence:
-    """Result of the comparison.
-
-    Attributes
-    ----------
-    statistic, degrees : float, int
-        Of the test of all objects together, chi2(degrees) without movement (times `sigma0` squared).
-    probability : float
-        Of a statistic as large by chance.
-    moved : (m,) bool
-        Objects that are not congruent with the rest.
-    tested : (m,) bool
-        False where the rest does not determine the object.
-    displacement : (n,) float64
-        Of each component if its object moved beside those found; NaN where not tested.
-    covariance : tuple of (k, k) float64
-        Of the displacement of each object.
-    statistics, limits, probabilities : (m,) float64
-        Test of each object, its limit, and the probability of a test as large by chance.
-    detectable : (m,) float64
-        Displacement found with 80 % in the direction determined worst.
-    datum_movement : (f,) float64
-        t, from the objects that have not moved.
-    stable_statistic, stable_degrees : float, int
-        Of the test of those that have not moved.
-    """
+    """Result of the comparison."""
 
     statistic: float
     degrees: int
+    """Of the test of all objects together, chi2(degrees) without movement (times `sigma0` squared), int."""
     probability: float
+    """Of a statistic as large by chance."""
     moved: Bool
+    """(m,). Objects that are not congruent with the rest."""
     tested: Bool
+    """(m,). False where the rest does not determine the object."""
     displacement: Float
+    """(n,). Of each component if its object moved beside those found; NaN where not tested."""
     covariance: tuple[Float, ...]
+    """Tuple of (k, k). Of the displacement of each object."""
     statistics: Float
     limits: Float
     probabilities: Float
+    """(m,). Test of each object, its limit, and the probability of a test as large by chance."""
     detectable: Float
+    """(m,). Displacement found with 80 % in the direction determined worst."""
     datum_movement: Float
+    """(f,). t, from the objects that have not moved."""
     stable_statistic: float
     stable_degrees: int
+    """Of the test of those that have not moved, int."""
 
 
 def congruence(

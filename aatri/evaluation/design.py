@@ -35,19 +35,13 @@ Aim = Literal["mean", "worst"]
 
 @dataclass(frozen=True)
 class Gain:
-    """Control at one more point.
-
-    Attributes
-    ----------
-    point : int
-        Row of the point.
-    mean, worst : float
-        Share of the sum of all variances, and of the largest, that it takes away.
-    """
+    """Control at one more point."""
 
     point: int
+    """Row of the point."""
     mean: float
     worst: float
+    """Share of the sum of all variances, and of the largest, that it takes away."""
 
 
 def criterion_eigenvalue(xyz_m: Float, covariance_m2: Float, sigma_m: Float, distance_m: float) -> tuple[float, Float]:

@@ -22,20 +22,14 @@ from aatri.ids import rows_of
 
 @dataclass(frozen=True)
 class PointDifferences:
-    """Differences at points of one kind; rows as in `points` of the Block.
-
-    Attributes
-    ----------
-    point : (n,) int32
-    difference_m : (n, 3) float64, m
-        NaN where a coordinate takes no part.
-    sigma_m : (n, 3) float64, m
-        NaN where unknown.
-    """
+    """Differences at points of one kind; rows as in `points` of the Block."""
 
     point: Int
+    """(n,) int32."""
     difference_m: Float
+    """(n, 3), m. NaN where a coordinate takes no part."""
     sigma_m: Float
+    """(n, 3), m. NaN where unknown."""
 
     def take(self, rows: Bool) -> PointDifferences:
         """The chosen rows."""

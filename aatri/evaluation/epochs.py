@@ -32,19 +32,14 @@ DatumMovement = Literal["none", "shift", "rigid", "similarity"]
 
 @dataclass(frozen=True)
 class EpochPoints:
-    """Points at one epoch.
-
-    Attributes
-    ----------
-    id : (n,) str
-    xyz_m : (n, 3) float64, m
-        NaN where a coordinate is not known.
-    covariance_m2 : (n, 3, n, 3) float64, m^2
-    """
+    """Points at one epoch."""
 
     id: Text
+    """(n,) str."""
     xyz_m: Float
+    """(n, 3), m. NaN where a coordinate is not known."""
     covariance_m2: Float
+    """(n, 3, n, 3), m^2."""
 
     def take(self, rows: Int) -> EpochPoints:
         """The chosen points."""

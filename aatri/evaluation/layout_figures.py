@@ -21,26 +21,18 @@ MOST_POINTS = 1500
 
 @dataclass(frozen=True)
 class Goal:
-    """What a layout is meant to reach.
-
-    Attributes
-    ----------
-    sigma_m : (3,) float64, m, optional
-        Standard deviations of X, Y, Z asked of every point; the medians of the block itself where not stated.
-    distance_m : float, m, optional
-        At which what errors share has fallen to 1 / e; half the extent of the block where not stated.
-    control_sigma_m : (3,) float64, m
-        Standard deviations of one more control point.
-    aim : {'mean', 'worst'}
-    next_points : int
-        How many control points are chosen one beside the other.
-    """
+    """What a layout is meant to reach."""
 
     sigma_m: Float | None
+    """(3,), m. Standard deviations of X, Y, Z asked of every point; the medians of the block itself where not stated.
+    """
     distance_m: float | None
+    """At which what errors share has fallen to 1 / e; half the extent of the block where not stated."""
     control_sigma_m: Float
+    """(3,), m. Standard deviations of one more control point."""
     aim: Aim
     next_points: int
+    """How many control points are chosen one beside the other."""
 
 
 def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:

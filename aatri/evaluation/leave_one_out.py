@@ -28,18 +28,12 @@ from aatri.ids import rows_of
 
 @dataclass(frozen=True)
 class Predicted:
-    """Control points as predicted without themselves.
-
-    Attributes
-    ----------
-    differences : PointDifferences
-        Prediction minus given, and its standard deviation.
-    uncontrolled : (n,) int32
-        Rows in points of those that nothing else determines.
-    """
+    """Control points as predicted without themselves."""
 
     differences: PointDifferences
+    """Prediction minus given, and its standard deviation."""
     uncontrolled: Int
+    """(n,) int32. Rows in points of those that nothing else determines."""
 
 
 def leave_one_out(block: Block, solution: Solution, control: PointDifferences) -> Predicted:

@@ -25,25 +25,20 @@ LEAST_BASE = 1e-3
 
 @dataclass(frozen=True)
 class ModelRays:
-    """Points of models, each with its two rays.
-
-    Attributes
-    ----------
-    left, right : (k,) int
-        Images of each model.
-    model, point : (m,) int
-    xy_mm, sigma_mm : (m, 2, 2) float64, mm
-        Of the left and the right ray: corrected coordinates from the principal point, their standard deviations.
-    c_mm : (m, 2) float64, mm
-    """
+    """Points of models, each with its two rays."""
 
     left: Int
     right: Int
+    """(k,). Images of each model."""
     model: Int
     point: Int
+    """(m,)."""
     xy_mm: Float
     sigma_mm: Float
+    """(m, 2, 2), mm. Of the left and the right ray: corrected coordinates from the principal point, their standard
+    deviations."""
     c_mm: Float
+    """(m, 2), mm."""
 
 
 def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> ModelRays | None:

@@ -34,26 +34,17 @@ STEP_M = 100.0
 
 @dataclass(frozen=True)
 class TangentFrame:
-    """A tangent frame of a declared frame.
-
-    Attributes
-    ----------
-    source : Frame
-        The frame of the block, axes in right-handed order.
-    undulation_m : float, m
-        Added to heights in place of a geoid grid; 0 none.
-    body : Ellipsoid
-    origin_m : (3,) float64, m
-        Geocentric.
-    axes : (3, 3) float64
-        Grid east, grid north, up at the origin, columns, geocentric.
-    """
+    """A tangent frame of a declared frame."""
 
     source: Frame
+    """The frame of the block, axes in right-handed order."""
     undulation_m: float
+    """Added to heights in place of a geoid grid; 0 none."""
     body: Ellipsoid
     origin_m: Float
+    """(3,), m. Geocentric."""
     axes: Float
+    """(3, 3). Grid east, grid north, up at the origin, columns, geocentric."""
 
     @property
     def geocentric(self) -> bool:

@@ -19,21 +19,14 @@ STEP_DEG = 1e-3
 
 @dataclass(frozen=True)
 class GeodeticEarth:
-    """A map of the ellipsoid.
-
-    Attributes
-    ----------
-    crs : str
-        A projected CRS as pyproj reads it.
-    false_origin_m : (float, float), m
-        Its coordinates at (0, 0) of the local ones.
-    undulation_m : float, m
-        Ellipsoidal heights less heights of the block.
-    """
+    """A map of the ellipsoid."""
 
     crs: str
+    """A projected CRS as pyproj reads it."""
     false_origin_m: tuple[float, float]
+    """(float, float), m. Its coordinates at (0, 0) of the local ones."""
     undulation_m: float = 0.0
+    """Ellipsoidal heights less heights of the block."""
 
     def cartesian(self, local_m: Float) -> Float:
         """Topocentric coordinates of local (E, N, h), (n, 3) m."""

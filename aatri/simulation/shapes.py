@@ -21,21 +21,14 @@ PAIRS = 3
 
 @dataclass(frozen=True)
 class Laid:
-    """Points of one condition.
-
-    Attributes
-    ----------
-    offset_m : (m, 3) float64, m
-        From the place of the condition.
-    away : (m, 2, 3) float64
-        By how much a point moves for a unit error, along two directions: zeros where it has fewer.
-    radius_m : float, m
-        NaN where there is none.
-    """
+    """Points of one condition."""
 
     offset_m: Float
+    """(m, 3), m. From the place of the condition."""
     away: Float
+    """(m, 2, 3). By how much a point moves for a unit error, along two directions: zeros where it has fewer."""
     radius_m: float = float("nan")
+    """NaN where there is none."""
 
 
 def laid_out(type_: str, points: int, size_m: float, rng: np.random.Generator) -> Laid:

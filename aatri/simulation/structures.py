@@ -28,34 +28,22 @@ ONE_ROW = ("parallel", "perpendicular")
 
 @dataclass(frozen=True)
 class Structure:
-    """A condition and its points.
-
-    Attributes
-    ----------
-    type : str
-    number : int
-        Of its type, from 1.
-    offset_m : (m, 3) float64, m
-        Its points from its place, in the axes there, with their errors.
-    sigma : float, m or rad
-        0 exact.
-    radius_m : float, m
-    gross : (m, 2) float64, m or rad
-        Gross errors of the points; the first of a condition with a value is that of the value.
-    of_value : float, m or rad
-        Error of a value.
-    local_m : (m, 3) float64, m
-        E, N, h, where it stands.
-    """
+    """A condition and its points."""
 
     type: str
     number: int
+    """Of its type, from 1."""
     offset_m: Float
+    """(m, 3), m. Its points from its place, in the axes there, with their errors."""
     sigma: float
+    """0 exact, m or rad."""
     radius_m: float
     gross: Float
+    """(m, 2), m or rad. Gross errors of the points; the first of a condition with a value is that of the value."""
     of_value: float
+    """Error of a value, m or rad."""
     local_m: Float = field(default_factory=lambda: np.zeros((0, 3)))
+    """(m, 3), m. E, N, h, where it stands."""
 
     def ids(self) -> list[str]:
         """Ids of its points."""

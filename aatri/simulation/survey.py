@@ -46,33 +46,22 @@ class Place:
 
 @dataclass(frozen=True)
 class Sighted:
-    """Observations of one type, without errors.
-
-    Attributes
-    ----------
-    type : str
-        As in geodetic.csv.
-    kind : str
-        Of the observation.
-    station, target, vertex : (n,) int
-        Rows of points, in the order of the simulation; `target` of images where `to_image`; vertex -1 if none.
-    heights_m : (n, 2) float64, m
-    value : (n,) float64, m or rad
-    set : (n,) int
-        -1: none.
-    to_image : bool
-    reduced : str
-    group : str
-    """
+    """Observations of one type, without errors."""
 
     type: str
+    """As in geodetic.csv."""
     kind: str
+    """Of the observation."""
     station: Int
     target: Int
     vertex: Int
+    """(n,). Rows of points, in the order of the simulation; `target` of images where `to_image`; vertex -1 if none."""
     heights_m: Float
+    """(n, 2), m."""
     value: Float
+    """(n,), m or rad."""
     set: Int
+    """(n,). -1: none."""
     to_image: bool = False
     reduced: str = "no"
     group: str = ""

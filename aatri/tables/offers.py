@@ -17,27 +17,18 @@ Nature = Literal["observation", "standard deviation", "constraint", "correction"
 
 @dataclass(frozen=True)
 class Offer:
-    """Something an artifact holds that is to have an effect.
-
-    Attributes
-    ----------
-    name : str
-        As stages state it and `ignore` takes it: `exterior.angles_rad`, `geodetic:distance`.
-    nature : str
-        One of `Nature`.
-    what : str
-        In words, with file and columns: `12 observed attitudes (exterior.csv: a1, a2, a3)`.
-    where : str
-        `file:line` of the first, or empty.
-    bears_on : str
-        Kind of artifact it bears upon: a chain that makes none of that kind may leave it.
-    """
+    """Something an artifact holds that is to have an effect."""
 
     name: str
+    """As stages state it and `ignore` takes it: `exterior.angles_rad`, `geodetic:distance`."""
     nature: str
+    """One of `Nature`."""
     what: str
+    """In words, with file and columns: `12 observed attitudes (exterior.csv: a1, a2, a3)`."""
     where: str
+    """`file:line` of the first, or empty."""
     bears_on: str
+    """Kind of artifact it bears upon: a chain that makes none of that kind may leave it."""
 
     def plain(self) -> dict[str, Any]:
         """As JSON takes it."""
@@ -61,21 +52,14 @@ def covers(wanted: str, name: str) -> bool:
 
 @dataclass(frozen=True)
 class Need:
-    """Something without which a stage cannot work.
-
-    Attributes
-    ----------
-    port : str
-    one_of : tuple of str
-        Names of what the port may offer; one of them has to be there.
-    what, remedy : str
-        What is told where none is.
-    """
+    """Something without which a stage cannot work."""
 
     port: str
     one_of: tuple[str, ...]
+    """Names of what the port may offer; one of them has to be there."""
     what: str
     remedy: str
+    """What is told where none is."""
 
     @staticmethod
     def from_plain(plain: Mapping[str, Any]) -> Need:

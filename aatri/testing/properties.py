@@ -20,23 +20,16 @@ NORMAL_MEDIAN = 0.6745
 
 @dataclass(frozen=True)
 class Property:
-    """Values of a result, and how far off values in their place would be.
-
-    Attributes
-    ----------
-    name : str
-        As in `check.SENTENCES`.
-    where : str
-        Table and column.
-    values : (n, ...) float64
-    off : callable
-        Values -> (n,) float64: errors over what is allowed, NaN where nothing can be said.
-    """
+    """Values of a result, and how far off values in their place would be."""
 
     name: str
+    """As in `check.SENTENCES`."""
     where: str
+    """Table and column."""
     values: Float
+    """(n, ...)."""
     off: Callable[[Float], Float]
+    """Values -> (n,) float64: errors over what is allowed, NaN where nothing can be said."""
 
     def breach(self) -> str:
         """What is wrong, and what would put it right; empty if nothing."""

@@ -29,30 +29,20 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class CalibratedPart:
-    """Parameters of a set that share their unit, as another block has determined them.
-
-    Attributes
-    ----------
-    per : str
-    ids : (n,) str
-        Cameras, flights or sessions of cameras.
-    names : tuple of str
-        The s parameters.
-    scale : tuple of SetScale
-    principal_point_mm : (n, 2) float64, mm
-    classical : (n, s) float64
-        Values in their classical units.
-    classical_covariance : (n, s, s) float64
-        NaN where the block was adjusted without standard deviations.
-    """
+    """Parameters of a set that share their unit, as another block has determined them."""
 
     per: Sharing
     ids: Text
+    """(n,) str. Cameras, flights or sessions of cameras."""
     names: tuple[str, ...]
+    """The s parameters."""
     scale: tuple[SetScale, ...]
     principal_point_mm: Float
+    """(n, 2), mm."""
     classical: Float
+    """(n, s). Values in their classical units."""
     classical_covariance: Float
+    """(n, s, s). NaN where the block was adjusted without standard deviations."""
 
     def in_mm(self, parameters: ParameterSet, unit: int) -> tuple[Float, Float]:
         """Values (s,) and covariance (s, s) of a unit as lengths, mm."""

@@ -29,19 +29,14 @@ Per = Sharing | Mapping[Sharing, Sequence[str]]
 
 @dataclass(frozen=True)
 class SharingUnits:
-    """The cameras, flights, sessions or images that share parameters.
-
-    Attributes
-    ----------
-    id : (n,) str
-    camera : (n,) int
-        Camera of each unit.
-    of_image : (n_images,) int
-    """
+    """The cameras, flights, sessions or images that share parameters."""
 
     id: Text
+    """(n,) str."""
     camera: Int
+    """(n,). Camera of each unit."""
     of_image: Int
+    """(n_images,)."""
 
 
 def units_of(block: Block, per: Sharing) -> SharingUnits:
@@ -71,21 +66,14 @@ def camera_scale(block: Block, camera: int) -> SetScale:
 
 @dataclass(frozen=True)
 class SetPart:
-    """Parameters of a set that share their unit.
-
-    Attributes
-    ----------
-    group : str
-        Name of the group of unknowns.
-    per : str
-        camera, flight, session or image.
-    parameters : ParameterSet
-        The set with these parameters only.
-    """
+    """Parameters of a set that share their unit."""
 
     group: str
+    """Name of the group of unknowns."""
     per: Sharing
+    """camera, flight, session or image."""
     parameters: ParameterSet
+    """The set with these parameters only."""
 
 
 def parts_of_set(parameters: ParameterSet, per: Per) -> tuple[SetPart, ...]:

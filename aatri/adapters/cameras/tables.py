@@ -38,24 +38,16 @@ GRID = 11
 
 @dataclass(frozen=True)
 class ParameterTables:
-    """What a Solution tells of camera parameters.
-
-    Attributes
-    ----------
-    parameters : tuple of Parameters
-        A table a group.
-    covariances : ParameterCovariances, optional
-        Where there are camera parameters.
-    sets : CalibratedSets, optional
-        Of a self-calibration, for other blocks.
-    fields : ErrorFields, optional
-        Its image errors.
-    """
+    """What a Solution tells of camera parameters."""
 
     parameters: tuple[Parameters, ...] = ()
+    """A table a group."""
     covariances: ParameterCovariances | None = None
+    """Where there are camera parameters."""
     sets: CalibratedSets | None = None
+    """Of a self-calibration, for other blocks."""
     fields: ErrorFields | None = None
+    """Its image errors."""
 
 
 def parameter_tables(
@@ -82,27 +74,20 @@ def parameter_tables(
 
 @dataclass(frozen=True)
 class TabledGroup:
-    """How the parameters of a group stand in the tables.
-
-    Attributes
-    ----------
-    adjusted : AdjustedParameters
-    group : str
-        What the tables call it.
-    name : (n, s) str
-    listed : (n, s) bool
-        Which have a row.
-    with_covariances : (n, s) bool
-    offset, factor : (n, s) float64
-    """
+    """How the parameters of a group stand in the tables."""
 
     adjusted: AdjustedParameters
     group: str
+    """What the tables call it."""
     name: Text
+    """(n, s) str."""
     listed: Bool
+    """(n, s). Which have a row."""
     with_covariances: Bool
+    """(n, s)."""
     offset: Float
     factor: Float
+    """(n, s)."""
 
     def table(self) -> Parameters:
         """Values and standard deviations; 0 where held."""

@@ -24,22 +24,14 @@ from aatri.observations.positions import positions_of
 
 @dataclass(frozen=True)
 class InTangentFrame:
-    """A block, and a solution of it, in the frame of the adjustment; the same as given where that is the block's own.
-
-    Attributes
-    ----------
-    block : Block
-    initial : Solution or None
-    frame : TangentFrame or None
-    partial : bool
-        Some control or positions are in plan or in height only, and lie where `initial` or the mean of the block has
-        them.
-    """
+    """A block, and a solution of it, in the frame of the adjustment; as given where that is the block's own."""
 
     block: Block
     initial: Solution | None
     frame: TangentFrame | None
     partial: bool
+    """Some control or positions are in plan or in height only, and lie where `initial` or the mean of the block has
+    them."""
 
     def back(self, solution: Solution) -> Solution:
         """A Solution made of it, in the frame of the block."""

@@ -49,31 +49,21 @@ class StripsOfBlock:
 
 @dataclass(frozen=True)
 class Joining:
-    """How strips are joined and oriented.
-
-    Attributes
-    ----------
-    tie_limit, control_limit : float
-        Test statistics of wrong ties, and of what is wrong on the ground.
-    start : str
-        How each component starts; see `OrientationRules`.
-    every_component : bool
-        A component without a datum is an error; else it is left out with a warning.
-    apart : tuple of int
-        Strips that are taken by themselves.
-    aside : tuple of int
-        Strips that are left out.
-    level : bool
-        What is open of a component by its turn about a line alone begins level.
-    """
+    """How strips are joined and oriented."""
 
     tie_limit: float
     control_limit: float
+    """Test statistics of wrong ties, and of what is wrong on the ground."""
     start: Start
+    """How each component starts; see `OrientationRules`."""
     every_component: bool
+    """A component without a datum is an error; else it is left out with a warning."""
     apart: tuple[int, ...] = ()
+    """Strips that are taken by themselves."""
     aside: tuple[int, ...] = ()
+    """Strips that are left out."""
     level: bool = False
+    """What is open of a component by its turn about a line alone begins level."""
 
 
 @dataclass(frozen=True)

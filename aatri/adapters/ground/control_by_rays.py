@@ -28,24 +28,16 @@ CLEARLY = 2 * np.log(100.0)
 
 @dataclass(frozen=True)
 class ControlByRays:
-    """A component with the control points that its rays determine.
-
-    Attributes
-    ----------
-    component : Component
-    body : FreeBody
-        The same as a body.
-    meeting, apart : (k,) int
-        Rows of the rays that meet in these points, and of those that do not.
-    apart_mm : (k,) float64, mm
-        By how much.
-    """
+    """A component with the control points that its rays determine."""
 
     component: Component
     body: FreeBody
+    """The same as a body."""
     meeting: Int
     apart: Int
+    """(k,). Rows of the rays that meet in these points, and of those that do not."""
     apart_mm: Float
+    """(k,), mm. By how much."""
 
     def suspects(self, before: Suspects, block: Block, rays: ImagePointRows, stage: str) -> Suspects:
         """Suspects of earlier stages without the rays that meet, and with those that do not."""

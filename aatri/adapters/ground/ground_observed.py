@@ -51,27 +51,18 @@ Chosen = Callable[[Observed], bool]
 
 @dataclass(frozen=True)
 class GroundObserved:
-    """What is observed of a block.
-
-    Attributes
-    ----------
-    block : Block
-        In its own frame, without correlations between points.
-    origin_m : (3,) float64, m
-        In the frame of the adjustment; all places are reduced to it.
-    use_positions : bool
-    frame, geodesy : TangentFrame or None
-        See `Given`.
-    beside : tuple of Observed
-        Further observations, such as what neighbours of a body tell of it.
-    """
+    """What is observed of a block."""
 
     block: Block
+    """In its own frame, without correlations between points."""
     origin_m: Float
+    """(3,), m. In the frame of the adjustment; all places are reduced to it."""
     use_positions: bool
     frame: TangentFrame | None
     geodesy: TangentFrame | None
+    """See `Given`."""
     beside: tuple[Observed, ...] = ()
+    """Further observations, such as what neighbours of a body tell of it."""
 
     def of(self, body: FreeBody, chosen: Chosen, *, attitudes: bool = False, drift: bool = True) -> Observe:
         """Observations that concern a body, wherever it lies.

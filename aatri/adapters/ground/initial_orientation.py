@@ -45,27 +45,18 @@ OPEN = 1e-8
 
 @dataclass(frozen=True)
 class OnGround:
-    """A component on the ground.
-
-    Attributes
-    ----------
-    component : ImageComponent
-        In the ground's frame, reduced to the origin.
-    oriented : OrientedBody, optional
-        None where its neighbours brought it there, or nothing is observed of it.
-    similarity : Similarity
-        Ground from component.
-    free : bool
-        Nothing tells where it lies.
-    left : tuple of Observed
-        What is left out, as it contradicts all else.
-    """
+    """A component on the ground."""
 
     component: ImageComponent
+    """In the ground's frame, reduced to the origin."""
     oriented: OrientedBody | None
+    """None where its neighbours brought it there, or nothing is observed of it."""
     similarity: Similarity
+    """Ground from component."""
     free: bool = False
+    """Nothing tells where it lies."""
     left: tuple[Observed, ...] = ()
+    """What is left out, as it contradicts all else."""
 
 
 def to_ground(

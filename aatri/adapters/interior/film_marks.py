@@ -16,28 +16,21 @@ from aatri.orientation.interior.film_deformation import scales_and_shear
 
 @dataclass(frozen=True)
 class FilmMarks:
-    """Measured marks of n film images, up to m each.
-
-    Attributes
-    ----------
-    image : (n,) int64
-        Row in the Block's images.
-    row : (n, m) int64
-        Row in the Block's fiducial_points; -1 for padding.
-    measured : (n, m, 2) float64, mm or px
-    calibrated_mm, sigma_mm : (n, m, 2) float64, mm
-    present : (n, m) bool
-    nominal : (n, 2, 2) float64, mm per unit
-        To millimetres, x right, y up, by the nominal pixel size.
-    """
+    """Measured marks of n film images, up to m each."""
 
     image: Int
+    """(n,) int64. Row in the Block's images."""
     row: Int
+    """(n, m) int64. Row in the Block's fiducial_points; -1 for padding."""
     measured: Float
+    """(n, m, 2), mm or px."""
     calibrated_mm: Float
     sigma_mm: Float
+    """(n, m, 2), mm."""
     present: Bool
+    """(n, m)."""
     nominal: Float
+    """(n, 2, 2), mm per unit. To millimetres, x right, y up, by the nominal pixel size."""
 
 
 def film_images(block: Block) -> Bool:

@@ -24,24 +24,17 @@ UP_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 @dataclass(frozen=True)
 class Stations:
-    """What is known of the stations of all images of a block.
-
-    Attributes
-    ----------
-    height_m : (n,) float64, m
-        Above sea level; NaN where not known.
-    terrain_m : float, m
-        Mean height of the terrain above sea level; NaN where not known.
-    level_from_image : (n, 3, 3) float64
-        Rotations of the images to level axes at their stations, z up; NaN where not known.
-    by_rays : (n,) bool
-        Images whose rays are corrected each in its own vertical plane: oriented, or tilted too much for closed forms.
-    """
+    """What is known of the stations of all images of a block."""
 
     height_m: Float
+    """(n,), m. Above sea level; NaN where not known."""
     terrain_m: float
+    """Mean height of the terrain above sea level; NaN where not known."""
     level_from_image: Float
+    """(n, 3, 3). Rotations of the images to level axes at their stations, z up; NaN where not known."""
     by_rays: Bool
+    """(n,). Images whose rays are corrected each in its own vertical plane: oriented, or tilted too much for closed
+    forms."""
 
 
 def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None) -> tuple[Stations, tuple[Note, ...]]:

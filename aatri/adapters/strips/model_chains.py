@@ -27,24 +27,16 @@ class Gap:
 
 @dataclass
 class Chain:
-    """Neighbouring models of a strip of the Block, with their joints.
-
-    Attributes
-    ----------
-    strip : int
-        Row in the Block's strips.
-    images : list of int
-        Rows in images, one more than models.
-    models : list of int
-        Rows in the orientations of Models.
-    joints : list of int
-        Rows in the table of joints.
-    """
+    """Neighbouring models of a strip of the Block, with their joints."""
 
     strip: int
+    """Row in the Block's strips."""
     images: list[int]
+    """Rows in images, one more than models."""
     models: list[int] = field(default_factory=list)
+    """Rows in the orientations of Models."""
     joints: list[int] = field(default_factory=list)
+    """Rows in the table of joints."""
 
 
 def names_of_joint(models: Models, joints: JointTable, joint: int) -> str:

@@ -111,20 +111,14 @@ def precision_row(name: str, tau_m: float) -> Parameters:
 
 @dataclass(frozen=True)
 class Placed:
-    """Images and points of a block on the ground.
-
-    Attributes
-    ----------
-    position_m : (n_images, 3) float64, m
-        NaN where not oriented.
-    ground_from_image : (n_images, 3, 3) float64
-    point_m : (n_points, 3) float64, m
-        NaN where not determined.
-    """
+    """Images and points of a block on the ground."""
 
     position_m: Float
+    """(n_images, 3), m. NaN where not oriented."""
     ground_from_image: Float
+    """(n_images, 3, 3)."""
     point_m: Float
+    """(n_points, 3), m. NaN where not determined."""
 
 
 def solution_of(

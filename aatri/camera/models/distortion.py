@@ -30,26 +30,18 @@ ASPECT = "as"
 
 @dataclass(frozen=True)
 class Distortion:
-    """Lens distortion of one camera.
-
-    Attributes
-    ----------
-    model : str
-        One of `MODELS`.
-    principal_distance_mm : float
-    parameters : mapping
-        Values by the names of the model.
-    symmetry_point_mm : (2,) float, mm, from the principal point
-    radius_mm, correction_mm : (m,) float64, mm
-        The table of the model `table`.
-    """
+    """Lens distortion of one camera."""
 
     model: str
+    """One of `MODELS`."""
     principal_distance_mm: float
     parameters: Mapping[str, float] = field(default_factory=dict)
+    """Values by the names of the model."""
     symmetry_point_mm: tuple[float, float] = (0.0, 0.0)
+    """(2,) float, mm, from the principal point."""
     radius_mm: Float = field(default_factory=lambda: np.zeros(0))
     correction_mm: Float = field(default_factory=lambda: np.zeros(0))
+    """(m,), mm. The table of the model `table`."""
 
 
 def corrected(distortion: Distortion, xy_mm: Float) -> Float:

@@ -93,20 +93,13 @@ _COUPLINGS: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
 
 @dataclass(frozen=True)
 class Advice:
-    """One high correlation with its reason.
-
-    Attributes
-    ----------
-    first, second : str
-    correlation : float
-    reason : str
-        Why, and what to do.
-    """
+    """One high correlation with its reason."""
 
     first: str
     second: str
     correlation: float
     reason: str
+    """Why, and what to do."""
 
     @property
     def determinable(self) -> bool:

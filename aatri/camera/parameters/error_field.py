@@ -17,24 +17,16 @@ from aatri.camera.parameters.parameter_set import ParameterSet, SetScale
 
 @dataclass(frozen=True)
 class ErrorField:
-    """Image-error field on a regular grid.
-
-    Attributes
-    ----------
-    xy_mm : (n, 2) float64, mm
-        From the nominal principal point; x varies fastest.
-    error_mm : (n, 2) float64, mm
-        Image error.
-    sigma_mm : (n, 2) float64, mm
-        Its standard deviation; NaN where the covariance is.
-    shape_mm : (n, 2) float64, mm
-        Image error without the effects of the exterior orientation.
-    """
+    """Image-error field on a regular grid."""
 
     xy_mm: Float
+    """(n, 2), mm. From the nominal principal point; x varies fastest."""
     error_mm: Float
+    """(n, 2), mm. Image error."""
     sigma_mm: Float
+    """(n, 2), mm. Its standard deviation; NaN where the covariance is."""
     shape_mm: Float
+    """(n, 2), mm. Image error without the effects of the exterior orientation."""
 
 
 def image_error_field(

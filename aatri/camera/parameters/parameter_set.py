@@ -24,21 +24,14 @@ from aatri.ids import did_you_mean
 
 @dataclass(frozen=True)
 class SetScale:
-    """What the terms of a set are scaled with: one camera's format.
-
-    Attributes
-    ----------
-    principal_distance_mm : float
-        Nominal.
-    half_format_mm : (float, float), mm
-        Half width and half height of the format.
-    base_mm : float
-        Photo base b of Ebner's grid, x and y in {0, +-b}.
-    """
+    """What the terms of a set are scaled with: one camera's format."""
 
     principal_distance_mm: float
+    """Nominal."""
     half_format_mm: tuple[float, float]
+    """(float, float), mm. Half width and half height of the format."""
     base_mm: float
+    """Photo base b of Ebner's grid, x and y in {0, +-b}."""
 
     @property
     def radius_mm(self) -> float:
@@ -60,28 +53,18 @@ def no_classical_values(count: int) -> Factors:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """One set of additional parameters.
-
-    Attributes
-    ----------
-    name : str
-    parameters : tuple of str
-    units : tuple of str
-        Units of the classical values; the parameters themselves are in mm.
-    basis : callable
-        (xy_mm (n, 2) from the nominal principal point, SetScale) -> K (n, 2, s).
-    classical_factors : callable
-        SetScale -> (s,): classical value = factor times parameter.
-    ideal : bool
-        K is that of the ideal coordinates, (x, y) + K p themselves: an adjustment forms it anew as p becomes known.
-    """
+    """One set of additional parameters."""
 
     name: str
     parameters: tuple[str, ...]
     units: tuple[str, ...]
+    """Units of the classical values; the parameters themselves are in mm."""
     basis: Basis
+    """(xy_mm (n, 2) from the nominal principal point, SetScale) -> K (n, 2, s)."""
     classical_factors: Factors
+    """SetScale -> (s,): classical value = factor times parameter."""
     ideal: bool = False
+    """K is that of the ideal coordinates, (x, y) + K p themselves: an adjustment forms it anew as p becomes known."""
 
     def __len__(self) -> int:
         return len(self.parameters)

@@ -39,24 +39,19 @@ FIXED = ("principal_point.x", "principal_point.y")
 
 @dataclass(frozen=True)
 class BalProblem:
-    """The numbers of a file, and the lines they begin in.
-
-    Attributes
-    ----------
-    camera, point : (m,) int32
-    xy_px : (m, 2) float64, px
-    cameras : (n, 9) float64
-        w1 w2 w3 t1 t2 t3 f k1 k2; f in px.
-    points : (p, 3) float64
-    lines : (m,), (n,), (p,) int32
-    """
+    """The numbers of a file, and the lines they begin in."""
 
     camera: Int
     point: Int
+    """(m,) int32."""
     xy_px: Float
+    """(m, 2), px."""
     cameras: Float
+    """(n, 9). w1 w2 w3 t1 t2 t3 f k1 k2; f in px."""
     points: Float
+    """(p, 3)."""
     lines: tuple[Int, Int, Int]
+    """(m,), (n,), (p,) int32."""
 
 
 def read_bal(path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True, reporter: Reporter = SILENT) -> Block:

@@ -68,31 +68,22 @@ class ColmapImage:
 
 @dataclass(frozen=True)
 class ColmapModel:
-    """A sparse model.
-
-    Attributes
-    ----------
-    points : (p,) int64
-        Ids of the points.
-    xyz : (p, 3) float64
-    point_lines : (p,) int32
-        Lines of the file (0: binary).
-    paths : list of Path
-        The files, in the order of `NAMES`.
-    track : (t, 3) int64
-        Point, image, and row of the feature, as points3D repeats them.
-    error_px : (p,) float64, px
-        Mean reprojection error, -1 not known; not read.
-    """
+    """A sparse model."""
 
     cameras: list[ColmapCamera]
     images: list[ColmapImage]
     points: Int
+    """(p,) int64. Ids of the points."""
     xyz: Float
+    """(p, 3)."""
     point_lines: Int
+    """(p,) int32. Lines of the file (0: binary)."""
     paths: list[Path]
+    """The files, in the order of `NAMES`."""
     track: Int = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    """(t, 3) int64. Point, image, and row of the feature, as points3D repeats them."""
     error_px: list[float] = field(default_factory=list)
+    """(p,) float64, px. Mean reprojection error, -1 not known; not read."""
 
     def tracks(self) -> list[list[tuple[int, int]]]:
         """For each point the images and the rows of their features that show it."""

@@ -137,36 +137,25 @@ FORMS: dict[str, DistortionForm] = {
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera as a program states it.
-
-    Attributes
-    ----------
-    id : str
-    form : str
-        One of `FORMS`.
-    size_px : (width, height)
-    focal_px : (fx, fy)
-    principal_point_px : (2,) float, px
-        From the image centre, x right, y down.
-    parameters : mapping of str to float
-        By the program's names; what is missing is zero.
-    centre_px : (2,) float, px
-        Centre of the distortion, from the principal point.
-    pixel_mm : float, mm
-        Width of a pixel.
-    where : str
-        Its place in a file.
-    """
+    """A camera as a program states it."""
 
     id: str
     form: str
+    """One of `FORMS`."""
     size_px: tuple[float, float]
+    """(width, height)."""
     focal_px: tuple[float, float]
+    """(fx, fy)."""
     principal_point_px: tuple[float, float] = (0.0, 0.0)
+    """(2,) float, px. From the image centre, x right, y down."""
     parameters: Mapping[str, float] = field(default_factory=dict)
+    """By the program's names; what is missing is zero."""
     centre_px: tuple[float, float] = (0.0, 0.0)
+    """(2,) float, px. Centre of the distortion, from the principal point."""
     pixel_mm: float = PIXEL_MM
+    """Width of a pixel."""
     where: str = ""
+    """Its place in a file."""
 
     def unit_per_focal(self) -> float:
         """The focal length in the unit in which the program counts lengths."""

@@ -52,24 +52,16 @@ OF_POINTS: tuple[Step, ...] = (("the same name", _as_it_is), ("whatever the case
 
 @dataclass(frozen=True)
 class Matching:
-    """Names of a file and what they are called elsewhere.
-
-    Attributes
-    ----------
-    name : mapping of str to str
-        Of matched names: the other name.
-    by_step : mapping of str to int
-        How many were matched by which step.
-    unmatched : tuple of str
-        Names that nothing matches.
-    conflicts : tuple of (str, tuple of str)
-        Of unmatched names that could be several others, or of several that could be one: the step, and the names.
-    """
+    """Names of a file and what they are called elsewhere."""
 
     name: Mapping[str, str]
+    """Of matched names: the other name."""
     by_step: Mapping[str, int]
+    """How many were matched by which step."""
     unmatched: tuple[str, ...]
+    """Names that nothing matches."""
     conflicts: tuple[tuple[str, tuple[str, ...]], ...]
+    """Of unmatched names that could be several others, or of several that could be one: the step, and the names."""
 
     def in_words(self, what: str) -> list[str]:
         """Sentences for the log: how many names were matched how, which were not, and each conflict."""

@@ -35,26 +35,17 @@ SHARE = 0.02
 
 @dataclass
 class Layer:
-    """Features of one kind.
-
-    Attributes
-    ----------
-    name : str
-    geometry : str
-        Point, LineString or Polygon; all with heights.
-    fields : mapping of str to type
-        Columns: str, int or float.
-    shapes : list of (k, 3) float64, m
-        Vertices of each feature; an outline ends where it begins.
-    rows : list of tuple
-        Values of the fields; None: not known.
-    """
+    """Features of one kind."""
 
     name: str
     geometry: str
+    """Point, LineString or Polygon; all with heights."""
     fields: dict[str, type]
+    """Columns: str, int or float."""
     shapes: list[Float] = field(default_factory=list)
+    """List of (k, 3), m. Vertices of each feature; an outline ends where it begins."""
     rows: list[tuple[Any, ...]] = field(default_factory=list)
+    """Values of the fields; None: not known."""
 
     def add(self, shape: Float, *values: Any) -> None:
         """Add a feature."""

@@ -37,31 +37,20 @@ OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 @dataclass(frozen=True)
 class NotStated:
-    """What is taken where no file says it.
-
-    Attributes
-    ----------
-    image_sigma_px : float
-    image_sigma_um : float, um
-        Of photo coordinates, where the pixels of the camera have no known size.
-    control_sigma_m : (3,) float, m
-        0: exact.
-    position_sigma_m : (3,) float, m, or None
-        None: positions without a standard deviation are start values.
-    attitude_sigma_rad : float, rad, or None
-    calibrate : bool
-        c, principal point and distortion of all cameras are unknown and free; else held.
-    frame : Frame, optional
-        The frame of the block.
-    """
+    """What is taken where no file says it."""
 
     image_sigma_px: float = 1.0
     image_sigma_um: float = 5.0
+    """Of photo coordinates, where the pixels of the camera have no known size."""
     control_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """(3,) float, m. 0: exact."""
     position_sigma_m: tuple[float, float, float] | None = None
+    """(3,) float, m,. None: positions without a standard deviation are start values."""
     attitude_sigma_rad: float | None = None
     calibrate: bool = False
+    """c, principal point and distortion of all cameras are unknown and free; else held."""
     frame: Frame | None = None
+    """The frame of the block."""
 
 
 def assembled(

@@ -33,39 +33,26 @@ Columns = Mapping[str, Any]
 
 @dataclass
 class BlockParts:
-    """What one file or folder gives of a block.
-
-    Attributes
-    ----------
-    format : str
-        Name of the format.
-    files : list of Path
-        Read files; the columns `file` count in it.
-    frame : Frame or None
-        Of ground points, positions and rotations, axes in the order of the columns; None: the files do not say, so
-        that they are taken to be in the frame of the block. `LOCAL`: a free model.
-    cameras ... exterior : mapping of str to array
-        Columns of these tables; empty: the format has none here.
-    camera_parameters : mapping
-        `camera`, `name`, `value`: of the distortion; all are held, unless `sigma` or `free` says more.
-    pixel_axes : PixelAxes or None
-        What the image points count from; None: as the camera of their image says.
-    others : mapping
-        Tables and attributes of a Block that are taken as they are, if this is the first source.
-    notes : list of str
-        What the user should know of how it was read.
-    """
+    """What one file or folder gives of a block; a table without columns is one that the format does not have here."""
 
     format: str
+    """Name of the format."""
     files: list[Path]
+    """Read files; the columns `file` count in it."""
     name: str = ""
     frame: Frame | None = None
+    """Of ground points, positions and rotations, axes in the order of the columns; None: the files do not say, so that
+    they are taken to be in the frame of the block. `LOCAL`: a free model."""
     cameras: Columns = field(default_factory=dict)
     camera_parameters: Columns = field(default_factory=dict)
+    """`camera`, `name`, `value`: of the distortion; all are held, unless `sigma` or `free` says more."""
     images: Columns = field(default_factory=dict)
     image_points: Columns = field(default_factory=dict)
     ground_points: Columns = field(default_factory=dict)
     exterior: Columns = field(default_factory=dict)
     pixel_axes: PixelAxes | None = None
+    """What the image points count from; None: as the camera of their image says."""
     others: Columns = field(default_factory=dict)
+    """Tables and attributes of a Block that are taken as they are, if this is the first source."""
     notes: list[str] = field(default_factory=list)
+    """What the user should know of how it was read."""

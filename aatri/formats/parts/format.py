@@ -153,39 +153,26 @@ AS_USUAL = Writing()
 
 @dataclass(frozen=True)
 class Format:
-    """A format.
-
-    Attributes
-    ----------
-    name, title : str
-    recognise : callable
-        What was seen in a file or folder by which it is of this format, in words; empty: it is not.
-    looked_for : str
-        What a file of this format has, in words, for messages.
-    carries, drops : sequence of Content
-        What is read or written, and what the format has no place for.
-    page : str
-        Page and section of the documentation.
-    read : callable, optional
-        (path, reading, reporter) -> BlockParts; None where it is not read, or where a stage of its own reads it.
-    stage : str
-        That stage, where it has one: `block/colmap`; else `block/combined` reads it.
-    write : callable, optional
-        (oriented block, folder, writing, reporter): writes files of this form; see `results.oriented_block`.
-    written : sequence of Content
-        What it writes; what else a block has is told by `registry.export`.
-    """
+    """A format."""
 
     name: str
     title: str
     recognise: Callable[[FileView], str]
+    """What was seen in a file or folder by which it is of this format, in words; empty: it is not."""
     looked_for: str
+    """What a file of this format has, in words, for messages."""
     carries: Sequence[Content]
     drops: Sequence[Content] = ()
+    """What is read or written, and what the format has no place for."""
     page: str = "docs/formats.md"
+    """Page and section of the documentation."""
     read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
+    """None where it is not read, or where a stage of its own reads it."""
     stage: str = ""
+    """That stage, where it has one: `block/colmap`; else `block/combined` reads it."""
     write: Callable[[OrientedBlock, Path, Writing, Reporter], None] | None = None
+    """Writes files of this form; see `results.oriented_block`."""
     written: Sequence[Content] = ()
+    """What it writes; what else a block has is told by `registry.export`."""
     files_of: Callable[[FileView], Sequence[Path]] = field(default=lambda view: [view.path])
     """Of a folder: the files that are read with it."""

@@ -63,21 +63,14 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OrientedBlock:
-    """A block with its orientation; all rows are those of the tables of the Block.
-
-    Attributes
-    ----------
-    block : Block
-        As given: names, roles, standard deviations, frame.
-    solution : Solution, optional
-        Adjusted orientations, points and cameras; None: the start values of the Block.
-    image_points : ImagePoints, optional
-        Corrected image points of the Solution; None: as measured, with the distortion of the cameras.
-    """
+    """A block with its orientation; all rows are those of the tables of the Block."""
 
     block: Block
+    """As given: names, roles, standard deviations, frame."""
     solution: Solution | None = None
+    """Adjusted orientations, points and cameras; None: the start values of the Block."""
     image_points: ImagePoints | None = None
+    """Corrected image points of the Solution; None: as measured, with the distortion of the cameras."""
 
     @cached_property
     def position_m(self) -> Float:

@@ -34,23 +34,15 @@ _ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approxi
 
 @dataclass(frozen=True)
 class Readable:
-    """Rows of a table to be shown.
-
-    Attributes
-    ----------
-    head : tuple of str
-        Names of the columns.
-    units : tuple of str
-    columns : tuple of list
-        Values per column: text, number, truth value or None.
-    left_off : int
-        Rows that were not taken.
-    """
+    """Rows of a table to be shown."""
 
     head: tuple[str, ...]
+    """Names of the columns."""
     units: tuple[str, ...]
     columns: tuple[list[Any], ...]
+    """Values per column: text, number, truth value or None."""
     left_off: int
+    """Rows that were not taken."""
 
     def rows(self) -> list[tuple[Any, ...]]:
         """The rows."""

@@ -22,31 +22,21 @@ NEEDED_NUMBER, NUMBER_COLUMN, NEEDED_TEXT = (
 
 
 class Stated(NamedTuple):
-    """A column of a table.
-
-    Attributes
-    ----------
-    cell : CsvColumn
-        What its cells may be, and whether they must be there.
-    field : str
-        The column of the Block's table; empty: made otherwise.
-    part : int, optional
-        The component of a field with several.
-    unit : str
-        Unit of block.yaml whose factor brings a number to that of the Block; `angle`, or `type` where it depends on
-        the type of the observation: a text that the reader makes a number of.
-    words : mapping of str to value
-        What the words of a text stand for; the first is that of an empty cell.
-    empty : bool, optional
-        Of a column of yes and no: what an empty cell is.
-    """
+    """A column of a table."""
 
     cell: CsvColumn
+    """What its cells may be, and whether they must be there."""
     field: str = ""
+    """The column of the Block's table; empty: made otherwise."""
     part: int | None = None
+    """The component of a field with several."""
     unit: str = ""
+    """Unit of block.yaml whose factor brings a number to that of the Block; `angle`, or `type` where it depends on the
+    type of the observation: a text that the reader makes a number of."""
     words: Mapping[str, Any] = MappingProxyType({})
+    """What the words of a text stand for; the first is that of an empty cell."""
     empty: bool | None = None
+    """Of a column of yes and no: what an empty cell is."""
 
 
 COORDINATES, SIGMAS, COVARIANCES = ("X", "Y", "Z"), ("sX", "sY", "sZ"), {"sXY": (0, 1), "sXZ": (0, 2), "sYZ": (1, 2)}

@@ -26,24 +26,15 @@ FILE = "relative_control.yaml"
 
 
 class ConditionForm(NamedTuple):
-    """What a type takes: its members, the least number of them, and its value.
-
-    Attributes
-    ----------
-    members : tuple of str
-    least : int
-    value : {'needed', 'optional', ''}
-    exactly : bool
-        It takes no more than the least number.
-    unit : {'m', 'rad', '1'}
-        Of its value and standard deviation: in the tables the block's ground unit, its angle unit, or a plain number.
-    """
+    """What a type takes: its members, the least number of them, and its value."""
 
     members: tuple[str, ...]
     least: int
     value: str = ""
     exactly: bool = False
+    """It takes no more than the least number."""
     unit: Literal["m", "rad", "1"] = "m"
+    """Of its value and standard deviation: in the tables the block's ground unit, its angle unit, or a plain number."""
 
 
 FORMS = {

@@ -32,28 +32,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A stage as its plugin and its options have it.
-
-    Attributes
-    ----------
-    options : mapping
-        With their defaults.
-    files : mapping
-        Option -> file or folder whose content counts as input.
-    uses : tuple of str, optional
-        What it uses of what its ports offer; None where it does not say.
-    code : Code
-        What it reaches; of each module the digest, to say which has changed.
-    needs : tuple of Need
-        Without what of what its ports offer it cannot work.
-    """
+    """A stage as its plugin and its options have it."""
 
     method: Method
     options: Mapping[str, Any]
+    """With their defaults."""
     files: Mapping[str, str]
+    """Option -> file or folder whose content counts as input."""
     uses: tuple[str, ...] | None
+    """What it uses of what its ports offer; None where it does not say."""
     code: Code
+    """What it reaches; of each module the digest, to say which has changed."""
     needs: tuple[Need, ...] = ()
+    """Without what of what its ports offer it cannot work."""
 
 
 class Catalogue:

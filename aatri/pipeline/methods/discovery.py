@@ -37,25 +37,17 @@ _DECLARES_ROLE = re.compile(r"^ROLE\s*[:=]", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a role or variant comes from.
-
-    Attributes
-    ----------
-    source : str
-        `built-in`, `installed` or `project`.
-    module, attribute : str
-        Where it is declared. Of a project it is `aatri_project.ROLE.VARIANT`, wherever the project lies.
-    file : Path or None
-        The file of the module; None if it cannot be told without importing.
-    distribution : str
-        Name and version of the installed package.
-    """
+    """Where a role or variant comes from."""
 
     source: str
+    """`built-in`, `installed` or `project`."""
     module: str
     attribute: str
+    """Where it is declared. Of a project it is `aatri_project.ROLE.VARIANT`, wherever the project lies."""
     file: Path | None = None
+    """The file of the module; None if it cannot be told without importing."""
     distribution: str = ""
+    """Name and version of the installed package."""
 
     @property
     def where(self) -> str:

@@ -32,24 +32,16 @@ class Compared:
 
 @dataclass(frozen=True)
 class Parting:
-    """Where two runs part.
-
-    Attributes
-    ----------
-    stage : str
-        The first stage whose results differ.
-    reasons : tuple of Reason
-        How its keys differ; none where they are equal.
-    environment : dict
-        Versions and system that differ: (one, other).
-    largest : float
-        Largest relative difference of its numbers; infinite where they cannot be compared one by one.
-    """
+    """Where two runs part."""
 
     stage: str
+    """The first stage whose results differ."""
     reasons: tuple[Reason, ...]
+    """How its keys differ; none where they are equal."""
     environment: dict[str, tuple[str, str]]
+    """Versions and system that differ: (one, other)."""
     largest: float
+    """Largest relative difference of its numbers; infinite where they cannot be compared one by one."""
 
     @property
     def only_last_bits(self) -> bool:

@@ -9,16 +9,10 @@ from aatri.pipeline.plan.reasons import flat
 
 @dataclass(frozen=True)
 class Axis:
-    """Runs that differ from the first one by the methods, options or ports of the same stages.
-
-    Attributes
-    ----------
-    stages : tuple of str
-        Whose method, options or ports differ; none for runs that differ by the files read, code or versions alone.
-    runs : tuple of Compared
-    """
+    """Runs that differ from the first one by the methods, options or ports of the same stages."""
 
     stages: tuple[str, ...]
+    """Whose method, options or ports differ; none for runs that differ by the files read, code or versions alone."""
     runs: tuple[Compared, ...]
 
 

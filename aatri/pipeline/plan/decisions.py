@@ -64,28 +64,20 @@ class View(Protocol):
 
 @dataclass(frozen=True)
 class Decision:
-    """What to do with a stage.
-
-    Attributes
-    ----------
-    key, parts : str or None, mapping
-        The key and what it is made of; None where an input is not known yet.
-    record : mapping or None
-        The record of the result that serves, if it is fresh.
-    accepted : bool
-        Whether the user accepted a result of other code.
-    selected : bool
-        Whether the run is to touch it.
-    """
+    """What to do with a stage."""
 
     stage: str
     state: State
     reasons: tuple[Reason, ...]
     parts: Mapping[str, Any] = field(repr=False)
     key: str | None = None
+    """The key, and above what it is made of; None where an input is not known yet."""
     record: Mapping[str, Any] | None = field(default=None, repr=False)
+    """The record of the result that serves, if it is fresh."""
     accepted: bool = False
+    """Whether the user accepted a result of other code."""
     selected: bool = True
+    """Whether the run is to touch it."""
 
     @property
     def digest(self) -> str | None:

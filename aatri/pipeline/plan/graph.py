@@ -24,20 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StageNode(Prepared):
-    """A stage ready to run.
-
-    Attributes
-    ----------
-    inputs, unused : mapping
-        Port -> stage: those that its variant uses, and those given beside them.
-    written : mapping
-        The options as written.
-    """
+    """A stage ready to run."""
 
     name: str
     inputs: Mapping[str, str]
     unused: Mapping[str, str]
+    """Port -> stage: those that its variant uses, and those given beside them."""
     written: Mapping[str, Any]
+    """The options as written."""
 
 
 @dataclass(frozen=True)

@@ -32,19 +32,7 @@ class StageSource:
 
 @dataclass(frozen=True)
 class Task:
-    """A stage to be made.
-
-    Attributes
-    ----------
-    written, options : mapping
-        Options as written, to be validated again, and with defaults, for the record.
-    base : Path
-        Folder that relative paths refer to.
-    inputs : mapping
-        Port -> record of the artifact.
-    parts : mapping
-        What the key is made of.
-    """
+    """A stage to be made."""
 
     run: Path
     stage: str
@@ -52,10 +40,14 @@ class Task:
     version: int
     written: Mapping[str, Any]
     options: Mapping[str, Any]
+    """Options as written, to be validated again, and with defaults, for the record."""
     base: Path
+    """Folder that relative paths refer to."""
     inputs: Mapping[str, Mapping[str, Any]]
+    """Port -> record of the artifact."""
     key: str
     parts: Mapping[str, Any]
+    """What the key is made of."""
     seed: int
     source: StageSource = StageSource()
 
