@@ -4,8 +4,9 @@ Every round adjusts once. In this order: the added standard deviation to 2 %, ro
 (`rejection`), until what is left above the limit could not move the added standard deviation; then, with that of all
 residuals, the same again to the end; last each rejected record that fits is taken back, once. It ends when nothing
 changes. What is needed stays: a rejection after which the rest no longer determines the unknowns is not made, and is
-told as above the limit. A robust estimate jumps, and what it asks for may depend on the value in use so that the two
-alternate: what turns back twice is halved between values too small and too large (`Steps`).
+told as above the limit; of several at once the clearer half is tried alone, down to one block. A robust estimate jumps,
+and what it asks for may depend on the value in use so that the two alternate: what turns back twice is halved between
+values too small and too large (`Steps`).
 """
 
 from __future__ import annotations
@@ -133,20 +134,45 @@ def search(
             settled = True
             break
         rounds += 1
-        try:
-            solved = solve(solved, use, tau)
-        except GeometryError:
-            if not (rejected := before & ~use).any():
-                raise
-            use, needed = before, needed | rejected
+        solved, use, stays = _next(solve, solved, before, use, tau, pool)
+        needed |= stays
     above = use & (solved.test > rule.limit)
     return Searched(solved, use, tau, rounds, settled, above)
+
+
+def _next(
+    solve: Callable[[A | None, Bool, float], A], solved: A, before: Bool, use: Bool, tau: float, pool: Pool
+) -> tuple[A, Bool, Bool]:
+    """The next adjustment, the records in use, and those that had to stay; of rejections so many as it bears."""
+    wrong = before & ~use
+    while True:
+        try:
+            return solve(solved, use, tau), use, np.zeros_like(use)
+        except GeometryError:
+            if not wrong.any():
+                raise
+        fewer = _clearer_half(pool, solved.test, wrong)
+        if not fewer.any():
+            return solved, before, wrong
+        use, wrong = before & ~fewer, fewer
 
 
 def _negligible(rule: Snooping, test: Float, use: Bool) -> bool:
     """Whether the records above the limit move the added standard deviation of all residuals by less than `SETTLED`."""
     above = test[use & (test > rule.limit)]
     return float(above @ above) <= 2 * SETTLED * int(use.sum())
+
+
+def _clearer_half(pool: Pool, test: Float, wrong: Bool) -> Bool:
+    """The clearer half of some rejections, (n,) bool, block by block of the neighbourhood; of one block nothing."""
+    rows = np.flatnonzero(wrong)
+    block = pool.neighbours[rows, 0]
+    blocks, number = np.unique(np.where(block >= 0, block, -1 - rows), return_inverse=True)
+    largest = np.zeros(len(blocks))
+    np.maximum.at(largest, number, np.nan_to_num(test[rows]))
+    half = np.zeros_like(wrong)
+    half[rows[np.isin(number, np.argsort(-largest, kind="stable")[: len(blocks) // 2])]] = True
+    return half
 
 
 def clearest_controlled(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:

@@ -114,6 +114,27 @@ def test_a_rejection_that_leaves_something_open_is_not_made_and_is_told() -> Non
     assert np.flatnonzero(found.above).tolist() == [0]
 
 
+@pytest.mark.parametrize("needed", [[0], [4], [2, 10], [0, 2, 4, 6, 8, 10]])
+def test_of_several_that_go_at_once_only_those_stay_that_are_needed(needed: list[int]) -> None:
+    """Each of them alone determines something; two of a point go together or not at all."""
+    wrong = [0, 2, 4, 6, 8, 10, 11]
+    tests = np.full(800, 0.5)
+    tests[wrong] = 9.0, 8.0, 7.0, 6.5, 6.0, 5.5, 5.2
+
+    def solve(before: Made | None, use: Bool, tau: float) -> Made:
+        if not use[needed].all():
+            raise GeometryError("the observations leave 1 unknown(s) open")
+        return Made(tau, lambda _: 0.0, tests)
+
+    found = search(
+        solve, np.ones(800, dtype=bool), RULE, _pool(800), lambda solved, use: use & (solved.test > RULE.limit)
+    )
+    assert found.settled
+    stay = [*needed, 11] if 10 in needed else needed
+    assert np.flatnonzero(~found.active).tolist() == [row for row in wrong if row not in stay]
+    assert np.flatnonzero(found.above).tolist() == stay
+
+
 def test_what_is_open_from_the_first_stays_an_error() -> None:
     def solve(before: Made | None, use: Bool, tau: float) -> Made:
         raise GeometryError("the observations leave 1 unknown(s) open")
