@@ -46,14 +46,15 @@ def findings_after(
     """
     given, result = done.given, done.result
     explained = done.scale != 1.0 or any(map(contradicts, groups))
+    named = wrong_groups(groups)
     return [
-        *wrong_groups(groups),
+        *named,
         *attitude_conventions(source, given, result.adjusted.state, before=False),
         *done.notes,
         *result.notes,
         *left_out(given, result),
         *points_of_few_rays(result),
-        *sigma0(result, max_sigma0, done.scale),
+        *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(given, result),
         *error_budget(source.block, result),

@@ -17,13 +17,15 @@ REFUSED = (
 )
 
 
-def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[Finding]:
+def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: Finding | None = None) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
     Parameters
     ----------
     scale : float
         Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
+    cause : Finding, optional
+        A group that the result contradicts: it says what to do before anything else.
     """
     if result.adjusted.down_weighted:
         return []
@@ -38,7 +40,7 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0) -> list[
                 "sigma0",
                 "error",
                 f"{text}observations do not fit it",
-                REFUSED,
+                REFUSED if cause is None else f"{cause.sentence.split(';')[0]}: {cause.remedy}",
                 statistic=test.sigma0 * scale,
                 error=ConvergenceError,
             )
