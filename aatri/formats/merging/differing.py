@@ -28,7 +28,7 @@ Measured = TypeVar("Measured", MeasuredPoints, FiducialPoints)
 
 
 @dataclass(frozen=True)
-class Pairs:
+class DifferingRows:
     """Rows of two tables that are of one thing.
 
     Attributes
@@ -47,7 +47,9 @@ class Pairs:
 AXES = ("X", "Y", "Z")
 
 
-def excluded(first: T, second: T, rows: Pairs, twice: Twice, beside: Sequence[str] = (), *, fill: bool = False) -> T:
+def excluded(
+    first: T, second: T, rows: DifferingRows, twice: Twice, beside: Sequence[str] = (), *, fill: bool = False
+) -> T:
     """Values that exclude each other: every column that differs is told; with `fill` only where both are given."""
     for name, declared in columns_of(type(first)).items():
         if name in beside or not declared.digest:
@@ -62,7 +64,7 @@ def excluded(first: T, second: T, rows: Pairs, twice: Twice, beside: Sequence[st
     return first
 
 
-def images(first: Images, second: Images, rows: Pairs, twice: Twice) -> Images:
+def images(first: Images, second: Images, rows: DifferingRows, twice: Twice) -> Images:
     """What one block has not been given of an image is taken from the other; an image that one uses is used."""
     excluded(first, second, rows, twice, ("id", "active"), fill=True)
     for name in ("strip", "sequence", "time_s", "flight", "session", "rig", "member"):
@@ -72,7 +74,9 @@ def images(first: Images, second: Images, rows: Pairs, twice: Twice) -> Images:
     return with_rows(first, rows.first, active=first.active[rows.first] | second.active[rows.second])
 
 
-def measured(first: Measured, second: Measured, rows: Pairs, twice: Twice, kind: str, mm_per_unit: Float) -> Measured:
+def measured(
+    first: Measured, second: Measured, rows: DifferingRows, twice: Twice, kind: str, mm_per_unit: Float
+) -> Measured:
     """Image points and fiducials that both blocks have measured, in units of so many mm, by image."""
     sigma = np.hypot(first.sigma_mm[rows.first], second.sigma_mm[rows.second])
     gap = np.abs(first.xy[rows.first] - second.xy[rows.second]) * mm_per_unit[first.image[rows.first]]
@@ -94,7 +98,7 @@ def measured(first: Measured, second: Measured, rows: Pairs, twice: Twice, kind:
     return with_rows(first, i, active=True) if isinstance(first, MeasuredPoints) else first
 
 
-def ground(first: GroundPoints, second: GroundPoints, rows: Pairs, twice: Twice) -> GroundPoints:
+def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, twice: Twice) -> GroundPoints:
     """Given coordinates of a point in both blocks."""
     for i, j in zip(rows.first.tolist(), rows.second.tolist()):
         name, where = rows.named(j), rows.where(j)
@@ -119,7 +123,7 @@ def ground(first: GroundPoints, second: GroundPoints, rows: Pairs, twice: Twice)
     return first
 
 
-def exterior(first: Exterior, second: Exterior, rows: Pairs, twice: Twice) -> Exterior:
+def exterior(first: Exterior, second: Exterior, rows: DifferingRows, twice: Twice) -> Exterior:
     """Given positions and attitudes of an image in both blocks."""
     for i, j in zip(rows.first.tolist(), rows.second.tolist()):
         name, where = rows.named(j), rows.where(j)

@@ -18,7 +18,7 @@ from aatri.arrays import Int
 from aatri.artifacts.block import CONTROL, Block
 from aatri.errors import InputError, raise_all
 from aatri.formats.merging.conditions import merged_conditions
-from aatri.formats.merging.differing import Pairs, excluded, exterior, ground, images, measured
+from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
 from aatri.formats.merging.rows import Joined, appended, joined_by, with_rows
 from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
 from aatri.formats.merging.twice import Conflicts, Duplicates, Twice
@@ -129,7 +129,7 @@ def _merged_pair(a: Block, b: Block, twice: Twice, reporter: Reporter, *, unconn
         joined = joined_by(first, second, key, ("file", "line") if name == "rejects" else ("file", "line", "active"))
         fresh = ~joined.equal if name == "geodetic" else joined.fresh  # one sight more is no contradiction
         if name != "geodetic" and len(joined.differing):
-            pairs = Pairs(joined.row[joined.differing], joined.differing, _namer(b, name), _reader(b, name))
+            pairs = DifferingRows(joined.row[joined.differing], joined.differing, _namer(b, name), _reader(b, name))
             first = _settled(a, name, first, second, pairs, twice)
         if name in WHOLE:
             _check_whole(a, name, (first, second), joined, twice)
@@ -170,7 +170,7 @@ def _both(a: Block, b: Block, name: str, place: dict[str, Int]) -> tuple[Any, An
     return first, replace(second, **moved)
 
 
-def _settled(a: Block, name: str, first: Any, second: Any, pairs: Pairs, twice: Twice) -> Any:
+def _settled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRows, twice: Twice) -> Any:
     """The rows of the first table, after what the second says otherwise."""
     if name in ("image_points", "fiducial_points"):
         kind = "image point" if name == "image_points" else "fiducial"
