@@ -149,12 +149,17 @@ def oriented_by(
 
         seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
         try:
-            how = replace(rules, weakest=weakest)
+            # what is neglected bends the body: what does not fit it as it is need not be wrong
+            how = replace(rules, weakest=weakest, stiff=rules.stiff and drift)
             found = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
         except GeometryError as error:
             failed.append(error)
             continue
-        return found, [] if used == first else [_of_more(found, first, what, failed[0].what)]
+        notes = [] if used == first else [_of_more(found, first, what, failed[0].what)]
+        if not drift:
+            text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"
+            notes.append(Note("note", text))
+        return found, notes
     raise failed[-1]
 
 

@@ -35,6 +35,7 @@ from aatri.orientation.bundle.block import BundleInput, Participants, taking_par
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum
+from aatri.orientation.bundle.shared_unknowns import told_apart
 from aatri.progress import SILENT, Reporter
 
 
@@ -62,7 +63,9 @@ def adjust_bundle(
     observed, raised = _within_reach(given.observed, start)
     given = replace(given, observed=observed)
     poses = _free_poses(given, part.of[POSE], settings.datum)
-    unknowns = unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
+    unknowns, held = told_apart(
+        given, part, unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
+    )
     records, constraints = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
@@ -95,7 +98,7 @@ def adjust_bundle(
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     if settings.weights:
         adjusted = _weighted_down(adjusted, settings.weights)
-    covariances, notes = settings.covariances and not adjusted.down_weighted, [*raised, *adjusted.notes]
+    covariances, notes = settings.covariances and not adjusted.down_weighted, [*raised, *held, *adjusted.notes]
     if covariances and not adjusted.has_factor:
         needed = forecast(adjusted.problem)
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
