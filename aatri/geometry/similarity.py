@@ -21,6 +21,9 @@ from aatri.geometry.rotations import exp_rotation, nearest_rotation, skew
 UNKNOWNS = 7
 """T (3), rotation increment d (3), logarithm of the scale."""
 
+ITERATIONS = 50
+"""At most; they end before where nothing changes."""
+
 
 @dataclass(frozen=True)
 class Similarity:
@@ -29,7 +32,7 @@ class Similarity:
     translation: Float
     """(3,), unit of the target."""
     scale: float
-    """target unit per source unit."""
+    """Target unit per source unit."""
     rotation: Float
     """(3, 3), target from source."""
 
@@ -144,7 +147,7 @@ def centroid_normals(a: Float, weight: Float) -> Float:
     return N
 
 
-def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None = None, most: int = 50) -> Similarity:
+def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None = None) -> Similarity:
     """Least-squares similarity by the block-diagonal normal equations of centroid-reduced coordinates, iterated.
 
     Of equal weights in all three coordinates of a point; the shift is found at once, rotation and scale by 3 + 1
@@ -157,13 +160,11 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
     start : Similarity
         Rotation and scale to begin with.
     weight : (n,) float64, optional
-    most : int
-        Iterations.
     """
     w = np.ones(len(x)) if weight is None else weight
     x0, X0 = w @ x / w.sum(), w @ X / w.sum()
     now = Similarity(np.zeros(3), start.scale, start.rotation)
-    for _ in range(most):
+    for _ in range(ITERATIONS):
         a = transform(now, x - x0)
         v = X - X0 - a
         N = centroid_normals(a, w)
@@ -175,7 +176,7 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
     return Similarity(X0 - now.scale * now.rotation @ x0, now.scale, now.rotation)
 
 
-def robust_closed_form(x: Float, X: Float, iterations: int = 50) -> tuple[Similarity, Float]:
+def robust_closed_form(x: Float, X: Float, iterations: int = ITERATIONS) -> tuple[Similarity, Float]:
     """Similarity with the least sum of distances (not of their squares), by repeated closed forms.
 
     Weights are divided by the distance of the point in the iteration before (Weiszfeld), so that some wrong points

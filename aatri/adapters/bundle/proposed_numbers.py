@@ -9,12 +9,7 @@ from aatri.orientation.bundle.rounds import AdjustedBlock, Key, with_keys
 
 
 def proposed_numbers(done: AdjustedBlock) -> ProposedNumbers:
-    """All proposals of a search.
-
-    Parameters
-    ----------
-    done : AdjustedBlock
-    """
+    """All proposals of a search."""
     rows: list[tuple[Observed, int, str, bool]] = []
     observed = [o.observed for o in done.result.observations]
     for pair in done.swapped:

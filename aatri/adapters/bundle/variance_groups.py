@@ -18,14 +18,7 @@ Level = Literal["kind", "camera", "flight", "group"]
 
 
 def variance_groups(block: Block, given: BundleInput, levels: Collection[Level]) -> VarianceGroups:
-    """Groups of all observations: their kind and its parts always; of image points the camera, flight and group.
-
-    Parameters
-    ----------
-    block : Block
-    given : BundleInput
-    levels : collection of str
-    """
+    """Groups of all observations: their kind and its parts always; of image points the camera, flight and group."""
     labels: list[list[str]] = []
     parts: list[Int] = []
     for o in given.observed:

@@ -103,11 +103,6 @@ def memory_limit(memory_gb: float | None) -> float:
 def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     """Choose how to solve a problem by its settings, and announce what it will take.
 
-    Parameters
-    ----------
-    problem : IndexedProblem
-    reporter : Reporter
-
     Raises
     ------
     ResourceError

@@ -21,13 +21,7 @@ CHUNK = 50_000
 
 
 def unseen_motions(problem: IndexedProblem, state: State) -> list[Motion]:
-    """The motions of all unknowns together that are open.
-
-    Parameters
-    ----------
-    problem : IndexedProblem
-    state : State
-    """
+    """The motions of all unknowns together that are open."""
     moves: dict[str, Float] = {}
     for u in problem.unknowns:
         if u.generator is not None:

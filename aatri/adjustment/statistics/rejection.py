@@ -34,8 +34,6 @@ class Snooping:
     """Least test of a rejection, as a share of the largest."""
     most: float = 0.01
     """Most rejections of a round, as a share of all records; at least one."""
-    back: float | None = None
-    """Test statistic below which a rejected record is taken back; default: the limit."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: 
 
 def fitting(rule: Snooping, test: Float, active: Bool) -> Bool:
     """Rejected records whose prediction fits after all, (n,) bool."""
-    return np.asarray(~active & (test < (rule.limit if rule.back is None else rule.back)))
+    return np.asarray(~active & (test < rule.limit))
 
 
 def stranded(pool: Pool, test: Float, active: Bool) -> Bool:

@@ -12,7 +12,6 @@ significant alone.
 Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,41 +51,29 @@ def held_at_zero(e: Estimates, name: str) -> Estimates:
     return Estimates(names, values[rest], covariance[np.ix_(rest, rest)], e.prior_sigma[rest], e.sigma0, e.redundancy)
 
 
-def propose_removal(e: Estimates, alpha: float = 0.05, keep: Collection[str] = ()) -> Removal | None:
-    """The parameter to leave out next, or None if all that remain are determined, separable and significant.
-
-    Parameters
-    ----------
-    keep : collection of str
-        Never proposed.
-    """
+def propose_removal(e: Estimates, alpha: float = 0.05) -> Removal | None:
+    """The parameter to leave out next, or None if all that remain are determined, separable and significant."""
     tests = parameter_tests(e, alpha)
-    open_rows = [i for i, name in enumerate(e.names) if name not in keep]
     share = np.where(np.isfinite(tests.data_share), tests.data_share, -1.0)
-    weak = [i for i in open_rows if share[i] < UNDETERMINED_SHARE]
-    if weak:
-        i = min(weak, key=lambda k: share[k])
+    if share.min(initial=1.0) < UNDETERMINED_SHARE:
+        i = int(share.argmin())
         why = "not determined" if share[i] < 0 else f"only {share[i]:.0%} of its value comes from the data"
         return Removal(e.names[i], why)
     strength = np.where(np.isfinite(tests.t), np.abs(tests.t), -1.0)
-    for pair in correlated_pairs(e, INSEPARABLE):
-        both = [i for i in open_rows if e.names[i] in (pair.first, pair.second)]
-        if both:
-            i = min(both, key=lambda k: strength[k])
-            other = pair.second if e.names[i] == pair.first else pair.first
-            return Removal(e.names[i], f"cannot be told from {other}: correlation {pair.correlation:.5f}")
-    idle = [i for i in open_rows if not tests.significant[i]]
-    if idle:
-        i = min(idle, key=lambda k: strength[k])
+    for pair in correlated_pairs(e, INSEPARABLE)[:1]:
+        less, more = sorted(
+            (pair.first, pair.second), key=lambda name: (strength[e.names.index(name)], e.names.index(name))
+        )
+        return Removal(less, f"cannot be told from {more}: correlation {pair.correlation:.5f}")
+    if not tests.significant.all():
+        i = int(np.where(tests.significant, np.inf, strength).argmin())
         return Removal(
             e.names[i], f"not significant: |t| = {strength[i]:.2f}, p = {tests.p_value[i]:.2f}", by_test=True
         )
     return None
 
 
-def stepwise_removal(
-    e: Estimates, alpha: float = 0.05, keep: Collection[str] = ()
-) -> tuple[Estimates, tuple[Removal, ...]]:
+def stepwise_removal(e: Estimates, alpha: float = 0.05) -> tuple[Estimates, tuple[Removal, ...]]:
     """Leave out one parameter after the other until all that remain are worth keeping.
 
     Returns
@@ -97,7 +84,7 @@ def stepwise_removal(
         What was left out, in order.
     """
     removals: list[Removal] = []
-    while (removal := propose_removal(e, alpha, keep)) is not None:
+    while (removal := propose_removal(e, alpha)) is not None:
         removals.append(removal)
         e = held_at_zero(e, removal.name)
     return e, tuple(removals)

@@ -14,7 +14,7 @@ Fisher's; with sigma0 known these are the normal and the chi-square distribution
 Source: Gruen 1980, Precision and reliability aspects in close-range photogrammetry; Koch, Parameter Estimation, ch. 4.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,10 +123,9 @@ def parameter_tests(e: Estimates, alpha: float = 0.05) -> ParameterTests:
     return ParameterTests(sigma, share, t, p_value, testable & (np.where(testable, p_value, 1.0) <= alpha))
 
 
-def joint_test(e: Estimates, names: Collection[str] | None = None) -> JointTest:
-    """Test several parameters together (all, unless named): is any of them different from zero?"""
-    rows = [i for i, name in enumerate(e.names) if names is None or name in names]
-    rows = [i for i in rows if np.isfinite(e.covariance[i, i])]
+def joint_test(e: Estimates) -> JointTest:
+    """Test parameters together: is any of them different from zero?"""
+    rows = np.flatnonzero(np.isfinite(np.diag(e.covariance)))
     spread = _spread_under_zero(e)[np.ix_(rows, rows)]
     scale = np.sqrt(np.maximum(np.diag(spread), np.finfo(float).tiny))
     eigenvalues, vectors = np.linalg.eigh(spread / np.outer(scale, scale))

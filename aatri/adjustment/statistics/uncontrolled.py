@@ -19,9 +19,7 @@ BELOW = 0.01
 """Redundancy number below which no gross error can be seen: one of 41 standard deviations is found in 80 %."""
 
 
-def uncontrolled_directions(
-    redundancy: Float, observed: Bool, whitener: Float, below: float = BELOW
-) -> tuple[Int, Float, Float]:
+def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) -> tuple[Int, Float, Float]:
     """Records with a direction that is not controlled.
 
     Parameters
@@ -31,7 +29,6 @@ def uncontrolled_directions(
     observed : (n, m) bool
         Components that are observed.
     whitener : (n, m) or (n, m, m) float64
-    below : float
 
     Returns
     -------
@@ -47,10 +44,10 @@ def uncontrolled_directions(
     used = observed[candidates]
     R = np.where(used[:, :, None] & used[:, None, :], redundancy[candidates], np.eye(redundancy.shape[1]))
     R = 0.5 * (R + R.swapaxes(1, 2))
-    doubtful = ~(_least_bound(R) > below)
+    doubtful = ~(_least_bound(R) > BELOW)
     candidates = candidates[doubtful]
     values, vectors = np.linalg.eigh(R[doubtful])
-    found = values[:, 0] < below
+    found = values[:, 0] < BELOW
     rows = candidates[found]
     direction = np.where(observed[rows], vectors[found, :, 0], 0.0)
     direction = _in_units(direction, whitener[rows], observed[rows])

@@ -37,11 +37,6 @@ def findings_of_models(
 def doubtful_sequences(block: Block, image_points: ImagePoints) -> list[tuple[int, int]]:
     """Images whose place in their strip is doubtful: they share more points with an image that is not beside them.
 
-    Parameters
-    ----------
-    block : Block
-    image_points : ImagePoints
-
     Returns
     -------
     list of (image, image it shares most points with)

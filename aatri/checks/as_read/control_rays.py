@@ -55,12 +55,7 @@ class Pairs:
 
 
 def pairs_of(rays: ControlRays) -> Pairs:
-    """Pairs of the rays of each image, but for those to nearly the same place.
-
-    Parameters
-    ----------
-    rays : ControlRays
-    """
+    """Pairs of the rays of each image, but for those to nearly the same place."""
     order = np.argsort(rays.image, kind="stable")
     begin = np.unique(rays.image[order], return_index=True)[1]
     groups = [g[:: max(1, -(-len(g) // MOST_ANGLE_POINTS))] for g in np.split(order, begin[1:])]

@@ -20,7 +20,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.geometry.rotations import skew
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
@@ -58,9 +58,7 @@ class ModelRows:
     """(n, 3, 5), bases. Zero without latent unknowns."""
 
 
-def model_ties(
-    rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, free: Bool | None = None, group: str = POINT
-) -> Ties[ModelPoses]:
+def model_ties(rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, group: str = POINT) -> Ties[ModelPoses]:
     """Ties by models.
 
     Parameters
@@ -69,8 +67,6 @@ def model_ties(
     names : (m,) sequence of str
     latent : bool
         Whether the latent errors are unknowns.
-    free : (12,) bool, optional
-        Unknowns of every model that are adjusted; default: all.
     group : str
         Ground points, or images: of perspective centres.
     """
@@ -104,8 +100,7 @@ def model_ties(
         scale, R = state.similarity.scale[model], state.similarity.rotation[model]
         return scale[:, None] ** 2 * values, R @ vectors
 
-    one = np.ones(7 + LATENT, dtype=bool) if free is None else free.copy()
-    one[7:] &= latent
+    one = np.repeat([True, latent], [7, LATENT])
     unknowns = Unknowns(BODY, np.tile(one, (m, 1)), LABELS + LATENT_LABELS, list(map(str, names)), moved_models)
     return Ties(model, rows.block.astype(np.int32), on_ground, derivatives, spectrum, unknowns, group=group)
 

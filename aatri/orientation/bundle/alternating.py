@@ -38,12 +38,6 @@ def adjust_alternating(
 ) -> BundleResult:
     """Adjust a block by alternation.
 
-    Parameters
-    ----------
-    given : BundleInput
-    settings : BundleSettings
-    max_rounds : int
-
     Raises
     ------
     ConvergenceError

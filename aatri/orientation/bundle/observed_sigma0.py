@@ -35,12 +35,7 @@ ALL_COUNTED = (
 
 
 def with_observed_sigma0(result: BundleResult) -> BundleResult:
-    """The result with the sigma0 of its observations; as it is where no parameter is weighted.
-
-    Parameters
-    ----------
-    result : BundleResult
-    """
+    """The result with the sigma0 of its observations; as it is where no parameter is weighted."""
     adjusted, squares, redundancy = result.adjusted, 0.0, 0.0
     concerned = [p for p in result.parameters if _is_weighted(p)]
     if not concerned or not np.isfinite(adjusted.sigma0) or adjusted.down_weighted:

@@ -76,13 +76,7 @@ class IdleParameters:
 
 
 def idle_parameters(given: BundleInput, result: BundleResult) -> IdleParameters:
-    """Additional parameters that are not worth keeping.
-
-    Parameters
-    ----------
-    given : BundleInput
-    result : BundleResult
-    """
+    """Additional parameters that are not worth keeping."""
     kept = [p.free.copy() for p in given.parameters]
     considered, notes = [free.copy() for free in kept], list[Note]()
     for group, stays, counts in zip(result.parameters, kept, considered):

@@ -74,13 +74,7 @@ class AdjustedBlock:
 
 
 def with_readmission(given: BundleInput, adjust: Adjust) -> AdjustedBlock:
-    """Adjust without what was rejected, then once more with those of it that fit.
-
-    Parameters
-    ----------
-    given : BundleInput
-    adjust : callable
-    """
+    """Adjust without what was rejected, then once more with those of it that fit."""
     result = adjust(given)
     fits = [readmitted(o, result.adjusted.state) for o in result.observations]
     if not any(f.any() for f in fits):
