@@ -66,6 +66,11 @@ class Records:
         return int(self.whitener.shape[1])
 
     @property
+    def groups(self) -> frozenset[str]:
+        """Groups of unknowns that are touched."""
+        return frozenset(group for group, _ in self.touches)
+
+    @property
     def observations(self) -> int:
         """Number of scalar observations in use."""
         used = self.observed_components()

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from aatri.arrays import Bool, Float, Int
+from aatri.observations.poses import Poses
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,11 @@ class ImagePointRows:
     """(n, 2), mm. Of each ray's camera, from the fiducial centre."""
     active: Bool
     """(n,)."""
+
+    def directions(self, poses: Poses, rows: Int | Bool) -> Float:
+        """Where rays go on the ground from their images, (k, 3), mm long."""
+        in_image = np.column_stack([self.xy_mm[rows], -self.c_mm[rows]])
+        return np.asarray(np.einsum("nij,nj->ni", poses.ground_from_image[self.image[rows]], in_image))
 
     def take(self, rows: Int | Bool) -> ImagePointRows:
         """The chosen rows."""

@@ -4,6 +4,8 @@ A block is (X0, Y0, Z0, d1, d2, d3): the projection centre and the rotation incr
 R <- exp([d]x) R. How a finite step moves an image is a choice, as long as small ones are the same: see `retract_poses`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,6 +15,7 @@ import numpy as np
 from aatri.adjustment.unknowns import Ids, State, Unknowns
 from aatri.arrays import Bool, Float
 from aatri.geometry.rotations import exp_rotation, skew
+from aatri.geometry.vectors import finite_rows
 
 POSE = "image"
 POINT = "point"
@@ -36,6 +39,23 @@ class Poses:
     """(n, 3), m."""
     ground_from_image: Float
     """(n, 3, 3)."""
+
+    @property
+    def oriented(self) -> Bool:
+        """Images with a position and a rotation: a position alone, from GNSS, lets no point be intersected."""
+        return finite_rows(self.position_m) & finite_rows(self.ground_from_image)
+
+    def where(self, some: Bool, others: Poses | None = None) -> Poses:
+        """These for some of the images, (n,); for the rest the others, or NaN."""
+        position, rotation = (np.nan, np.nan) if others is None else (others.position_m, others.ground_from_image)
+        return Poses(
+            np.where(some[:, None], self.position_m, position),
+            np.where(some[:, None, None], self.ground_from_image, rotation),
+        )
+
+    def shifted(self, by_m: Float) -> Poses:
+        """The same, all positions shifted."""
+        return Poses(self.position_m + by_m, self.ground_from_image)
 
 
 def position(state: State, group: str) -> Float:

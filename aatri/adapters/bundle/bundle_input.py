@@ -15,7 +15,6 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError, GeometryError
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
@@ -65,19 +64,17 @@ def observation_source(
     poses = poses_into(frame, *initial_poses)
     xyz = points_into(frame, _start_points(block, initial))
     origin = origin_of(poses, xyz)
-    poses, xyz = Poses(poses.position_m - origin, poses.ground_from_image), xyz - origin
-    poses = poses_by_rigs(block, poses)
+    poses, xyz = poses_by_rigs(block, poses.shifted(-origin)), xyz - origin
     rays = None
     if image_points is not None:
-        rays, offered = rays_of(block, image_points), poses_into(frame, *given_poses)
-        offered = Poses(offered.position_m - origin, offered.ground_from_image)
+        rays, offered = rays_of(block, image_points), poses_into(frame, *given_poses).shifted(-origin)
         poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
     known = np.isfinite(xyz)
     xyz, notes = network_start(block, xyz)
     if rays is not None:
         if (np.isfinite(xyz) & ~known).any():
             poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
-        if not (finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)).any():
+        if not poses.oriented.any():
             raise GeometryError(
                 "no image has a starting orientation, and none sees four control points to find it from",
                 where=f"block {block.name}",

@@ -39,7 +39,7 @@ def _of_rows(block: Block, o: Observed, levels: Collection[Level]) -> Text:
     row = rows_of(image, block.images.id)
     of_image = row >= 0
     texts = np.full(len(o), "", dtype="U256")
-    in_image = {POSE, POINT} <= {group for group, _ in o.records.touches}
+    in_image = {POSE, POINT} <= o.records.groups
     if "camera" in levels and in_image and len(block.cameras) > 1:
         camera = block.cameras.id[block.images.camera[np.maximum(row, 0)]]
         texts = np.where(of_image, np.char.add(texts, np.char.add(" camera ", camera)), texts)

@@ -122,7 +122,7 @@ def _taking_part(vectors: Float) -> Bool:
 def _of_rays(problem: IndexedProblem) -> Bool:
     """Kept unknowns that rays touch: with one of those that no motion moves, poses move otherwise than their points."""
     found = np.zeros(problem.layout.n_kept, dtype=bool)
-    touched = {group for group, _ in problem.rays.records.touches} if problem.rays is not None else set[str]()
+    touched = problem.rays.records.groups if problem.rays is not None else set[str]()
     for u in problem.unknowns:
         if u.name in touched:
             columns = problem.layout.columns(u.name, u.size)

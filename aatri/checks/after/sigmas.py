@@ -60,7 +60,7 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
 def _test(adjusted: AdjustedObservations, result: BundleResult) -> GlobalTest | None:
     """sigma0 of a kind; None where its redundancy is small or not known, and of rays: sigma0 tells of them."""
     o = adjusted.observed
-    if o.exact or o.components or {POSE, POINT} <= {group for group, _ in o.records.touches}:
+    if o.exact or o.components or {POSE, POINT} <= o.records.groups:
         return None
     rows = np.flatnonzero(adjusted.used)
     rows = rows[np.isfinite(adjusted.covariance[rows]).all(axis=(1, 2))]

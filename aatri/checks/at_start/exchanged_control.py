@@ -13,7 +13,6 @@ from aatri.adjustment.statistics.exchanged import exchanged_at_start
 from aatri.checks.finding import Finding
 from aatri.checks.limits import ENOUGH_CONTROL
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import control_of
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.block import BundleInput
@@ -28,13 +27,9 @@ def exchanged_control(source: Given, given: BundleInput) -> list[Finding]:
         return []
     number = np.full(len(block.points), -1)
     number[control.point] = np.arange(len(control.point))
-    oriented = finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image)
-    rows = np.flatnonzero(rays.active & oriented[rays.image] & (number[rays.point] >= 0))
-    looking = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
-    direction = np.einsum("nij,nj->ni", given.poses.ground_from_image[rays.image[rows]], looking)
-    seen_m = given.origin_m + intersect_rays(
-        given.poses.position_m[rays.image[rows]], direction, number[rays.point[rows]], len(control.point)
-    )
+    rows = np.flatnonzero(rays.active & given.poses.oriented[rays.image] & (number[rays.point] >= 0))
+    X0, direction = given.poses.position_m[rays.image[rows]], rays.directions(given.poses, rows)
+    seen_m = given.origin_m + intersect_rays(X0, direction, number[rays.point[rows]], len(control.point))
     seen_m = seen_m if frame is None else frame.to_block(seen_m)
     few = int(control.given.any(axis=1).sum()) - 2 < ENOUGH_CONTROL
     findings = []

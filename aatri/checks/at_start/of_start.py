@@ -14,7 +14,6 @@ from aatri.checks.at_start.orientations import control_outside, unlikely_orienta
 from aatri.checks.finding import Finding
 from aatri.notes import Note
 from aatri.observations.observed import Given
-from aatri.observations.poses import Poses
 from aatri.orientation.bundle.block import BundleInput, start_of
 
 
@@ -30,7 +29,7 @@ def findings_at_start(source: Given, given: BundleInput, *, of_the_block: bool) 
         The start comes from the block itself, not from an earlier stage.
     """
     block, frame = source.block, source.frame
-    poses = poses_out_of(frame, Poses(given.poses.position_m + given.origin_m, given.poses.ground_from_image))
+    poses = poses_out_of(frame, given.poses.shifted(given.origin_m))
     xyz = given.xyz_m + given.origin_m
     xyz = xyz if frame is None else frame.to_block(xyz)
     findings: list[Finding | Note] = [

@@ -139,11 +139,7 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
 
     What these do not see by a standard deviation, if the body is shifted by its size or doubled, stays as it is.
     """
-    plain = [
-        _of_body(o.records, body)
-        for o in _used(observed, use)
-        if len(o) and {group for group, _ in o.records.touches} <= {POSE, POINT}
-    ]
+    plain = [_of_body(o.records, body) for o in _used(observed, use) if len(o) and o.records.groups <= {POSE, POINT}]
     for _ in range(LINEAR_STEPS if plain else 0):
         rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
         J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])

@@ -129,11 +129,7 @@ def _without_open(
     # A free datum is fitted onto its start; any other begins where it has come to.
     poses, xyz = (given.poses, given.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
     if POSE in aside:
-        out = aside[POSE]
-        poses = Poses(
-            np.where(out[:, None], np.nan, poses.position_m),
-            np.where(out[:, None, None], np.nan, poses.ground_from_image),
-        )
+        poses = poses.where(~aside[POSE])
     if POINT in aside:
         xyz = np.where(aside[POINT][:, None], np.nan, xyz)
     result = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
@@ -216,8 +212,7 @@ def _records(
             continue
         named = replace(o.records, label=o.label)
         if settings.weights:
-            root = np.sqrt(settings.weights[i])
-            named = replace(named, whitener=named.whitener * root.reshape(-1, *[1] * (named.whitener.ndim - 1)))
+            named = scaled(named, np.sqrt(settings.weights[i]))
         chosen = named if len(rows) == len(o) else named.take(rows)
         if settings.huber is not None and not (o.components or o.exact):
             chosen = replace(chosen, loss=Huber(settings.huber))
@@ -254,10 +249,7 @@ def _result(
         found = dict(zip(places, marginal.records))
     poses: Poses = adjusted.state[POSE]
     return BundleResult(
-        Poses(
-            np.where(image[:, None], poses.position_m + given.origin_m, np.nan),
-            np.where(image[:, None, None], poses.ground_from_image, np.nan),
-        ),
+        poses.where(image).shifted(given.origin_m),
         np.where(point[:, None], adjusted.state[POINT] + given.origin_m, np.nan),
         groups,
         tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in given.parameters),

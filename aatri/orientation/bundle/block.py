@@ -79,7 +79,7 @@ def taking_part(given: BundleInput) -> Participants:
     """Which blocks and observations take part; see above."""
     absent, start = _absent_coordinates(given.observed, len(given.point_ids)), start_of(given)
     part = {
-        POSE: finite_rows(given.poses.position_m) & finite_rows(given.poses.ground_from_image),
+        POSE: given.poses.oriented,
         POINT: finite_rows(start[POINT]),
     }
     own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
@@ -227,9 +227,9 @@ def _with_own_observations(observed: Sequence[Observed], n_images: int) -> Bool:
     """Images whose poses are observed, not their points alone, (n_images,)."""
     own = np.zeros(n_images, dtype=bool)
     for o in observed:
-        groups = dict(o.records.touches)
-        if POSE in groups and POINT not in groups:
-            own[groups[POSE][o.records.active]] = True
+        for group, block in o.records.touches:
+            if group == POSE and POINT not in o.records.groups:
+                own[block[o.records.active]] = True
     return own
 
 

@@ -8,7 +8,7 @@ that see too few known points start from an orientation that is offered, if thei
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows
@@ -42,26 +42,26 @@ def complete_start(
     while True:
         xyz_m = intersected(rays, poses, xyz_m)
         completed = _resected(rays, poses, xyz_m, linear, offered or poses)
-        if (_oriented(completed) == _oriented(poses)).all() and offered is not None:
+        if (completed.oriented == poses.oriented).all() and offered is not None:
             completed = _as_offered(rays, poses, offered)
-        if (_oriented(completed) == _oriented(poses)).all():
+        if (completed.oriented == poses.oriented).all():
             return completed, xyz_m
         poses = completed
 
 
 def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
     """With images as they are offered, if most of their rays meet one of another image at least."""
-    tried, n = ~_oriented(poses) & _oriented(offered), len(poses.position_m)
+    tried, n = ~poses.oriented & offered.oriented, len(poses.position_m)
     if not tried.any():
         return poses
-    poses_tried = _with(poses, tried, offered)
-    both = _pairs(rays, np.flatnonzero(rays.active & _oriented(poses_tried)[rays.image]))
+    poses_tried = offered.where(tried, poses)
+    both = _pairs(rays, np.flatnonzero(rays.active & poses_tried.oriented[rays.image]))
     both = both[tried[rays.image[both]].any(axis=1)]
     met = _meeting(rays, poses_tried, both).repeat(2, axis=0)
     both = both.ravel()
     fits = (_off_mm(rays, poses_tried, both, met) <= WIDE_RAD * rays.c_mm[both]).reshape(-1, 2).all(axis=1).repeat(2)
     of_all, count = (np.bincount(rays.image[np.unique(some)], minlength=n) for some in (both, both[fits]))
-    return _with(poses, tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), offered)
+    return offered.where(tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), poses)
 
 
 def _pairs(rays: ImagePointRows, use: Int) -> Int:
@@ -77,9 +77,9 @@ def _pairs(rays: ImagePointRows, use: Int) -> Int:
 def _meeting(rays: ImagePointRows, poses: Poses, pairs: Int) -> Float:
     """Where the rays of each pair meet, (k, 3), m."""
     both, image = pairs.ravel(), rays.image[pairs.ravel()]
-    looking = np.column_stack([rays.xy_mm[both], -rays.c_mm[both]])
-    direction = np.einsum("nij,nj->ni", poses.ground_from_image[image], looking)
-    return intersect_rays(poses.position_m[image], direction, np.repeat(np.arange(len(pairs)), 2), len(pairs))
+    return intersect_rays(
+        poses.position_m[image], rays.directions(poses, both), np.repeat(np.arange(len(pairs)), 2), len(pairs)
+    )
 
 
 def _off_mm(rays: ImagePointRows, poses: Poses, rows: Int, xyz_m: Float) -> Float:
@@ -96,7 +96,7 @@ def where_most_meet(rays: ImagePointRows, poses: Poses, points: Int, n_points: i
 
     Source: Rousseeuw 1984, Least median of squares regression.
     """
-    pairs = _pairs(rays, np.flatnonzero(rays.active & np.isin(rays.point, points) & _oriented(poses)[rays.image]))
+    pairs = _pairs(rays, np.flatnonzero(rays.active & np.isin(rays.point, points) & poses.oriented[rays.image]))
     met, of_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
     seen = np.unique(pairs)
     seen = seen[np.argsort(rays.point[seen], kind="stable")]
@@ -113,26 +113,17 @@ def where_most_meet(rays: ImagePointRows, poses: Poses, points: Int, n_points: i
     return xyz_m
 
 
-def _with(poses: Poses, some: Bool, others: Poses) -> Poses:
-    return Poses(
-        np.where(some[:, None], others.position_m, poses.position_m),
-        np.where(some[:, None, None], others.ground_from_image, poses.ground_from_image),
-    )
-
-
 def intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
     """Points, those without coordinates where the rays of oriented images meet, (n_points, 3), m."""
     missing = ~finite_rows(xyz_m)
-    use = rays.active & missing[rays.point] & _oriented(poses)[rays.image]
-    looking = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
-    direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[use]], looking)
-    found = intersect_rays(poses.position_m[rays.image[use]], direction, rays.point[use], len(xyz_m))
+    use = rays.active & missing[rays.point] & poses.oriented[rays.image]
+    found = intersect_rays(poses.position_m[rays.image[use]], rays.directions(poses, use), rays.point[use], len(xyz_m))
     return np.asarray(np.where(missing[:, None], found, xyz_m))
 
 
 def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, offered: Poses) -> Poses:
     position, rotation = poses.position_m.copy(), poses.ground_from_image.copy()
-    missing = ~_oriented(poses)
+    missing = ~poses.oriented
     rows = np.flatnonzero(rays.active & finite_rows(xyz_m)[rays.point] & missing[rays.image])
     rows = rows[np.argsort(rays.image[rows], kind="stable")]
     images, first = np.unique(rays.image[rows], return_index=True)
@@ -168,8 +159,3 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
 def _area_mm2(rays: ImagePointRows, c_mm: float) -> float:
     """What the points of all images of one principal distance cover."""
     return float(np.prod(np.ptp(rays.xy_mm[rays.c_mm == c_mm], axis=0)))
-
-
-def _oriented(poses: Poses) -> Bool:
-    """Images with a position and a rotation: a position alone, from GNSS, lets no point be intersected."""
-    return finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
-from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
@@ -127,12 +127,8 @@ def _resected(
     rays = given.rays
     clean = rays.point[best.ray_used & ~bad[rays.image]]
     lost = (np.bincount(clean, minlength=len(given.point_ids)) < 2) & ~_known_points(given)
-    position, rotation = (
-        np.where(bad.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
-        for a in (best.poses.position_m - given.origin_m, best.poses.ground_from_image)
-    )
     known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
-    poses, xyz = complete_start(rays, Poses(position, rotation), known)
+    poses, xyz = complete_start(rays, best.poses.shifted(-given.origin_m).where(~bad), known)
     try:
         tried = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:

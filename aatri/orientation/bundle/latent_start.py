@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
@@ -40,15 +40,7 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
         replace(given, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
     )
     xyz = np.where(np.isfinite(without.xyz_m), without.xyz_m - given.origin_m, given.xyz_m)
-    poses = Poses(
-        *(
-            np.where(np.isfinite(new), new, old)
-            for new, old in (
-                (without.poses.position_m - given.origin_m, given.poses.position_m),
-                (without.poses.ground_from_image, given.poses.ground_from_image),
-            )
-        )
-    )
+    poses = without.poses.shifted(-given.origin_m).where(without.image_adjusted, given.poses)
     observed = []
     for o in given.observed:
         if o.refitted is not None and _is_shape(o):

@@ -32,7 +32,7 @@ def of_unknown(given: BundleInput, group: str) -> BundleInput:
 
     What observes further unknowns of these, priors of cameras or film, stays.
     """
-    touched = [{name for name, _ in o.records.touches} for o in given.observed]
+    touched = [o.records.groups for o in given.observed]
     open_ = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
     observed = tuple(
         o if group in names or names <= open_ else replace(o, records=replace(o.records, active=_none(o)))
@@ -82,10 +82,7 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     covariance : (n_images, 6, 6) float64, m and rad, or None
         Of position and rotation increment. None: held.
     """
-    poses = Poses(
-        np.where(known[:, None], given.poses.position_m, np.nan),
-        np.where(known[:, None, None], given.poses.ground_from_image, np.nan),
-    )
+    poses = given.poses.where(known)
     given = replace(of_unknown(given, POINT), poses=poses)
     if covariance is None:
         return replace(given, held_images=known)

@@ -65,8 +65,8 @@ class BundleResult:
     @property
     def ray_used(self) -> Bool:
         """Image points that determine the result."""
-        rays = [o.used for o in self.observations if POSE in _groups(o) and POINT in _groups(o)]
-        return rays[0] if rays else np.zeros(0, dtype=bool)
+        rays = (o.used for o in self.observations if {POSE, POINT} <= o.observed.records.groups)
+        return next(rays, np.zeros(0, dtype=bool))
 
     def in_problem(self, place: int) -> tuple[Records, Int]:
         """Observations of a kind as records of the adjustment, and the row of each there; -1 where it takes no part."""
@@ -84,10 +84,6 @@ def without_absent(result: BundleResult) -> BundleResult:
     unknown = result.absent[:, :, None] | result.absent[:, None, :]
     covariances = {**result.covariances, POINT: np.where(unknown, np.nan, result.covariances[POINT])}
     return replace(result, xyz_m=np.where(result.absent, np.nan, result.xyz_m), covariances=covariances)
-
-
-def _groups(observations: AdjustedObservations) -> set[str]:
-    return {group for group, _ in observations.observed.records.touches}
 
 
 def without_covariances(result: BundleResult) -> BundleResult:
@@ -108,10 +104,6 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
     """
     state = result.adjusted.state
     image, point = result.image_adjusted, result.point_adjusted
-    poses = Poses(
-        np.where(image[:, None], state[POSE].position_m, given.poses.position_m),
-        np.where(image[:, None, None], state[POSE].ground_from_image, given.poses.ground_from_image),
-    )
     observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
     datum = [
         old if chosen is None else chosen
@@ -119,7 +111,7 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
     ]
     return replace(
         given,
-        poses=poses,
+        poses=state[POSE].where(image, given.poses),
         xyz_m=np.where(point[:, None], state[POINT], given.xyz_m),
         observed=observed,
         datum_position_m=datum[0],

@@ -75,19 +75,15 @@ def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Bool
 def _ray_rows(given: BundleInput, part: Participants) -> Int:
     """Rows of the image points in use."""
     for o, rows in zip(given.observed, part.rows):
-        if {POSE, POINT} <= {group for group, _ in o.records.touches}:
+        if {POSE, POINT} <= o.records.groups:
             return rows[o.records.active[rows]]
     return np.zeros(0, dtype=np.int64)
 
 
 def _other_records(given: BundleInput, part: Participants) -> list[Records]:
     """Observations of poses and points that are no image points: control, positions ..."""
-    records = []
-    for o, rows in zip(given.observed, part.rows):
-        groups = {group for group, _ in o.records.touches}
-        if len(rows) and not o.exact and groups < {POSE, POINT}:
-            records.append(o.records.take(rows))
-    return records
+    each = zip(given.observed, part.rows)
+    return [o.records.take(rows) for o, rows in each if len(rows) and not o.exact and o.records.groups < {POSE, POINT}]
 
 
 def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:

@@ -98,7 +98,7 @@ def adjusted_component(
     GeometryError, ConvergenceError
         If too little of it fits.
     """
-    poses = Poses(np.where(images[:, None], centre, np.nan), np.where(images[:, None, None], rotation, np.nan))
+    poses = Poses(centre, rotation).where(images)
     limit_mm = WIDE_RAD * float(np.median(rays.c_mm)) if len(rays.c_mm) else 0.0
     return refined(rays, poses, image_ids, point_ids, (limit_mm, None), reporter)
 
@@ -154,15 +154,13 @@ def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tupl
     seen = rays.active & finite_rows(xyz)[rays.point] & finite_rows(poses.position_m)[rays.image]
     of_all, of_kept = (np.bincount(rays.image[some], minlength=n) for some in (seen, kept))
     lost = of_kept < LEAST_SHARE * of_all
-    position = np.where(lost[:, None], np.nan, poses.position_m)
-    return Poses(position, np.where(lost[:, None, None], np.nan, poses.ground_from_image)), int(lost.sum())
+    return poses.where(~lost), int(lost.sum())
 
 
 def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, Bool]:
     """Without images of which too few points fit."""
     few = np.bincount(rays.image[kept], minlength=len(poses.position_m)) < FEWEST_POINTS
-    position = np.where(few[:, None], np.nan, poses.position_m)
-    return Poses(position, np.where(few[:, None, None], np.nan, poses.ground_from_image)), kept & ~few[rays.image]
+    return poses.where(~few), kept & ~few[rays.image]
 
 
 def _bundled(

@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows
+from aatri.geometry.vectors import finite_rows, unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
@@ -45,12 +45,9 @@ def intersected(
         Rays that fit their point.
     """
     n_points = max(int(rays.point.max(initial=-1)) + 1, 0 if adjusted is None else len(adjusted))
-    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
-    use = np.flatnonzero(rays.active & oriented[rays.image])
+    use = np.flatnonzero(rays.active & poses.oriented[rays.image])
     image, point = rays.image[use], rays.point[use]
-    u = np.column_stack([rays.xy_mm[use], -rays.c_mm[use]])
-    direction = np.einsum("nij,nj->ni", poses.ground_from_image[image], u)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    direction = unit(rays.directions(poses, use))
     X0, active = poses.position_m[image], np.ones(len(use), dtype=bool)
     xyz = np.full((n_points, 3), np.nan)
     again = np.ones(n_points, dtype=bool)
@@ -94,14 +91,11 @@ def contradicting(rays: ImagePointRows, poses: Poses, xyz: Float, spread: float)
     (k,) int
         Rows of the rays. Points whose rays meet, but at too narrow an angle, are not among them.
     """
-    oriented = finite_rows(poses.position_m) & finite_rows(poses.ground_from_image)
-    rows = np.flatnonzero(rays.active & oriented[rays.image] & ~finite_rows(xyz)[rays.point])
+    rows = np.flatnonzero(rays.active & poses.oriented[rays.image] & ~finite_rows(xyz)[rays.point])
     rows = rows[np.bincount(rays.point[rows], minlength=len(xyz))[rays.point[rows]] >= 2]
     if not len(rows):
         return rows
-    u = np.column_stack([rays.xy_mm[rows], -rays.c_mm[rows]])
-    direction = np.einsum("nij,nj->ni", poses.ground_from_image[rays.image[rows]], u)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    direction = unit(rays.directions(poses, rows))
     names, of = np.unique(rays.point[rows], return_inverse=True)
     met = np.full(xyz.shape, np.nan)
     met[names] = intersect_rays(poses.position_m[rays.image[rows]], direction, of, len(names))
