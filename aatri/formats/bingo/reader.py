@@ -26,6 +26,7 @@ import numpy as np
 
 from aatri.codes import CONTROL
 from aatri.errors import InputError
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.number_text import number_of
@@ -82,6 +83,7 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
         "bingo",
         [path],
         name=path.stem,
+        pixel_axes=PIXEL_AXES["bingo"],
         images={
             "id": [line.words[0] for line, _ in images],
             "camera": [name for _, name in images],

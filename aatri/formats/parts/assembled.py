@@ -16,7 +16,7 @@ from aatri.artifacts.builder import block_of
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
-from aatri.formats.conventions.pixel_origins import PixelAxes, converted, named
+from aatri.formats.conventions.pixel_origins import PHOTO_MM, PixelAxes, converted, named
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.joined import JoinedParts, joined
 from aatri.formats.parts.one_frame import block_frame, in_frame
@@ -133,11 +133,9 @@ def _check_versions(tables: JoinedParts) -> None:
         apart = np.abs(points["xy"][a[pair]] - points["xy"][b[pair]])
         by_sigma = apart * size[a[pair]] / points["sigma_mm"][a[pair]]
         if float(np.median(by_sigma.max(axis=1))) > ANOTHER_LIST:
-            what = (
-                f"{int(pair.sum())} of its image points are otherwise in {tables.files[first]}, up to {apart.max():.4g}"
-            )
-            place_ = place(points, int(b[pair][0]), tables.files)
-            raise InputError(f"{what} apart", where=place_, remedy="two versions of one list? Give one of them")
+            others = f"{int(pair.sum())} of its image points have other coordinates in {tables.files[first]}"
+            what, where = f"{others}, up to {apart.max():.4g} apart", place(points, int(b[pair][0]), tables.files)
+            raise InputError(what, where=where, remedy="two versions of one list? Give one of them")
 
 
 def _pixel_mm(tables: JoinedParts, images: Text) -> Float:
@@ -190,13 +188,15 @@ def _count_from_camera(tables: JoinedParts) -> None:
     for k, name in enumerate(cameras["id"].tolist()):
         own = PixelAxes(str(cameras["pixel_origin"][k]), str(cameras["pixel_y"][k]))
         for axes in np.unique(points["pixel_axes"][camera == k]).tolist():
-            if not axes or axes == own.name:
+            if axes in ("", PHOTO_MM.name if cameras["image_coordinates"][k] == "photo" else own.name):
                 continue
             if cameras["image_coordinates"][k] != "pixel":
-                what = f"camera {name} has {cameras['image_coordinates'][k]} coordinates, and a source gives pixels"
+                what = f"camera {name} has {cameras['image_coordinates'][k]} coordinates, and a source gives {axes}"
                 raise InputError(what, where=str(tables.files[0]), remedy="give the image points of one program")
             some = (camera == k) & (points["pixel_axes"] == axes)
-            points["xy"][some] = converted(points["xy"][some], named(axes), own, cameras["format"][k])
+            points["xy"][some] = converted(
+                points["xy"][some], named(axes), own, cameras["format"][k], cameras["pixel_size_mm"][k]
+            )
 
 
 def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter) -> None:

@@ -30,9 +30,7 @@ KINDS: dict[str, type[Table]] = {
 EXTRA = {
     "image_points": {
         "sigma_px": Column("f8", (2,), "px", "", "", True, False, np.nan),
-        "pixel_axes": Column(
-            "str", (), "", "origin, y, and whether normalised; empty: those of the camera", "", False, False, ""
-        ),
+        "pixel_axes": Column("str", (), "", "origin, y and unit; empty: those of the camera", "", False, False, ""),
     },
     "exterior": {"ground_from_image": Column("f8", (3, 3), "", "", "", True, False, np.nan)},
 }

@@ -10,6 +10,7 @@ import pytest
 from aatri.errors import AatriError
 from aatri.formats.bingo.reader import read_geoin, read_image_coordinates
 from aatri.formats.parts.assembled import NotStated, assembled
+from aatri.formats.parts.block_parts import BlockParts
 
 IMAGES = """        a.jpg    cam
        1 1.5 2.25
@@ -34,6 +35,20 @@ def written(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "file.dat"
     path.write_text(text)
     return path
+
+
+@pytest.mark.parametrize("kind", ["pixel", "photo"])
+def test_millimetres_are_what_the_camera_of_another_program_says(tmp_path: Path, kind: str) -> None:
+    """Metashape exports its tie points so: 1.5 mm to the right and 2.25 mm up of the centre, pixels of 5 and 4 um."""
+    own = {"pixel_size_mm": [[0.005, 0.004]], "pixel_origin": ["top-left-corner"], "pixel_y": ["down"]}
+    cameras = {"id": ["cam"], "image_coordinates": [kind], "format": [[4000.0, 3000.0]], "distortion": ["none"],
+               "principal_distance_mm": [10.0], "principal_point_mm": [[0.0, 0.0]]}  # fmt: skip
+    lens = BlockParts("other", [tmp_path / "lens"], cameras=cameras | (own if kind == "pixel" else {}))
+    points = read_image_coordinates(written(tmp_path, IMAGES))
+    xy = assembled([points, lens], NotStated(image_sigma_um=5.0)).image_points.xy
+    assert xy[0].tolist() == pytest.approx(
+        [2000 + 1.5 / 0.005, 1500 - 2.25 / 0.004] if kind == "pixel" else [1.5, 2.25]
+    )
 
 
 def test_image_points_are_mm_with_the_camera_of_the_header_before(tmp_path: Path) -> None:
