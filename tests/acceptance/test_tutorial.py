@@ -1,6 +1,6 @@
-"""The tutorial is followed literally: every command in it is run, and every output shown is the output.
+"""Pages with commands are followed literally: every command is run, and every output shown is the output.
 
-APPROVE=1 pytest -m slow tests/acceptance/test_tutorial.py     draws its pictures anew
+APPROVE=1 pytest -m slow tests/acceptance/test_tutorial.py     draws the pictures of the tutorial anew
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGE, FOLDER = ROOT / "docs/tutorial.md", ROOT / "docs/tutorial"
+FOLDER = ROOT / "docs/tutorial"
 SECONDS = re.compile(r"\d+\.\d\d$")
 
 
@@ -46,14 +46,15 @@ def _picture(report: str, title: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_tutorial_is_what_happens(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("page", "pictures"), [("tutorial.md", True), ("other_programs.md", False)])
+def test_what_a_page_shows_is_what_happens(tmp_path: Path, page: str, pictures: bool) -> None:
     project = tmp_path / "tutorial"
     shutil.copytree(FOLDER, project)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), "LC_ALL": "C.UTF-8", "COLUMNS": "200"}
-    steps = _steps(PAGE.read_text(encoding="utf-8"))
+    steps = _steps((ROOT / "docs" / page).read_text(encoding="utf-8"))
     assert len(steps) > 8
-    drawn = False
+    drawn = not pictures
     for command, shown in steps:
         done = subprocess.run(
             ["bash", "-c", command], cwd=project, env=environment, capture_output=True, text=True, check=False
