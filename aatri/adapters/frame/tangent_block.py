@@ -13,13 +13,12 @@ import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, poses_into, poses_out_of
 from aatri.arrays import Float, Text
-from aatri.artifacts.block import CONTROL, NO_ROLE, Block, Exterior, GroundPoints
+from aatri.artifacts.block import Block, Exterior, GroundPoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import angles_from_rotation, rotation_from_angles
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
-from aatri.observations.positions import positions_of
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,6 @@ class InTangentFrame:
     block: Block
     initial: Solution | None
     frame: TangentFrame | None
-    partial: bool
-    """Some control or positions are in plan or in height only, and lie where `initial` or the mean of the block has
-    them."""
 
     def back(self, solution: Solution) -> Solution:
         """A Solution made of it, in the frame of the block."""
@@ -48,11 +44,7 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
     """
     frame = frame_of(block)
     if frame is None:
-        return InTangentFrame(block, initial, None, False)
-    ground = block.ground_points
-    asked = (ground.role != NO_ROLE) & np.isfinite(ground.xyz_m)
-    partial = bool(((ground.role == CONTROL).any(axis=1) & ~asked.all(axis=1)).any())
-    partial |= not positions_of(block).given.all()
+        return InTangentFrame(block, initial, None)
     made = replace(
         block,
         earth_curvature="ignore",
@@ -60,7 +52,7 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
         ground_points=_ground(block, frame, initial),
         exterior=_exterior(block, frame, initial),
     )
-    return InTangentFrame(made, _solution(frame, initial, into=True) if initial else None, frame, partial)
+    return InTangentFrame(made, _solution(frame, initial, into=True) if initial else None, frame)
 
 
 def _tangent_crs(crs: Text) -> Text:

@@ -54,7 +54,7 @@ def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Sol
         )
     found = _intersected(block, image_points, poses)
     solution = _solution(block, image_points, poses, found)
-    return InTangentFrame(block, None, frame, False).back(solution), _notes(block, oriented)
+    return InTangentFrame(block, None, frame).back(solution), _notes(block, oriented)
 
 
 def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:

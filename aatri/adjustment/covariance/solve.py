@@ -17,13 +17,13 @@ import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
-from aatri.adjustment.elimination.backsolve import cost_of, steps
+from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
 from aatri.adjustment.records import keys_of
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.stepping.linearity import after_step
-from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
+from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import State, retract_state
 from aatri.arrays import Float
@@ -43,9 +43,6 @@ class LinearSolution:
     """The state of the linearisation."""
     step: dict[str, Float]
     """Dict of str to (n, k). Of every group, from there."""
-    observations: int
-    n_unknowns: int
-    redundancy: int
 
     @cached_property
     def departure(self) -> float:
@@ -53,16 +50,6 @@ class LinearSolution:
         if all(r.linear for r in self.problem.records):
             return 0.0
         return after_step(self.problem, self.before, self.state, self.step)[0]
-
-    @cached_property
-    def cost(self) -> float:
-        """v'v at the state."""
-        return cost_of(self.problem, self.state)
-
-    @property
-    def sigma0(self) -> float:
-        """sqrt(v'v / redundancy); NaN without redundancy."""
-        return float(np.sqrt(self.cost / self.redundancy)) if self.redundancy > 0 else float("nan")
 
     @cached_property
     def _covariances(self) -> Covariances:
@@ -106,4 +93,4 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)
-    return LinearSolution(problem, after, factored, state, step, *counts(problem))
+    return LinearSolution(problem, after, factored, state, step)

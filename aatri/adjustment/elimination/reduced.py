@@ -16,12 +16,10 @@ from aatri.arrays import Float
 
 @dataclass(frozen=True)
 class ReducedNormals:
-    """Normal equations N dx + g = 0 of the kept unknowns at a state."""
+    """Normal matrix of the kept unknowns at a state."""
 
     N: Float
     """(n_kept, n_kept). Zero rows and columns where held."""
-    g: Float
-    """(n_kept,). Half the gradient of the cost."""
     diagonal: Float
     """(n_kept,). Diagonal of A'A, before elimination."""
 
@@ -29,15 +27,14 @@ class ReducedNormals:
 def reduced_normals(problem: IndexedProblem, state: State) -> ReducedNormals:
     """Linearise at a state, eliminate the blocks, and add up what they leave."""
     work, n = Work(problem, state, 0.0), problem.layout.n_kept
-    N, g, diagonal = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    N, diagonal = np.zeros((n, n)), np.zeros(n)
     for k, node in enumerate(problem.tree.nodes):
         work.assemble(k)
         front = work.fronts[k]
         assert front is not None
-        F, part, d = front
+        F, _, d = front
         N[np.ix_(node.columns, node.columns)] += np.tril(F) + np.tril(F, -1).T
-        g[node.columns] += part
         diagonal[node.columns] += d
         work.room.give(F)
         work.fronts[k] = None
-    return ReducedNormals(N, g, diagonal)
+    return ReducedNormals(N, diagonal)

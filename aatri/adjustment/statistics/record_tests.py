@@ -53,13 +53,6 @@ class RecordTests:
         """Residuals, computed minus observed, in units of the observation, (n, m)."""
         return self.records.residuals(self.state)
 
-    @cached_property
-    def w(self) -> Float:
-        """Of single whitened components: v / sqrt(r), or v / sqrt(1 + h) where predicted; NaN where uncontrolled."""
-        diagonal = np.einsum("nii->ni", self.redundancy)
-        tested = self.records.observed_components() & (diagonal > UNCONTROLLED)
-        return np.where(tested, self.whitened / np.sqrt(np.where(tested, diagonal, 1.0)), np.nan)
-
     @property
     def size(self) -> Float:
         """Estimated gross error, observed minus what it should be, whitened, (n, m)."""

@@ -15,6 +15,7 @@ from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.records import Records, whitener_of_covariances, whitener_of_sigmas
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
+from aatri.adjustment.structure.indexed_problem import counts
 from aatri.adjustment.structure.weights import Weights
 from aatri.adjustment.unknowns import Unknowns, add_step
 from tests.adjustment.reference import dense_jacobian
@@ -124,7 +125,7 @@ def test_solution_covariances_and_tests_of_one_factor_equal_dense_algebra(monkey
             np.testing.assert_allclose(found.size[k, here], -P @ e if r.active[k] else -e, rtol=1e-6, atol=1e-8)
         first += 3 * len(r.active)
     share = sum(np.trace(t.redundancy[k]) for t in tests.values() for k in np.flatnonzero(t.active))
-    assert share == pytest.approx(solved.redundancy, rel=1e-9)
+    assert share == pytest.approx(counts(solved.problem)[2], rel=1e-9)
     assert len(count) == 1
 
 
@@ -143,7 +144,7 @@ def test_unknowns_that_are_all_held_but_one_leave_the_points_determined(left: in
     np.testing.assert_allclose(solved.state["point"].ravel(), dx[left:], atol=1e-9)
     covariance = solved.covariances().groups["point"]
     np.testing.assert_allclose(np.einsum("nii->ni", covariance).ravel(), np.diag(Q)[left:], atol=1e-9)
-    assert solved.n_unknowns == len(dx)
+    assert counts(solved.problem)[1] == len(dx)
 
 
 def test_a_rejected_record_that_is_a_gross_error_shows_its_size_in_the_prediction() -> None:
