@@ -1,16 +1,21 @@
 """The report: one self-contained HTML page of a run, also of a failed or half-done one; report.json has its first page.
 
-The page carries no script and loads nothing; everything from the run is escaped (autoescape), and a content security
-policy forbids the rest. It is a function of the run folder: the same folder gives the same page.
+The page loads nothing. Its one script stands in it, and a content security policy lets that script run by its digest
+and nothing else; everything from the run is escaped (autoescape). It is a function of the run folder: the same folder
+gives the same page.
 """
 
+import base64
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
@@ -21,24 +26,26 @@ from aatri.pipeline.run.overview import command_of
 from aatri.pipeline.spec.gates import verdicts_in
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
-from aatri.report.drawing.charts import sigma0_chart
-from aatri.report.drawing.plan import block_plan
-from aatri.report.drawing.svg import Picture
+from aatri.report.drawing.picture import COLOURS
+from aatri.report.drawing.svg import drawn
 from aatri.report.facts import accuracy_statement, facts
 from aatri.report.judgement import judgement
 from aatri.report.problems import problems
-from aatri.report.sections.evaluation import difference_pictures
+from aatri.report.questions import questions
 from aatri.report.sections.parts import Surroundings
 from aatri.report.sections.section import section
-from aatri.report.sections.tables import PageTable, accuracy_table
+from aatri.report.sections.tables import PageTable, observation_classes
 from aatri.report.verdict import external_lights, internal_lights, numbers_of
 from aatri.report.view.numbers import number, seconds
 from aatri.report.view.run_view import RunView, StageView, view
 
 OURS_AS_JSON = {"made_by": "aatri report"}
 
-OURS, OURS_WITHIN = (b"aatri report</title>", b'"made_by": "aatri report"'), 4000
-"""What a page of ours has within its first bytes, as HTML or JSON."""
+OURS, OURS_WITHIN = (b"aatri report</title>", b'"made_by": "aatri report"', b"(Skia/PDF"), 4000
+"""What a page of ours has within its first bytes, as HTML, JSON or PDF."""
+
+OF_SUMMARY = ("plan", "network", "accuracy")
+"""Sections whose pictures the summary has."""
 
 
 def write_report(run: Path) -> Path:
@@ -61,24 +68,34 @@ def write_report(run: Path) -> Path:
     ResourceError
         If the page cannot be written.
     """
-    seen = view(run)
-    around = Surroundings(seen.last(Block), seen.last(ImagePoints), seen.last(Solution))
-    page = summary(seen, around)
+    seen, around = seen_in(run)
+    page = first_page(seen, around)
     pages = {"report.html": render(seen, around, page), "report.json": json.dumps(OURS_AS_JSON | page, indent=1) + "\n"}
-    for name in pages:
-        if inside.kind(run, name) == "file" and not any(o in inside.read(run, name)[:OURS_WITHIN] for o in OURS):
-            remedy = "move it, or give the run a folder of its own (`run:` in pipeline.yaml)"
-            raise ArtifactError(
-                "is not a report of aatri's, and is not overwritten", where=str(run / name), remedy=remedy
-            )
+    refuse_others(run, pages)
     for name, text in pages.items():
         with on_disk(run / name):
             inside.write(text.encode(), run, name)
     return run / "report.html"
 
 
-def render(run: RunView, around: Surroundings, page: Mapping[str, Any]) -> str:
-    """The page as text."""
+def seen_in(run: Path) -> tuple[RunView, Surroundings]:
+    """A run folder and its last block, corrected image points and solution."""
+    seen = view(run)
+    return seen, Surroundings(seen.last(Block), seen.last(ImagePoints), seen.last(Solution))
+
+
+def refuse_others(run: Path, names: Mapping[str, Any] | tuple[str, ...]) -> None:
+    """Refuse to write over a file that is no report."""
+    for name in names:
+        if inside.kind(run, name) == "file" and not any(o in inside.read(run, name)[:OURS_WITHIN] for o in OURS):
+            remedy = "move it, or give the run a folder of its own (`run:` in pipeline.yaml)"
+            raise ArtifactError(
+                "is not a report of aatri's, and is not overwritten", where=str(run / name), remedy=remedy
+            )
+
+
+@cache
+def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("aatri.report"),
         autoescape=True,
@@ -86,27 +103,60 @@ def render(run: RunView, around: Surroundings, page: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number}
+    filters: dict[str, Any] = {"number": number, "seconds": seconds, "drawn": drawn}
+    environment.filters |= filters
+    return environment
+
+
+def render(
+    run: RunView, around: Surroundings, page: Mapping[str, Any], *, printed: bool = False, summary: bool = False
+) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    run, around
+    page : mapping
+        What `first_page` says.
+    printed : bool
+        For paper: long tables are open.
+    summary : bool
+        The first page, the plan and the differences alone.
+    """
+    environment = _environment()
+    script = environment.get_template("script.js").render()
+    sections = questions(run, around)
+    if summary:
+        sections = [s.pictures_alone() for s in sections if s.name in OF_SUMMARY]
+    solved = run.of_kind(Solution)
     return environment.get_template("report.html").render(
         name=around.block.name if around.block else run.folder.resolve().name,
         run=run,
         command=command_of(run.overview),
         started=run.overview.get("started", ""),
         total=seconds(sum(float(s.record.get("seconds") or 0.0) for s in run.stages if s.record)),
+        software=_software(run.stages),
         page=page,
         failures=[s for s in run.stages if s.failure is not None],
-        accuracy=accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)}),
+        classes=observation_classes(around.solution) if around.solution is not None else None,
         gates=_gates(run),
-        pictures=_first_page_pictures(run, around),
-        sections=[section(run, stage, around) for stage in run.stages],
+        sections=sections,
+        links={solved[-1].name: "tests"} if solved and any(s.name == "tests" for s in sections) else {},
+        stages=[] if summary else [(stage, section(run, stage, around)) for stage in run.stages],
         environments=_environments(run.stages),
+        colours=list(COLOURS),
+        script=Markup(script),  # ours, and the policy knows its digest
+        script_digest="sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        printed=printed,
+        summary=summary,
     )
 
 
-def summary(run: RunView, around: Surroundings) -> dict[str, Any]:
+def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
     """What the first page says, as plain values: report.json has the same."""
     internal, external = internal_lights(run, around.solution), external_lights(run)
     evaluation, evaluations = run.last(Evaluation), run.evaluated()
+    classes = observation_classes(around.solution) if around.solution is not None else None
     return {
         "judgement": judgement(run),
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",
@@ -115,6 +165,7 @@ def summary(run: RunView, around: Surroundings) -> dict[str, Any]:
         "problems": [asdict(problem) for problem in problems(run, [*internal, *external])],
         "internal": [asdict(light) for light in internal],
         "external": [asdict(light) for light in external],
+        "observations": [dict(zip(classes.heads, row)) for row in classes.rows] if classes else [],
         "counts": _counts(run),
         "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
     }
@@ -160,14 +211,14 @@ def _counts(run: RunView) -> Mapping[str, str]:
     return counts
 
 
-def _first_page_pictures(run: RunView, around: Surroundings) -> list[Picture]:
-    pictures = [block_plan(around.block, around.solution) if around.block else None]
-    sigma0 = {s.name: float(s.metrics["sigma0"]) for s in run.stages if s.metrics.get("sigma0")}  # type: ignore[arg-type]
-    pictures.append(sigma0_chart(sigma0))
-    evaluation = run.last(Evaluation)
-    if evaluation is not None:
-        pictures += difference_pictures(evaluation, around, ("control", "check"))
-    return [picture for picture in pictures if picture is not None]
+def _software(stages: tuple[StageView, ...]) -> str:
+    """The version of aatri that made the last stage."""
+    versions = [
+        stage.record["environment"].get("aatri", "")
+        for stage in stages
+        if stage.record and "environment" in stage.record
+    ]
+    return f"aatri {versions[-1]}" if versions and versions[-1] else ""
 
 
 def _environments(stages: tuple[StageView, ...]) -> list[tuple[str, Mapping[str, str]]]:

@@ -198,7 +198,5 @@ def test_the_section_has_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for path in new:
         _module(path, files[path], tmp_path, monkeypatch)
     patched = _module(changed, files[changed], tmp_path, monkeypatch, "section_of_docs")
-    made = patched.PageSection(stage=None, seconds="")
-    patched.show(made, made_block(columns=5), None)
-    (strips,) = (table for table in made.tables if table.caption.startswith("Strips"))
+    (strips,) = (t for t in patched.camera_tables(made_block(columns=5)) if t.caption.startswith("Strips"))
     assert [tuple(row) for row in strips.rows] == [("1", "5"), ("2", "5")]

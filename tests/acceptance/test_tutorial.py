@@ -37,7 +37,7 @@ def _without_seconds(text: str) -> str:
 def _picture(report: str, title: str) -> str:
     """A picture of the report as a file of its own, with the light colours of the page."""
     svg = next(s for s in re.findall(r"<svg.*?</svg>", report, flags=re.DOTALL) if title in s)
-    style = (ROOT / "aatri/report/templates/style.css").read_text(encoding="utf-8")
+    style = report[report.index("<style>") : report.index("</style>")]
     colours = dict(re.findall(r"--(\w+): (#\w+)", style[: style.index("@media")]))
     rules = "\n".join(line for line in style.splitlines() if line.startswith("svg ") and not line.startswith("svg {"))
     for name, colour in colours.items():

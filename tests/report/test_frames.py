@@ -46,6 +46,7 @@ def test_positions_and_attitudes_are_listed_image_by_image_with_their_tests() ->
     between = of_the_network(solution)
     assert between is not None
     assert {row[0] for row in between.rows} == {"distance"}
-    plan, height = (caption for _, caption in position_pictures(solution))
-    assert plan.startswith(f"Residuals of observed positions in plan, adjusted minus observed, at {n} images")
-    assert height.startswith("Residuals of observed positions in height")
+    plan, height = position_pictures(solution)
+    assert plan.title == "Residuals of observed positions in plan"
+    assert plan.caption.startswith(f"Adjusted minus observed, at {n} images")
+    assert height.title == "Residuals of observed positions in height"

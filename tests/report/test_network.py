@@ -9,7 +9,6 @@ import pytest
 
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.sections import network
-from aatri.report.sections.parts import PageSection
 from aatri.report.sections.shapes import shapes_table
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -59,17 +58,18 @@ def test_lines_are_drawn_once_and_rejected_ones_as_such(adjusted) -> None:
     names = ["".join(block.points.id[k] for k in row) for row in rows.tolist()]
     assert names == ["AP", "AQ", "BP", "BQ", "CP", "CQ", "PQ"]
     assert [n for n, w in zip(names, wrong) if w] == ["BP"]
-    picture, caption = network_picture(block, solution)
-    assert "7 lines observed between 5 points" in caption
-    assert "1 with a rejected observation" in caption
-    assert str(picture).count('class="ellipse"') == 2
+    picture = network_picture(block, solution)
+    assert "7 lines observed between 5 points" in picture.caption
+    assert "1 with a rejected observation" in picture.caption
+    drawn = {m.name: m for m in picture.marks}
+    assert [len(drawn[name].xy) for name in ("observed", "with a rejected observation")] == [6, 1]
+    assert list(drawn["with a rejected observation"].ids) == ["B to P"]
+    assert list(drawn["standard ellipses"].ids) == ["P", "Q"]
 
 
 def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
     block, solution = adjusted
-    made = PageSection(None, "")  # type: ignore[arg-type]
-    network.show(made, block, solution)
-    points, observations = made.tables
+    points, observations = network.tables(block, solution)
     assert [row[0] for row in points.rows] == ["A", "B", "C", "P", "Q"]
     first = dict(zip(observations.heads, observations.rows[0]))
     assert (first["observation"], first["between"], first["used"]) == ("distance", "B-P", "rejected")
@@ -77,17 +77,6 @@ def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
     assert second["used"] == "yes"
     assert float(second["redundancy"]) > 0
     assert any(row[0] == "relative_distance" for row in observations.rows)
-    assert len(made.pictures) == 1
-
-
-def test_a_block_without_such_observations_has_no_network() -> None:
-    from tests.made_solutions import made_block, made_solution
-
-    made = PageSection(None, "")  # type: ignore[arg-type]
-    block = made_block()
-    network.show(made, block, made_solution(block))
-    assert not made.tables
-    assert not made.pictures
 
 
 def test_shapes_are_told_by_how_they_lie_and_by_their_residuals(tmp_path: Path) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import hashlib
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -25,45 +28,11 @@ STAGES = [
     ("bundle", "bundle_adjustment/bundle", {"block": "block"}, "Solution"),
     ("accuracy", "accuracy/evaluation", {"block": "block", "solution": "bundle"}, "Evaluation"),
 ]
-ELEMENTS = {
-    *(
-        "html",
-        "head",
-        "meta",
-        "title",
-        "style",
-        "body",
-        "header",
-        "main",
-        "section",
-        "h1",
-        "h2",
-        "h3",
-        "p",
-        "div",
-        "ul",
-    ),
-    *(
-        "nav",
-        "ol",
-        "li",
-        "span",
-        "b",
-        "dl",
-        "dt",
-        "dd",
-        "table",
-        "caption",
-        "thead",
-        "tbody",
-        "tr",
-        "th",
-        "td",
-        "figure",
-        "small",
-    ),
-    *("figcaption", "svg", "path", "text", "code", "a", "details", "summary", "pre"),
-}
+TEXT = (
+    "h1 h2 h3 p div ul nav ol li span b i dl dt dd small code a details summary pre table caption thead tbody tr th td"
+)
+FRAME = "html head meta title style body header main section figure figcaption svg g path text script"
+ELEMENTS = {*TEXT.split(), *FRAME.split()}
 PAYLOADS = [
     "<script>alert(1)</script>",
     '"><img src=x onerror=alert(1)>',
@@ -130,17 +99,21 @@ def test_a_complete_run_has_a_verdict_counts_accuracy_and_pictures(tmp_path: Pat
         "Differences in plan",
         "Differences in height",
         "sigma0 of the stages",
-        "Convergence",
+        "Rays per point",
+        "Ties between images",
     ):
         assert picture in found.text
     assert found.names <= ELEMENTS
 
 
-def test_the_page_loads_nothing_and_has_no_script(tmp_path: Path) -> None:
+def test_the_page_loads_nothing_and_runs_its_one_script_alone(tmp_path: Path) -> None:
     text = write_report(make_run(tmp_path / "run", made_artifacts())).read_text(encoding="utf-8")
-    assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in text
+    (script,) = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'"
+    assert policy in text
+    assert text.count("<script") == 1
     assert "http" not in text.replace("http-equiv", "")
-    assert "<script" not in text
     assert "url(" not in text
 
 
@@ -209,7 +182,6 @@ def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path: Path)
         "the last words",
         "not run",
         "bundle failed; 1 of 3 stages done",
-        "The accuracy was not evaluated",
         "no solution",
     ):
         assert words in found.text
@@ -248,7 +220,6 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path: Path) -> None:
     assert page.stat().st_size < 5e6
     text = page.read_text(encoding="utf-8")
     assert "400 of 2000 footprints" in text
-    assert "5000 of 9986 new points" in text
 
 
 @pytest.mark.parametrize(

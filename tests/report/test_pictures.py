@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aatri.adjustment.statistics.global_test import sigma0_interval
-from aatri.report.drawing import svg
-from aatri.report.drawing.charts import residual_histogram, sigma0_chart
-from aatri.report.drawing.labels import Labels
-from aatri.report.drawing.plan import block_plan, footprints
-from aatri.report.drawing.residual_plots import height_bars, image_vectors, plan_vectors
+from aatri.artifacts.solution import ParameterCovariances, Parameters
+from aatri.artifacts.suspects import Suspects
+from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.picture import Marks, Picture
+from aatri.report.drawing.plan import block_plan, footprints, seen_from
 from aatri.report.drawing.scales import Scale, length_text, log_scale, near, plan_of, round_below, thinned
+from aatri.report.drawing.svg import drawn, text
+from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture
 from aatri.report.sections.tables import by_axis, without_axis
 from aatri.report.view.numbers import metres, number
 from tests.made_solutions import made_block, made_solution
@@ -49,36 +52,6 @@ def test_a_vertical_image_covers_its_format_times_height_over_principal_distance
     np.testing.assert_allclose(np.ptp(corners, axis=0), 2 * half)
 
 
-def test_vectors_and_bars_say_their_exaggeration() -> None:
-    groups = {
-        "check": (np.array([[0.0, 0.0, 0.0], [100.0, 50.0, 0.0]]), np.array([[0.1, 0.0, -0.2], [0.0, 0.1, np.nan]]))
-    }
-    picture, caption = plan_vectors(groups)
-    assert "at 2 check points (green); the largest is 100 mm" in caption
-    assert "Exaggerated" in caption
-    assert "at 1 check points (green); the largest is 200 mm" in height_bars(groups)[1]
-    assert "mm</text>" in picture
-
-
-def test_nothing_to_draw_is_no_picture() -> None:
-    assert plan_vectors({"check": (np.zeros((0, 3)), np.zeros((0, 3)))}) is None
-    assert image_vectors(np.zeros((0, 2)), np.zeros((0, 2))) is None
-    assert residual_histogram(np.zeros(3)) is None
-    assert sigma0_chart({}) is None
-
-
-def test_differences_that_are_all_zero_can_be_drawn() -> None:
-    zero = {"control": (np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 5.0]]), np.zeros((2, 3)))}
-    assert "nan" not in plan_vectors(zero)[0]
-    assert "nan" not in height_bars(zero)[0]
-
-
-def test_the_mean_image_residual_of_a_constant_is_that_constant() -> None:
-    rng = np.random.default_rng(5)
-    _, caption = image_vectors(rng.uniform(-100, 100, (500, 2)), np.tile([0.003, -0.004], (500, 1)))
-    assert "the largest is 5.00 um" in caption
-
-
 def test_axes_have_round_ticks_inside() -> None:
     assert Scale(0.0, 10.0, 0.0, 100.0).ticks() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
     axis = log_scale(np.array([0.5, 30.0]), 0.0, 100.0)
@@ -94,9 +67,23 @@ def test_the_interval_of_sigma0_is_the_chi_square_tables() -> None:
 
 
 def test_text_in_pictures_is_escaped_and_markup_is_not() -> None:
-    assert str(svg.text(0, 0, "<b>&")) == '<text x="0.0" y="0.0" class="" text-anchor="start">&lt;b&gt;&amp;</text>'
-    assert "<path" in svg.drawing(1, 1, "x", svg.dots(np.zeros((1, 2)), "a"))
-    assert "<path" not in svg.drawing(1, 1, "x", "<path>")
+    assert str(text(0, 0, "<b>&")) == '<text x="0.0" y="0.0" text-anchor="start">&lt;b&gt;&amp;</text>'
+    marks = Marks("dots", np.array([[0.0, 0.0], [9.0, 9.0]]), "red", ids=["<path>", '"'], labelled=True)
+    drawing = drawn(Picture("x", "<title>", "", [marks]))
+    assert "&lt;title&gt;" in drawing
+    assert "<path>" not in drawing
+    assert 'data-ids="&lt;path&gt;\n&#34;"' in drawing
+
+
+@pytest.mark.parametrize("shape", ["dots", "triangles", "circles", "crosses", "segments", "areas"])
+def test_every_mark_begins_at_its_place(shape: str) -> None:
+    """The script of the page reads the places back from the path."""
+    xy = np.array([[0.0, 0.0], [100.0, 50.0]])
+    ends = {"segments": np.stack([xy, xy], axis=1), "areas": np.stack([xy] * 4, axis=1)}.get(shape, xy)
+    drawing = drawn(Picture("x", "", "", [Marks(shape, ends, "red", ids=["a", "b"])]))
+    path = next(d for d in re.findall(r'<path d="([^"]*)"[^>]*data-ids', drawing))
+    places = np.array([[float(v) for v in pair] for pair in re.findall(r"M(\S+?) (-?[\d.]+)", path)])
+    np.testing.assert_allclose(places, plan_of(xy, width=540.0).px(xy), atol=0.06)
 
 
 def test_numbers_are_printed_for_reading() -> None:
@@ -115,16 +102,6 @@ def test_figures_of_the_three_axes_stand_side_by_side() -> None:
     assert without_axis(metrics) == {"check_points": 4}
 
 
-def test_a_label_takes_the_first_free_place_and_is_left_out_where_there_is_none() -> None:
-    labels = Labels(720.0, 400.0)
-    marks, left = labels.around(np.array([[100.0, 50.0], [690.0, 50.0]]), ["A", "BBBBBB"])
-    assert left == 0
-    assert 'x="108.0"' in marks[0]  # right of its point
-    assert 'text-anchor="end"' in marks[1]  # the right edge would cut it off
-    crowd, left = Labels(720.0, 400.0).around(np.tile([[300.0, 200.0]], (10, 1)), [f"GCP{k}" for k in range(10)])
-    assert (len(crowd), left) == (4, 6)
-
-
 def test_a_point_far_off_does_not_set_the_scale() -> None:
     rng = np.random.default_rng(2)
     xy = rng.uniform(0, 1000, (50, 2))
@@ -139,8 +116,8 @@ def test_points_without_height_count_for_the_extent_of_the_plan() -> None:
     block = made_block()
     flat = block.ground_points.xyz_m.copy()
     flat[:, 2] = np.nan
-    drawn, _ = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=flat)), None)
-    assert f">{block.points.id[block.ground_points.point[0]]}</text>" in drawn
+    picture = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=flat)), None)
+    assert block.points.id[block.ground_points.point[0]] in _ids(picture, "control")
 
 
 def test_the_plan_names_control_and_what_it_leaves_out() -> None:
@@ -152,8 +129,75 @@ def test_the_plan_names_control_and_what_it_leaves_out() -> None:
     first = block.ground_points.point[0]
     xyz[first] = far[0]
     solution = replace(solution, points=replace(solution.points, xyz_m=xyz))
-    drawn, caption = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=far)), solution)
+    picture = block_plan(replace(block, ground_points=replace(block.ground_points, xyz_m=far)), solution)
     names = block.points.id[block.ground_points.point]
-    assert f"not {names[0]}, which lie far off" in caption
-    assert f">{names[1]}</text>" in drawn
-    assert "200 m</text>" in drawn  # the scale bar of a block of some 800 m
+    assert f"not {names[0]}, which lie far off" in picture.caption
+    assert names[0] not in _ids(picture, "control")
+    assert names[-1] in _ids(picture, "control") + _ids(picture, "check points")
+    assert "200 m</text>" in drawn(picture)  # the scale bar of a block of some 800 m
+
+
+def _ids(picture: Picture, name: str) -> list[str]:
+    return [i for m in picture.marks if m.name == name for i in m.ids]
+
+
+def test_control_that_is_left_out_is_drawn_otherwise() -> None:
+    block = made_block()
+    wrong = str(block.points.id[block.ground_points.point[0]])
+    suspects = Suspects(
+        kind=["control"],
+        row=[0],
+        image=[""],
+        point=[wrong],
+        stage=["bundle_adjustment"],
+        size=[1.0],
+        unit=["m"],
+        sigma=[0.1],
+        test=[9.0],
+        verdict=["rejected"],
+    )
+    picture = block_plan(block, made_solution(block, suspects=suspects))
+    assert _ids(picture, "control left out") == [wrong]
+    assert wrong not in _ids(picture, "control")
+    assert {m.shape for m in picture.marks if "control" in m.name} == {"triangles", "crosses"}
+
+
+def test_points_know_the_images_that_see_them() -> None:
+    """Of two images and three points; the third image is not drawn."""
+    rays = (np.array([0, 1, 0, 2, 1]), np.array([4, 4, 7, 7, 9]))
+    assert seen_from(rays, np.array([7, 4, 8]), np.array([1, 0])) == [[1], [1, 0], []]
+
+
+def test_images_are_tied_by_their_common_points_and_rays_intersect_at_their_angles() -> None:
+    block = made_block(columns=3, rows=3)
+    solution = made_solution(block)
+    left, right, count = common_points(block, solution)
+    assert len(left) == 15  # six images, every two of them
+    assert (left < right).all()
+    assert (count == 9).all()
+    angles = intersection_angles(block, solution)
+    centres, xyz = solution.images.position_m, solution.points.xyz_m
+    for of, angle in zip(xyz, angles):
+        away = (centres - of) / np.linalg.norm(centres - of, axis=1)[:, None]
+        assert angle == pytest.approx(np.arccos(np.min(away @ away.T)), abs=1e-9)
+
+
+def test_the_overlap_counts_the_images_that_see_a_place() -> None:
+    block = made_block(columns=2, rows=4)
+    picture = overlap_picture(block, made_solution(block))
+    assert picture is not None
+    cell = np.ptp(picture.marks[0].xy[0], axis=0).prod()
+    area = sum(int(re.search(r"\d+", tell)[0]) * cell for m in picture.marks for tell in m.tells)
+    feet = footprints(block, made_solution(block))
+    assert area == pytest.approx(len(feet) * np.ptp(feet[0], axis=0).prod(), rel=0.03)
+
+
+def test_all_correlations_are_in_the_matrix() -> None:
+    parameters = Parameters(
+        group=["additional"] * 2, object=["cam"] * 2, name=["k1", "p1"], value=[1.0, 1.0], sigma=[2.0, 3.0]
+    )
+    covariances = ParameterCovariances(first=[0, 0, 1], second=[0, 1, 1], covariance=[4.0, -4.5, 9.0])
+    solution = made_solution(made_block(), parameters=parameters, parameter_covariances=covariances)
+    (picture,) = correlation_pictures(solution)
+    drawn_cells = [(i, t, m.colour) for m in picture.marks for i, t in zip(m.ids, m.tells)]
+    assert drawn_cells == [("k1 with p1", "-0.750", "blue"), ("p1 with k1", "-0.750", "blue")]

@@ -8,15 +8,16 @@ import numpy as np
 
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
+from aatri.ids import natural_order
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
-from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.reliability import reliability_tables
-from aatri.report.sections.solution import show
+from aatri.report.sections.solution import orientations
 from aatri.report.sections.suspects import suspects_tables
-from aatri.report.sections.tables import residual_classes
+from aatri.report.sections.tables import lengths, observation_classes
 from aatri.report.sections.uncontrolled import uncontrolled_counts
 from aatri.report.verdict import _far_off
+from aatri.report.view.numbers import decimals
 from tests.formats.results.test_readable import full_solution
 from tests.made_solutions import made_block, made_solution
 
@@ -61,23 +62,37 @@ def test_all_control_and_check_points_are_there_the_largest_first() -> None:
     tables = point_tables(evaluation)
     listed = sum(len(table.rows) for table in tables)
     assert listed == int((evaluation.differences.kind != "truth").sum())
-    assert tables[0].rows[0][3] == "0.0500"
+    assert tables[0].heads[3] == "dZ mm"
+    assert tables[0].rows[0][3] == "50.0"
 
 
 def test_every_image_has_its_orientation_in_the_table() -> None:
     block = made_block()
-    made = PageSection(None, "")
-    show(made, made_solution(block), Surroundings(block, None, None))
-    table = next(t for t in made.tables if t.caption.startswith("Orientations"))
+    table = orientations(block, made_solution(block))
     assert [row[0] for row in table.rows] == block.images.id.tolist()
-    assert table.rows[0][3] == "400.000"
+    assert float(table.rows[0][3]) == 400.0
+
+
+def test_strips_are_listed_in_the_order_in_which_one_counts() -> None:
+    block = made_block()
+    block = replace(block, strips=replace(block.strips, id=np.array(["10", "9"])))
+    table = orientations(block, made_solution(block))
+    assert [row[0][0] for row in table.rows] == ["2"] * 5 + ["1"] * 5  # the second strip is strip 9
+    assert natural_order(["a10", "a9", "b", "a9b", ""]).tolist() == [4, 1, 3, 0, 2]
+
+
+def test_numbers_have_the_digits_of_their_standard_deviations() -> None:
+    assert [decimals(size) for size in (0.0123, 0.5, 3.0, 40.0, float("nan"))] == [3, 2, 1, 0, 3]
+    (values,) = lengths("sX", np.array([0.0123, 0.0456])).items()
+    assert values[0] == "sX mm"
+    assert values[1][1](values[1][0][0]) == "12.3"
 
 
 def test_residuals_are_told_in_their_own_unit() -> None:
-    rows = {row[0]: row for row in residual_classes(full_solution()).rows}
-    assert rows["image_point"][1] == "um"
+    rows = {row[0]: row for row in observation_classes(full_solution()).rows}
+    assert rows["image point"][1] == "um"
     assert rows["control"][1] == "mm"
-    assert rows["control"][7] == "20"
+    assert float(rows["control"][8]) == 20.0
 
 
 def test_rejected_observations_are_counted_apart_from_those_in_use() -> None:
@@ -85,8 +100,8 @@ def test_rejected_observations_are_counted_apart_from_those_in_use() -> None:
     mine = np.flatnonzero(solution.residuals.kind == "image_point")
     active = np.ones(len(solution.residuals), dtype=bool)
     active[mine[:3]] = False
-    rows = residual_classes(replace(solution, residuals=replace(solution.residuals, active=active))).rows
-    assert next(row[3:5] for row in rows if row[0] == "image_point") == (str(len(mine) - 3), "3")
+    rows = observation_classes(replace(solution, residuals=replace(solution.residuals, active=active))).rows
+    assert next(row[3:5] for row in rows if row[0] == "image point") == (str(len(mine) - 3), "3")
 
 
 def test_a_check_point_thousands_of_sigmas_off_is_named() -> None:

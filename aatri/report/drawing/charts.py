@@ -1,16 +1,16 @@
-"""Charts: sigma0 of the stages, convergence, residuals against the normal distribution, errors along strips."""
+"""Charts: sigma0 of the stages and iterations, distributions, a priori beside a posteriori, errors along strips."""
+
+from itertools import pairwise
 
 import numpy as np
-from markupsafe import Markup
 
-from aatri.arrays import Float
+from aatri.arrays import Float, Int
 from aatri.artifacts.evaluation import StripErrors
-from aatri.report.drawing import svg
-from aatri.report.drawing.scales import Scale, log_scale, tick_text
-from aatri.report.drawing.svg import Picture
+from aatri.artifacts.solution import Solution
+from aatri.report.drawing.picture import ChartAxis, Marks, Picture
 
-WIDTH, LEFT, RIGHT = 390.0, 135.0, 20.0
-STRIPS_WIDTH, STRIPS_HEIGHT, PANEL = 760.0, 230.0, 190.0
+NOTHING = 1e-12
+"""What is drawn of a sigma0 of nothing."""
 
 
 def sigma0_chart(sigma0: dict[str, float]) -> Picture | None:
@@ -23,65 +23,44 @@ def sigma0_chart(sigma0: dict[str, float]) -> Picture | None:
     """
     if not sigma0:
         return None
-    values = np.array(list(sigma0.values()))
-    axis = log_scale(np.append(np.clip(values, 1e-12, 1e12), [0.5, 2.0]), LEFT, WIDTH - RIGHT - 40)
-    bottom = 22.0 * len(values) + 14
-    unit = float(axis.px(1.0))
-    base = svg.line(np.array([[axis.start_px, bottom], [axis.end_px, bottom]]), "axis")
+    values = np.clip(list(sigma0.values()), NOTHING, 1 / NOTHING)
+    rows = np.arange(len(values), 0, -1.0)
+    across = ChartAxis("sigma0", min(values.min(), 0.5), max(values.max(), 2.0), logarithmic=True)
+    up = ChartAxis("", 0.3, len(values) + 0.7, names=dict(zip(rows.tolist(), sigma0)), grid=False)
+    places = np.stack([values, rows], axis=1)
     marks = [
-        base,
-        *_ticks_below(axis, bottom, 8.0),
-        svg.line(np.array([[unit, 8], [unit, bottom]]), "axis strong-line"),
+        Marks("line", np.array([[1.0, up.low], [1.0, up.high]]), "ink"),
+        Marks("segments", np.stack([np.stack([np.ones_like(rows), rows], axis=1), places], axis=1), "blue", width=3.0),
+        Marks("dots", places, "blue", width=8.0, ids=list(sigma0), tells=[f"{v:.3g}" for v in sigma0.values()]),
+        Marks("texts", places, "ink", ids=[f"{v:.3g}" for v in sigma0.values()]),
     ]
-    for row, (name, value) in enumerate(sigma0.items()):
-        y = 22.0 * row + 20
-        x = float(axis.px(max(value, 1e-12)))
-        marks += [
-            svg.text(LEFT - 10, y + 4, name, "small", "end"),
-            svg.line(np.array([[unit, y], [x, y]]), "bar"),
-            svg.dots(np.array([[x, y]]), "mark"),
-            svg.text(max(x, unit) + 9, y + 4, f"{value:.3g}", "small"),
-        ]
-    return (
-        svg.drawing(WIDTH, bottom + 24, "sigma0 of the stages", *marks),
-        "sigma0 of each stage: a posteriori over a priori, 1 where the stage's standard deviations are right.",
-    )
+    caption = "sigma0 of each stage: a posteriori over a priori, 1 where the stage's standard deviations are right."
+    return Picture("sigma0", "sigma0 of the stages", caption, marks, across, up, height=60 + 24.0 * len(values))
 
 
-def convergence_chart(cost: Float, decrement: Float) -> Picture | None:
-    """Cost and Newton decrement of the iterations on logarithmic axes.
-
-    Parameters
-    ----------
-    cost : (n,) float64
-    decrement : (n,) float64
-        NaN where there is none.
-    """
-    if len(cost) < 2:
+def iterations_chart(solution: Solution) -> Picture | None:
+    """sigma0 before every step, and the Newton decrement of the step, on a logarithmic axis."""
+    cost, decrement = solution.history.cost, solution.history.decrement
+    if len(cost) < 2 or solution.redundancy < 1:
         return None
-    width, height, left = 360.0, 200.0, 64.0
-    steps = np.arange(1, len(cost) + 1)
-    across = Scale(1.0, float(len(cost)), left, width - 20)
-    marks: list[Markup] = []
-    for values, class_, name in ((cost, "cost", "cost"), (decrement, "decrement", "Newton decrement")):
-        rows = np.isfinite(values) & (values > 0)
-        if not rows.any():
-            continue
-        top, bottom = (14.0, 86.0) if class_ == "cost" else (118.0, height - 30)
-        axis = log_scale(values[rows], bottom, top)
-        px = np.stack([across.px(steps[rows]), axis.px(values[rows])], axis=1)
-        marks += [
-            *_ticks_left(axis, left, width - 20, 3),
-            svg.line(px, f"curve {class_}"),
-            svg.dots(px, class_),
-            svg.text(width - 22, top + 2, name, "small strong", "end"),
-        ]
-    stride = max(1, len(cost) // 10)
-    marks += [svg.text(float(across.px(k)), height - 12, str(k), "small", "middle") for k in steps[::stride]]
-    marks.append(svg.text(left - 8, height - 12, "iteration", "small", "end"))
-    return svg.drawing(
-        width, height, "Convergence", *marks
-    ), "Convergence: cost before each step, and Newton decrement."
+    sigma0 = np.sqrt(np.maximum(cost, 0.0) / solution.redundancy)
+    curves = ((sigma0, "blue", "sigma0 before the step"), (decrement, "violet", "step in standard deviations"))
+    marks = []
+    for values, colour, name in curves:
+        rows = np.flatnonzero(np.isfinite(values) & (values > 0))
+        xy = np.stack([rows + 1.0, values[rows]], axis=1)
+        tells = [f"{v:.4g}" for v in values[rows].tolist()]
+        marks.append(Marks("line", xy, colour, width=1.6))
+        marks.append(Marks("dots", xy, colour, name, width=6.0, ids=[f"iteration {k + 1}" for k in rows], tells=tells))
+    drawn = np.concatenate([m.xy[:, 1] for m in marks])
+    steps = np.arange(1, len(cost) + 1, max(1, len(cost) // 10))
+    across = ChartAxis("iteration", 0.8, len(cost) + 0.2, names={float(k): str(k) for k in steps})
+    up = ChartAxis("", float(drawn.min()), float(drawn.max()), logarithmic=True)
+    caption = (
+        "sigma0 of all observations with their weights at each iteration, and how long its step is: the adjustment "
+        "has converged where the step no longer matters against the standard deviations."
+    )
+    return Picture("iterations", "sigma0 per iteration", caption, marks, across, up)
 
 
 def residual_histogram(normalised: Float) -> Picture | None:
@@ -94,83 +73,114 @@ def residual_histogram(normalised: Float) -> Picture | None:
     """
     if len(normalised) < 10:
         return None
-    width, height, limit = 360.0, 220.0, 5.0
+    limit = 5.0
     edges = np.linspace(-limit, limit, 41)
     count, _ = np.histogram(normalised, edges)
     density = count / len(normalised) / (edges[1] - edges[0])
     grid = np.linspace(-limit, limit, 121)
     normal = np.exp(-0.5 * grid**2) / np.sqrt(2 * np.pi)
-    across = Scale(-limit, limit, 20.0, width - 20)
-    up = Scale(0.0, 1.1 * max(float(density.max()), float(normal.max())), height - 26, 12.0)
-    x, base = across.px(edges), float(up.px(0.0))
-    steps = np.stack([np.repeat(x, 2)[1:-1], np.repeat(up.px(density), 2)], axis=1)
-    outline = np.concatenate([[[x[0], base]], steps, [[x[-1], base]]])
     beyond = int((np.abs(normalised) > limit).sum())
+    ids = [f"{a:.2f} to {b:.2f}" for a, b in pairwise(edges)]
     marks = [
-        svg.area(outline, "histogram"),
-        svg.line(np.stack([across.px(grid), up.px(normal)], axis=1), "curve normal"),
-        svg.line(np.array([[x[0], base], [x[-1], base]]), "axis"),
-        *(svg.text(float(across.px(k)), height - 10, f"{k:g}", "small", "middle") for k in range(-5, 6)),
+        Marks("areas", columns(edges, density), "blue", "residuals", fill=0.3, ids=ids, tells=[f"{n}" for n in count]),
+        Marks("line", np.stack([grid, normal], axis=1), "red", "N(0, 1)", width=1.6),
     ]
     caption = (
         f"Normalised image residuals ({len(normalised):,}) and the curve of N(0, 1): residual over its a priori "
         f"standard deviation times the root of the mean redundancy number. {beyond or 'None'} beyond {limit:g}."
     )
-    return svg.drawing(width, height, "Normalised image residuals", *marks), caption
+    up = ChartAxis("", 0.0, 1.1 * max(float(density.max()), float(normal.max())))
+    title = "Normalised image residuals"
+    return Picture(
+        "residual_histogram", title, caption, marks, ChartAxis("residual / sigma", -limit, limit, grid=False), up
+    )
 
 
-def growth_chart(errors: StripErrors) -> Picture | None:
-    """Errors over the number of the model, each panel to its own scale."""
-    if len(errors) < 2:
+def columns(edges: Float, heights: Float) -> Float:
+    """The columns of a histogram as areas, (n, 4, 2)."""
+    low, high = np.broadcast_to(edges[:-1], heights.shape), np.broadcast_to(edges[1:], heights.shape)
+    zero = np.zeros(len(heights))
+    corners = [np.stack(xy, axis=1) for xy in ((low, zero), (high, zero), (high, heights), (low, heights))]
+    return np.asarray(np.stack(corners, axis=1))
+
+
+def counts_chart(
+    name: str, title: str, caption: str, across: str, edges: Float, count: Int, names: dict[float, str] | None = None
+) -> Picture:
+    """A histogram of counts; `names` are ticks that are not round values."""
+    ids = [f"{a:g} to {b:g}" for a, b in pairwise(edges)]
+    marks = [
+        Marks(
+            "areas",
+            columns(edges, count.astype(np.float64)),
+            "blue",
+            fill=0.35,
+            ids=ids,
+            tells=[f"{n:,}" for n in count],
+        )
+    ]
+    up = ChartAxis("", 0.0, 1.05 * max(float(count.max()), 1.0))
+    return Picture(
+        name,
+        title,
+        caption,
+        marks,
+        ChartAxis(across, edges[0], edges[-1], names=names or {}, grid=False),
+        up,
+        width=400.0,
+    )
+
+
+def groups_chart(solution: Solution) -> Picture | None:
+    """A priori beside a posteriori: the factor on the standard deviations of every group, with 95 % limits."""
+    c = solution.variance_components
+    if c is None:
         return None
-    n = errors.model.astype(np.float64)
-    panels = [
-        *_panel(0, "height, RMS", n, {"cost": ("measured", errors.rms[:, 2]), "normal": ("law", errors.law[:, 2])}),
-        *_panel(1, "mean dZ", n, {"cost": ("", errors.mean[:, 2])}),
-        *_panel(2, "mean dX", n, {"decrement": ("", errors.mean[:, 0])}),
+    rows = np.flatnonzero(np.isfinite(c.factor) & np.isfinite(c.low) & np.isfinite(c.high) & (c.factor > 0))
+    if not len(rows):
+        return None
+    at = np.arange(len(rows), 0, -1.0)
+    ends = np.stack([np.stack([limit[rows], at], axis=1) for limit in (c.low, c.high)], axis=1)
+    tells = [f"{c.factor[k]:.3g} ({c.low[k]:.3g} to {c.high[k]:.3g}), {c.verdict[k]}" for k in rows]
+    low, high = min(float(c.low[rows].min()), 0.7), max(float(c.high[rows].max()), 1.4)
+    up = ChartAxis("", 0.3, len(rows) + 0.7, names=dict(zip(at.tolist(), c.group[rows].tolist())), grid=False)
+    marks = [
+        Marks("line", np.array([[1.0, up.low], [1.0, up.high]]), "ink", "as given"),
+        Marks("segments", ends, "blue", "95 % limits", width=2.5),
+        Marks(
+            "dots", np.stack([c.factor[rows], at], axis=1), "blue", width=8.0, ids=c.group[rows].tolist(), tells=tells
+        ),
     ]
     caption = (
-        f"Errors of {errors.strips[0]} free strips laid on their first model, in thousandths of the first base, at the "
-        "n-th model; each panel to its own scale. Independent errors follow the law sigma_b sqrt(n(n+1)(2n+1)/6). An "
-        "error that all models have in common stays in the mean and grows as n^2."
+        "What the residuals say of the standard deviations given: the factor by which those of a group would have to "
+        "be multiplied, with 95 % limits. A bar across 1 is as given."
     )
-    return svg.drawing(STRIPS_WIDTH, STRIPS_HEIGHT, "Errors along free strips", *panels), caption
+    across = ChartAxis("a posteriori / a priori", low, high)
+    return Picture("groups", "A priori and a posteriori", caption, marks, across, up, height=70 + 24.0 * len(rows))
 
 
-def _panel(place: int, title: str, n: Float, curves: dict[str, tuple[str, Float]]) -> list[Markup]:
-    """One panel: class of the curve to its name and values."""
-    left = 50.0 + 252.0 * place
-    top, bottom, right = 30.0, STRIPS_HEIGHT - 34, left + PANEL
-    values = 1e3 * np.concatenate([v for _, v in curves.values()])
-    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
-    across, up = Scale(0.0, float(n[-1]), left, right), Scale(low, max(high, low + 1e-9), bottom, top)
-    marks = [svg.text(left, 18, title, "small strong")]
-    marks += [*_ticks_left(up, left, right), *_ticks_below(across, bottom)]
-    marks.append(svg.text(right, bottom + 29, "model n", "small", "end"))
-    for row, (class_, (name, v)) in enumerate(curves.items()):
-        y = top + 16 * (row + 1)  # errors that only grow leave this corner free
-        marks.append(svg.line(np.stack([across.px(n), up.px(1e3 * v)], axis=1), f"curve {class_}"))
-        if name:
-            marks.append(svg.line(np.array([[left + 8, y - 4], [left + 28, y - 4]]), f"curve {class_}"))
-            marks.append(svg.text(left + 34, y, name, "small"))
-    return marks
-
-
-def _ticks_below(scale: Scale, bottom: float, top: float | None = None) -> list[Markup]:
-    """Tick values below a chart, with lines of the grid up to `top` if it is given."""
-    px = [(float(scale.px(value)), value) for value in scale.ticks()]
-    grid = [svg.line(np.array([[x, top], [x, bottom]]), "grid") for x, _ in px if top is not None]
-    return [*grid, *(svg.text(x, bottom + 15, tick_text(value), "small", "middle") for x, value in px)]
-
-
-def _ticks_left(scale: Scale, left: float, right: float, most: int = 6) -> list[Markup]:
-    """Tick values left of a chart, at most so many, with lines of the grid; that of zero is an axis."""
-    marks = []
-    ticks = scale.ticks()
-    for value in ticks[:: max(1, len(ticks) // most)]:
-        y = float(scale.px(value))
-        marks += [
-            svg.line(np.array([[left, y], [right, y]]), "axis" if value == 0 else "grid"),
-            svg.text(left - 8, y + 4, tick_text(value), "small", "end"),
-        ]
-    return marks
+def growth_charts(errors: StripErrors) -> list[Picture]:
+    """Errors over the number of the model."""
+    if len(errors) < 2:
+        return []
+    caption = (
+        f"Errors of {errors.strips[0]} free strips laid on their first model, in thousandths of the first base, at the "
+        "n-th model. Independent errors follow the law sigma_b sqrt(n(n+1)(2n+1)/6). An error that all models have in "
+        "common stays in the mean and grows as n^2."
+    )
+    pictures = []
+    for name, title, curves in (
+        (
+            "growth_height",
+            "Height along free strips, RMS",
+            (("blue", "measured", errors.rms[:, 2]), ("red", "law", errors.law[:, 2])),
+        ),
+        ("growth_mean_dz", "Mean dZ along free strips", (("blue", "", errors.mean[:, 2]),)),
+        ("growth_mean_dx", "Mean dX along free strips", (("violet", "", errors.mean[:, 0]),)),
+    ):
+        n, values = errors.model.astype(np.float64), 1e3 * np.concatenate([v for *_, v in curves])
+        marks = [Marks("line", np.stack([n, 1e3 * v], axis=1), colour, label, 1.6) for colour, label, v in curves]
+        up = ChartAxis("", min(float(values.min()), 0.0), max(float(values.max()), float(values.min()) + 1e-9, 0.0))
+        pictures.append(Picture(name, title, caption, marks, ChartAxis("model n", 0.0, float(n[-1])), up, width=380.0))
+        caption = f"{title}, likewise."
+    return pictures

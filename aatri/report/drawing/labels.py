@@ -2,12 +2,9 @@
 
 from collections.abc import Sequence
 
-from markupsafe import Markup
-
 from aatri.arrays import Float
-from aatri.report.drawing import svg
 
-CHARACTER_PX = 6.0
+CHARACTER_PX = 7.0
 LINE_PX = 11.0
 AWAY_PX = 8.0
 
@@ -31,37 +28,29 @@ class Labels:
         """Do not write over marks of this half width at these points (n, 2)."""
         self.taken += [(x - half, y - half, x + half, y + half) for x, y in xy.tolist()]
 
-    def around(self, xy: Float, texts: Sequence[str], class_: str = "small label") -> tuple[list[Markup], int]:
-        """Labels right, left, above or below of points (n, 2), and how many found no room."""
-        marks = []
+    def around(self, xy: Float, texts: Sequence[str]) -> list[tuple[float, float, str, str]]:
+        """Where labels stand: x, y, anchor and text, right, left, above or below of points (n, 2) as far as is room."""
+        written = []
         for (x, y), text in zip(xy.tolist(), texts):
             wide = CHARACTER_PX * len(text)
-            spots = (
-                (x + AWAY_PX, y + 3, "start"),
-                (x - AWAY_PX, y + 3, "end"),
-                (x, y - AWAY_PX, "middle"),
-                (x, y + AWAY_PX + LINE_PX - 3, "middle"),
-            )
-            for spot in spots:
-                mark = self._write(*spot, wide, text, class_)
-                if mark is not None:
-                    marks.append(mark)
+            for at_x, at_y, left, anchor in (
+                (x + AWAY_PX, y + 3, x + AWAY_PX, "start"),
+                (x - AWAY_PX, y + 3, x - AWAY_PX - wide, "end"),
+                (x, y - AWAY_PX, x - wide / 2, "middle"),
+                (x, y + AWAY_PX + LINE_PX - 3, x - wide / 2, "middle"),
+            ):
+                if self._take((left, at_y - LINE_PX + 2, left + wide, at_y + 2)):
+                    written.append((at_x, at_y, anchor, text))
                     break
-        return marks, len(texts) - len(marks)
+        return written
 
-    def at(self, x: float, y: float, text: str, anchor: str, class_: str) -> list[Markup]:
-        """A label at one spot, if it is free."""
-        mark = self._write(x, y, anchor, CHARACTER_PX * len(text), text, class_)
-        return [] if mark is None else [mark]
-
-    def _write(self, x: float, y: float, anchor: str, wide: float, text: str, class_: str) -> Markup | None:
-        left = {"start": x, "end": x - wide, "middle": x - wide / 2}[anchor]
-        box = (left, y - LINE_PX + 2, left + wide, y + 2)
+    def _take(self, box: Box) -> bool:
+        """Whether a place is within the picture and free; then it is taken."""
         outside = box[0] < 0 or box[1] < 0 or box[2] > self.width or box[3] > self.height
         if outside or any(_overlap(box, other) for other in self.taken):
-            return None
+            return False
         self.taken.append(box)
-        return svg.text(x, y, text, class_, anchor)
+        return True
 
 
 def _overlap(a: Box, b: Box) -> bool:

@@ -1,26 +1,24 @@
-"""The network: what was observed between which points, with error ellipses of the points.
+"""The network: what was observed between which points; and standard ellipses, C = s^2 U U', of points and images.
 
-Lines are geodetic observations and relative control; those with an observation that is rejected are drawn as such. The
-ellipses are standard ones of the plan, C = s^2 U U', all enlarged by the same round number.
+Lines are geodetic observations and relative control; those with an observation that is rejected are drawn as such. All
+ellipses of a picture are enlarged by the same round number.
 """
 
 from itertools import pairwise
 
 import numpy as np
-from markupsafe import Markup
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing import svg
-from aatri.report.drawing.labels import Labels
-from aatri.report.drawing.plan import furniture, ground_positions
-from aatri.report.drawing.scales import GroundPlan, plan_of, round_below, thinned
-from aatri.report.drawing.svg import Picture
+from aatri.report.drawing.picture import Marks, Picture, Shape
+from aatri.report.drawing.plan import ground_positions, rejected_control, roles
+from aatri.report.drawing.scales import length_text, near, round_below, thinned
+from aatri.report.drawing.vectors import times
 
-MOST_LINES, MOST_ELLIPSES, MOST_NAMES = 2000, 400, 120
-ELLIPSE_PX = 14.0
-"""Half the longest axis of the largest ellipse but a few."""
+MOST_LINES, MOST_ELLIPSES = 5000, 1500
+OF_EXTENT = 0.02
+"""Half the longest axis of the largest ellipse but a few, of the extent of the picture."""
 CORNERS = np.linspace(0, 2 * np.pi, 25)[:-1]
 
 
@@ -45,43 +43,107 @@ def ellipses(covariance_m2: Float) -> tuple[Float, Float]:
     return axes, np.asarray(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1]) % np.pi)
 
 
+def ellipse_marks(groups: dict[str, tuple[str, Float, Float, list[str]]], extent_m: float) -> tuple[list[Marks], float]:
+    """Ellipses as areas, and how many times they are enlarged.
+
+    Parameters
+    ----------
+    groups : {name: (colour, xy_m, covariance_m2, ids)}
+        (n, 2) and (n, 3, 3); without covariance there is no ellipse.
+    extent_m : float, m
+        Of the picture.
+    """
+    shapes = {name: ellipses(covariance) for name, (_, _, covariance, _) in groups.items()}
+    longest = np.concatenate([axes[:, 0] for axes, _ in shapes.values()])
+    if not (longest > 0).any():
+        return [], 0.0
+    scale = round_below(OF_EXTENT * extent_m / float(np.quantile(longest[longest > 0], 0.95)))
+    marks = []
+    for name, (colour, xy, _, ids) in groups.items():
+        axes, bearing = shapes[name]
+        rows = np.flatnonzero((axes[:, 0] > 0) & np.isfinite(xy).all(axis=1))
+        rows = rows[thinned(len(rows), MOST_ELLIPSES)]
+        along = np.stack([np.sin(bearing[rows]), np.cos(bearing[rows])], axis=1)[:, None]
+        across = np.stack([along[..., 1], -along[..., 0]], axis=2)
+        a, b = (scale * axes[rows, k][:, None, None] for k in (0, 1))
+        rim = xy[rows][:, None] + a * np.cos(CORNERS)[:, None] * along + b * np.sin(CORNERS)[:, None] * across
+        tells = [f"{length_text(m)} by {length_text(n)}" for m, n in axes[rows].tolist()]
+        marks.append(Marks("areas", rim, colour, name, 1.0, 0.12, ids=[ids[k] for k in rows], tells=tells))
+    return marks, scale
+
+
+def ellipses_picture(block: Block, solution: Solution) -> Picture | None:
+    """Standard ellipses of projection centres, control and check points."""
+    images, points, ground = solution.images, solution.points, ground_positions(block, solution)
+    given = np.flatnonzero((roles(block) > 0) & np.isfinite(ground[:, :2]).all(axis=1))
+    groups = {
+        "projection centres": ("blue", images.position_m[:, :2], images.covariance[:, :3, :3], images.id.tolist()),
+        "control and check points": (
+            "red",
+            ground[given, :2],
+            points.covariance_m2[given],
+            points.id[given].tolist(),
+        ),
+    }
+    places = np.concatenate([xy[np.isfinite(xy).all(axis=1)] for _, xy, _, _ in groups.values()])
+    if not len(places):
+        return None
+    main = near(places)
+    low, high = places[main].min(axis=0), places[main].max(axis=0)
+    groups = {
+        name: (colour, np.where(((xy >= low) & (xy <= high)).all(axis=1)[:, None], xy, np.nan), covariance, ids)
+        for name, (colour, xy, covariance, ids) in groups.items()
+    }
+    marks, scale = ellipse_marks(groups, float((high - low).max()))
+    if not marks:
+        return None
+    caption = (
+        f"Standard ellipses in plan of projection centres and of control and check points, enlarged {times(scale)}: "
+        "where they are large or long, control or a cross strip is missing."
+    )
+    return Picture("ellipses", "Error ellipses", caption, marks)
+
+
 def network_picture(block: Block, solution: Solution) -> Picture | None:
-    """The picture and its caption; None where fewer than two points are observed from each other."""
-    ground = ground_positions(block, solution)
+    """What is observed between points; None where fewer than two points are observed from each other."""
+    ground = ground_positions(block, solution)[:, :2]
     lines, wrong = observed_lines(block, solution)
-    finite: Bool = np.asarray(np.isfinite(ground[:, :2]).all(axis=1))
-    both: Bool = np.asarray(finite[lines].all(axis=1))
+    both: Bool = np.asarray(np.isfinite(ground[lines]).all(axis=(1, 2)))
     lines, wrong = lines[both], wrong[both]
     if not len(lines):
         return None
     points = np.unique(lines)
-    plan = plan_of(ground[points, :2])
-    shown = thinned(len(lines), MOST_LINES)
-    ends = [plan.px(ground[lines[:, k]]) for k in range(2)]
-    right = shown[~wrong[shown]]
+    drawn = thinned(len(lines), MOST_LINES)
+    right = drawn[~wrong[drawn]]
+    control = (roles(block) == CONTROL)[points]
+    out = np.isin(block.points.id[points], rejected_control(solution))
+    extent = float(np.ptp(ground[points], axis=0).max())
+    names = block.points.id[points].tolist()
+    rims, scale = ellipse_marks(
+        {"standard ellipses": ("blue", ground[points], solution.points.covariance_m2[points], names)}, extent
+    )
+    between = [" to ".join(block.points.id[line]) for line in lines]
     marks = [
-        svg.segments(ends[0][right], ends[1][right], "sight"),
-        svg.segments(ends[0][wrong], ends[1][wrong], "sight rejected"),
-    ]
-    drawn, scale = _ellipses(solution, ground, points, plan)
-    is_control = np.zeros(len(ground), dtype=bool)
-    is_control[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
-    fixed, new = points[is_control[points]], points[~is_control[points]]
-    labels = Labels(plan.width_px, plan.height_px)
-    names, left = labels.around(plan.px(ground[points[:MOST_NAMES]]), block.points.id[points[:MOST_NAMES]].tolist())
-    marks += [
-        *drawn,
-        svg.dots(plan.px(ground[new]), "new"),
-        svg.triangles(plan.px(ground[fixed]), "control"),
-        *names,
-        *furniture(plan),
-    ]
-    caption = f"Network: {len(lines)} lines observed between {len(points)} points, control as triangles"
+        Marks("segments", ground[lines[right]], "soft", "observed", 0.8),
+        Marks("segments", ground[lines[wrong]], "red", "with a rejected observation", 1.2, dashed=True,
+              ids=[between[k] for k in np.flatnonzero(wrong)]),
+        *rims,
+    ]  # fmt: skip
+    shapes: tuple[tuple[Shape, str, str, Bool], ...] = (
+        ("dots", "soft", "new points", ~control),
+        ("triangles", "red", "control", control & ~out),
+        ("crosses", "red", "control left out", control & out),
+    )
+    for shape, colour, name, of in shapes:
+        ids = block.points.id[points[of]].tolist()
+        marks.append(
+            Marks(shape, ground[points[of]], colour, name, 4.0 if shape == "dots" else 1.6, ids=ids, labelled=True)
+        )
+    caption = f"{len(lines)} lines observed between {len(points)} points"
     caption += f", {int(wrong.sum())} with a rejected observation" if wrong.any() else ""
-    caption += f"; standard ellipses enlarged {scale:g} times" if scale else ""
-    caption += f"; {len(shown)} lines drawn" if len(shown) < len(lines) else ""
-    caption += f"; names of {len(points) - left - max(0, len(points) - MOST_NAMES)}" if left else ""
-    return svg.drawing(plan.width_px, plan.height_px + 34, "Network", *marks), f"{caption}."
+    caption += f"; standard ellipses enlarged {times(scale)}" if scale else ""
+    caption += f"; {len(drawn)} lines drawn" if len(drawn) < len(lines) else ""
+    return Picture("network", "Network", f"{caption}.", marks, width=720.0)
 
 
 def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
@@ -108,20 +170,3 @@ def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
             add(a, b)
     rows = np.array(sorted(lines), dtype=np.int64).reshape(-1, 2)
     return rows, np.array([lines[a, b] for a, b in rows.tolist()], dtype=bool)
-
-
-def _ellipses(solution: Solution, ground: Float, points: Int, plan: GroundPlan) -> tuple[list[Markup], float]:
-    axes, bearing = ellipses(solution.points.covariance_m2[points])
-    rows = np.flatnonzero(axes[:, 0] > 0)
-    if not len(rows):
-        return [], 0.0
-    rows = rows[thinned(len(rows), MOST_ELLIPSES)]
-    scale = round_below(ELLIPSE_PX / (plan.px_per_m * float(np.quantile(axes[rows, 0], 0.95))))
-    along = np.stack([np.sin(bearing[rows]), np.cos(bearing[rows])], axis=1)
-    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    marks = []
-    for k, place in enumerate(points[rows]):
-        a, b = scale * axes[rows[k]]
-        rim = ground[place, :2] + a * np.cos(CORNERS)[:, None] * along[k] + b * np.sin(CORNERS)[:, None] * across[k]
-        marks.append(svg.area(plan.px(rim), "ellipse"))
-    return marks, float(scale)

@@ -5,24 +5,21 @@ Positions are those of the best solution there is, else those given with the blo
 """
 
 import numpy as np
-from markupsafe import Markup
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
-from aatri.ids import shown as shown_ids
-from aatri.report.drawing import svg
-from aatri.report.drawing.labels import Labels
-from aatri.report.drawing.scales import GroundPlan, length_text, near, plan_of, round_below, thinned
-from aatri.report.drawing.svg import Picture
+from aatri.artifacts.suspects import staying_out
+from aatri.ids import rows_of, shown
+from aatri.report.drawing.picture import Marks, Picture
+from aatri.report.drawing.scales import near, thinned
 
 MOST_FOOTPRINTS = 400
-MOST_POINT_LABELS = 300
 MOST_FAR = 5
 
 
 def block_plan(block: Block, solution: Solution | None) -> Picture | None:
-    """The picture and its caption; None where no position is known.
+    """Where images and points are; None where no position is known.
 
     Parameters
     ----------
@@ -37,47 +34,54 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
     if not len(places):
         return None
     main = near(places)
-    plan = plan_of(places[main])
     low, high = places[main].min(axis=0), places[main].max(axis=0)
+    located = np.isfinite(ground[:, :2]).all(axis=1)
     centres, ground = _within(centres, low, high), _within(ground, low, high)
     feet = feet[np.isfinite(feet).all(axis=(1, 2))]
     feet = feet[((feet >= low) & (feet <= high)).all(axis=(1, 2))]
-    shown = feet[thinned(len(feet), MOST_FOOTPRINTS)]
-    labels = Labels(plan.width_px, plan.height_px)
-    lines = _flight_lines(block, centres, plan, labels)
-    points, notes = _points(block, ground, plan, labels)
-    far = _far_off(block, solution, ground)
-    if far:
-        notes.append(f"not {shown_ids(far, MOST_FAR)}, which lie far off")
-    if len(shown) < len(feet):
-        notes.append(f"{len(shown)} of {len(feet)} footprints")
-    marks = [
-        *(svg.area(plan.px(corners), "footprint") for corners in shown),
-        *lines,
-        *points,
-        *furniture(plan),
-    ]
-    what = "footprints, " if len(shown) else ""
+    drawn_feet = feet[thinned(len(feet), MOST_FOOTPRINTS)]
+    images = image_rows(block, centres)
+    points, notes = _points(block, solution, ground, images)
+    far = located & ~np.isfinite(ground[:, :2]).all(axis=1)
+    if far.any():
+        notes.append(f"not {shown(block.points.id[far].tolist(), MOST_FAR)}, which lie far off")
+    if len(drawn_feet) < len(feet):
+        notes.append(f"{len(drawn_feet)} of {len(feet)} footprints")
+    details = f" Drawn: {', '.join(notes)}." if notes else ""
     caption = (
-        f"Block plan: {what}flight lines with projection centres, control (triangles), check points (circles), "
-        "new points (dots)."
+        "Projection centres along their strips, and the points on the ground. A click on an image or a point leaves "
+        f"only its rays.{details}"
     )
-    if notes:
-        caption += f" Drawn: {', '.join(notes)}."
-    return svg.drawing(plan.width_px, plan.height_px + 34, "Block plan", *marks), caption
+    marks = [
+        Marks("areas", drawn_feet, "soft", "footprints", width=0.6, fill=0.05),
+        *_flown(block, centres, images),
+        *points,
+    ]
+    return Picture("plan", "Block plan", caption, marks, width=720.0)
+
+
+def image_rows(block: Block, xy_m: Float) -> Int:
+    """Rows of the images with a position, strip by strip along the flight."""
+    order = np.lexsort((np.arange(len(xy_m)), np.nan_to_num(block.images.sequence), block.images.strip))
+    return np.asarray(order[np.isfinite(xy_m[order, :2]).all(axis=1)])
+
+
+def _flown(block: Block, centres: Float, order: Int) -> list[Marks]:
+    """Images as dots that see points, flight lines between those of a strip, and the names of the strips."""
+    strip, xy = block.images.strip[order], centres[order, :2]
+    along = np.flatnonzero((strip[1:] == strip[:-1]) & (strip[1:] >= 0))
+    first = np.flatnonzero((strip >= 0) & np.append(True, strip[1:] != strip[:-1])) if len(order) else order
+    return [
+        Marks("segments", np.stack([xy[along], xy[along + 1]], axis=1), "blue"),
+        Marks("dots", xy, "blue", "images", width=5.0, ids=block.images.id[order].tolist(), sees=True),
+        Marks("texts", xy[first], "blue", ids=block.strips.id[strip[first]].tolist()),
+    ]
 
 
 def _within(xyz: Float, low: Float, high: Float) -> Float:
     """The points with NaN for those outside of a box."""
     inside = np.asarray(((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1))
     return np.where(inside[:, None], xyz, np.nan)
-
-
-def _far_off(block: Block, solution: Solution | None, drawn: Float) -> list[str]:
-    """Points with a role that are not drawn because they lie far off."""
-    located = np.isfinite(ground_positions(block, solution)[:, :2]).all(axis=1)
-    lost = located & ~np.isfinite(drawn[:, :2]).all(axis=1)
-    return [str(name) for name in block.points.id[lost]]
 
 
 def image_positions(block: Block, solution: Solution | None) -> Float:
@@ -106,23 +110,6 @@ def ground_positions(block: Block, solution: Solution | None) -> Float:
     if solution is None:
         return coordinates
     return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, coordinates)
-
-
-def furniture(plan: GroundPlan) -> list[Markup]:
-    """Scale bar and north arrow, in the strip of 34 px below the plan."""
-    length = round_below(0.25 * plan.width_px / plan.px_per_m)
-    x, y = 30.0, plan.height_px + 12
-    end = x + length * plan.px_per_m
-    bar = np.array([[x, y - 5], [x, y], [end, y], [end, y - 5]])
-    north = np.array([[plan.width_px - 24, y + 8], [plan.width_px - 24, y - 14]])
-    head = north[1] + np.array([[0.0, -4.0], [4.0, 6.0], [-4.0, 6.0]])
-    return [
-        svg.line(bar, "axis"),
-        svg.text((x + end) / 2, y + 14, length_text(length), "small", "middle"),
-        svg.line(north, "axis"),
-        svg.area(head, "ink"),
-        svg.text(plan.width_px - 34, y + 4, "N", "small", "end"),
-    ]
 
 
 def footprints(block: Block, solution: Solution | None) -> Float:
@@ -154,50 +141,85 @@ def _terrain_height(block: Block, solution: Solution) -> float:
     return float(np.median(z[np.isfinite(z)])) if np.isfinite(z).any() else np.nan
 
 
-def _flight_lines(block: Block, centres: Float, plan: GroundPlan, labels: Labels) -> list[Markup]:
-    located = np.asarray(np.isfinite(centres[:, :2]).all(axis=1))
-    order = np.lexsort((np.arange(len(centres)), np.nan_to_num(block.images.sequence), block.images.strip))
-    order = order[located[order]]
-    if not len(order):
+def rejected_control(solution: Solution | None) -> list[str]:
+    """Ids of the control points of which a coordinate is left out."""
+    if solution is None:
         return []
-    strip = block.images.strip[order]
-    px = plan.px(centres[order])
-    parts = np.split(np.arange(len(order)), np.flatnonzero(np.diff(strip)) + 1)
-    flown = [part for part in parts if strip[part[0]] >= 0]
-    marks = [svg.line(px[part], "flight") for part in flown if len(part) > 1]
-    marks.append(svg.dots(px[thinned(len(px))], "centre"))
-    for part in flown:
-        marks += _strip_label(str(block.strips.id[strip[part[0]]]), px[part], labels)
-    return marks
+    s = solution.suspects
+    return sorted(set(s.point[staying_out(s) & (s.kind == "control")].tolist()))
 
 
-def _strip_label(name: str, px: Float, labels: Labels) -> list[Markup]:
-    """Ahead of the first image, away from the second."""
-    away = px[0] - px[1] if len(px) > 1 else np.array([-1.0, 0.0])
-    x, y = px[0] + 12 * away / max(float(np.hypot(*away)), 1e-9)
-    return labels.at(float(x), float(y) + 3, name, "end" if away[0] < 0 else "start", "small strong label")
+def roles(block: Block) -> Int:
+    """Role of every point, control before check.
+
+    Returns
+    -------
+    (n,) int
+    """
+    role = np.zeros(len(block.points), int)
+    for of in (CHECK, CONTROL):
+        role[block.ground_points.point[(block.ground_points.role == of).any(axis=1)]] = of
+    return role
 
 
-def _points(block: Block, ground: Float, plan: GroundPlan, labels: Labels) -> tuple[list[Markup], list[str]]:
-    located = np.isfinite(ground[:, :2]).all(axis=1)
-    role = np.zeros(len(ground), int)
-    role[block.ground_points.point[(block.ground_points.role == CHECK).any(axis=1)]] = CHECK
-    role[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = CONTROL
-    marks: list[Markup] = []
-    notes = []
-    written: list[Markup] = []
-    labels.keep_free(plan.px(ground[located & (role == CONTROL)])[:MOST_POINT_LABELS], 4.0)
-    for kind, name, draw in ((0, "new", svg.dots), (CHECK, "check", svg.circles), (CONTROL, "control", svg.triangles)):
-        rows = np.flatnonzero(located & (role == kind))
-        shown = rows[thinned(len(rows))]
-        px = plan.px(ground[shown])
-        marks.append(draw(px, name))
-        if len(shown) < len(rows):
-            notes.append(f"{len(shown)} of {len(rows)} {name} points")
-    for kind, name in ((CONTROL, "control"), (CHECK, "check")):
-        rows = np.flatnonzero(located & (role == kind))[:MOST_POINT_LABELS]
-        found, left = labels.around(plan.px(ground[rows]), block.points.id[rows].tolist())
-        written += found
-        if left:
-            notes.append(f"names of {len(rows) - left} of {int((located & (role == kind)).sum())} {name} points")
-    return [*marks, *written], notes
+def used_rays(block: Block, solution: Solution | None) -> tuple[Int, Int]:
+    """Image and point of every image point in use.
+
+    Returns
+    -------
+    image, point : (n,) int
+    """
+    m = block.image_points
+    used: Bool = m.active.copy()
+    if solution is not None:
+        out = (solution.residuals.kind == "image_point") & ~solution.residuals.active & (solution.residuals.row >= 0)
+        used[solution.residuals.row[out]] = False
+    return m.image[used], m.point[used]
+
+
+def seen_from(rays: tuple[Int, Int], points: Int, images: Int) -> list[list[int]]:
+    """From which of some images each of some points is seen; `points` and `images` are rows of the block."""
+    if not len(points) or not len(rays[0]):
+        return []
+    number, place = (
+        np.full(1 + max(of.max(initial=-1), at.max()), -1) for of, at in ((images, rays[0]), (points, rays[1]))
+    )
+    number[images], place[points] = np.arange(len(images)), np.arange(len(points))
+    image, point = number[rays[0]], place[rays[1]]
+    shown_rays = np.flatnonzero((image >= 0) & (point >= 0))
+    shown_rays = shown_rays[np.argsort(point[shown_rays], kind="stable")]
+    ends = np.cumsum(np.bincount(point[shown_rays], minlength=len(points)))[:-1]
+    return [part.tolist() for part in np.split(image[shown_rays], ends)]
+
+
+def _points(block: Block, solution: Solution | None, ground: Float, images: Int) -> tuple[list[Marks], list[str]]:
+    rays = used_rays(block, solution)
+    located, role = np.isfinite(ground[:, :2]).all(axis=1), roles(block)
+    out = np.zeros(len(ground), dtype=bool)
+    wrong = rows_of(rejected_control(solution), block.points.id)
+    out[wrong[wrong >= 0]] = True
+    marks, notes = [], []
+    for shape, colour, name, of in (
+        ("dots", "soft", "new points", role == 0),
+        ("circles", "green", "check points", role == CHECK),
+        ("triangles", "red", "control", (role == CONTROL) & ~out),
+        ("crosses", "red", "control left out", (role == CONTROL) & out),
+    ):
+        rows = np.flatnonzero(located & of)
+        drawn = rows[thinned(len(rows))]
+        if len(drawn) < len(rows):
+            notes.append(f"{len(drawn)} of {len(rows)} {name}")
+        marks.append(
+            Marks(
+                shape,  # type: ignore[arg-type]
+                ground[drawn, :2],
+                colour,
+                name,
+                width={"dots": 2.5, "crosses": 2.5}.get(shape, 1.6),
+                ids=block.points.id[drawn].tolist(),
+                tells=[f"{k} rays" for k in solution.points.rays[drawn].tolist()] if solution is not None else (),
+                labelled=shape != "dots",
+                seen_from=seen_from(rays, drawn, images),
+            )
+        )
+    return marks, notes

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int
 
-MOST_MARKS = 5000
+MOST_MARKS = 20000
 """At most this many marks of one kind are drawn."""
 
 FAR_EXTENTS = 5.0

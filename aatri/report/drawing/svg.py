@@ -1,72 +1,217 @@
-"""Inline SVG: elements as escaped text, and the few marks the pictures are made of.
+"""Pictures as inline SVG: what the marks of a picture are as paths, with its axes, legend, labels and scales.
 
-Pixels, origin top left, y down. Many marks of one kind are one path, so that a picture of thousands of points stays
-small. Colours come from the page's style by class name.
+Pixels, origin top left, y down. Marks of one kind are one path, so that a picture of thousands of points stays small.
+Every mark begins with an absolute M at its place: the page's script reads the places back from there, to tell what the
+pointer is at, and draws large pictures on a canvas.
 """
 
+from collections.abc import Mapping
+
+import numpy as np
 from markupsafe import Markup, escape
 
 from aatri.arrays import Float
+from aatri.report.drawing.labels import Labels
+from aatri.report.drawing.picture import ChartAxis, Marks, Picture
+from aatri.report.drawing.scales import GroundPlan, Scale, length_text, log_scale, plan_of, round_below, tick_text
 
-Picture = tuple[Markup, str]
-"""A picture and its caption."""
+MANY = 6000
+"""Marks from which on the script draws on a canvas."""
+
+MOST_LABELS = 300
+"""Of one kind of marks."""
+
+NOTHING: Mapping[str, object] = {}
+
+SIZE = 5.0
+"""Half the width of triangles, circles and crosses, px."""
+
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 16.0, 12.0, 42.0
+"""Room around a chart, px."""
 
 
 def element(name: str, *children: str, **attributes: object) -> Markup:
     """An element; `class_` is class, other underscores become hyphens. Children that are not markup are escaped."""
-    listed = "".join(f' {_attribute(key)}="{escape(_value(value))}"' for key, value in attributes.items())
+    listed = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(f"{value:g}" if isinstance(value, float) else str(value))}"'
+        for key, value in attributes.items()
+        if value != "" and value is not None
+    )
     return Markup(f"<{name}{listed}>{''.join(escape(child) for child in children)}</{name}>")
 
 
-def drawing(width: float, height: float, label: str, *children: str) -> Markup:
-    """A picture with a label for those who do not see it."""
-    return element(
-        "svg", element("title", label), *children, viewBox=f"0 0 {width:g} {height:g}", role="img", width=f"{width:g}"
+def drawn(picture: Picture) -> Markup:
+    """A picture with its legend as an element of the page."""
+    shown = [m for m in picture.marks if len(m.xy)]
+    marks, furniture, height = _plan(picture, shown) if picture.across is None else _chart(picture, shown)
+    many = sum(len(m.xy) for m in shown if m.shape != "line") > MANY
+    image = element(
+        "svg",
+        element("title", picture.title),
+        element("g", *marks, class_="marks"),
+        element("g", *furniture, class_="furniture"),
+        viewBox=f"0 0 {picture.width:g} {height:g}",
+        role="img",
+        width=picture.width,
+        class_=("plan" if picture.across is None else "chart") + (" many" if many else ""),
     )
+    return element("div", image, _legend(shown), class_="picture", data_name=picture.name)
 
 
-def dots(xy: Float, class_: str) -> Markup:
-    """Round dots at points (n, 2), sized by the style's stroke width."""
-    return element("path", d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in xy), class_=f"dots {class_}")
+def _legend(marks: list[Marks]) -> Markup:
+    entries = []
+    for m in marks:
+        if m.name:
+            place = np.array([[8.0, 6.0]])
+            if m.shape == "segments":
+                place = np.array([[[1.0, 6.0], [15.0, 6.0]]])
+            elif m.shape == "line":
+                place = np.array([[1.0, 6.0], [15.0, 6.0]])
+            elif m.shape == "areas":
+                place = np.array([[[2.0, 2.0], [14.0, 2.0], [14.0, 10.0], [2.0, 10.0]]])
+            sample = element("svg", _path(m, place, 4.5), viewBox="0 0 16 12", width=16, height=12)
+            entries.append(element("li", sample, f" {m.name}"))
+    return element("ul", *entries, class_="legend") if entries else Markup("")
 
 
-def segments(start: Float, end: Float, class_: str) -> Markup:
-    """Straight lines from points (n, 2) to points (n, 2)."""
-    d = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {e:.1f}" for (a, b), (c, e) in zip(start, end))
-    return element("path", d=d, class_=class_)
+def _path(marks: Marks, px: Float, size: float = SIZE, more: Mapping[str, object] = NOTHING) -> Markup:
+    """The marks as one path."""
+    match marks.shape:
+        case "dots":
+            d = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in px.tolist())
+        case "triangles":
+            shape = f"m0 {-size:g}l{size:g} {1.7 * size:g}h{-2 * size:g}Z"
+            d = "".join(f"M{x:.1f} {y:.1f}{shape}" for x, y in px.tolist())
+        case "circles":
+            shape = f"m{-size:g} 0a{size:g} {size:g} 0 1 0 {2 * size:g} 0a{size:g} {size:g} 0 1 0 {-2 * size:g} 0Z"
+            d = "".join(f"M{x:.1f} {y:.1f}{shape}" for x, y in px.tolist())
+        case "crosses":
+            shape = f"m{-size:g} {-size:g}l{2 * size:g} {2 * size:g}m{-2 * size:g} 0l{2 * size:g} {-2 * size:g}"
+            d = "".join(f"M{x:.1f} {y:.1f}{shape}" for x, y in px.tolist())
+        case "segments":
+            d = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {e:.1f}" for (a, b), (c, e) in px.tolist())
+        case "areas":
+            d = "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z" for corners in px.tolist())
+        case _:
+            d = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in px.tolist())
+    filled = {"fill_opacity": marks.fill} if marks.fill else {}
+    classes = [marks.colour, *(["filled"] if marks.fill else []), *(["dots"] if marks.shape == "dots" else [])]
+    classes += ["dashed"] if marks.dashed else []
+    return element("path", d=d, class_=" ".join(classes), stroke_width=float(marks.width), **filled, **more)
 
 
-def line(points: Float, class_: str) -> Markup:
-    """One line through points (n, 2)."""
-    return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points), class_=class_)
+def _paths(marks: list[Marks], px: list[Float]) -> list[Markup]:
+    """A path for each kind of marks, with what the pointer is told."""
+    paths = []
+    for m, at in zip(marks, px):
+        if m.shape == "texts":
+            continue
+        more: dict[str, object] = {}
+        if m.shape != "line":
+            more = {"data_ids": "\n".join(m.ids), "data_tells": "\n".join(m.tells), "data_shape": m.shape}
+        if m.seen_from:
+            more["data_seen"] = ";".join(",".join(str(k) for k in images) for images in m.seen_from)
+        if m.sees:
+            more["data_sees"] = "1"
+        paths.append(_path(m, at, more=more))
+    return paths
 
 
-def area(points: Float, class_: str) -> Markup:
-    """A closed polygon with corners (n, 2)."""
-    return element("path", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "Z", class_=class_)
+def _labels(marks: list[Marks], px: list[Float], width: float, height: float) -> list[Markup]:
+    """Ids beside their marks, as far as there is room; texts before all others."""
+    places, written = Labels(width, height), list[Markup]()
+    for m, at in zip(marks, px):
+        if m.labelled:
+            places.keep_free(at[:MOST_LABELS], 4.0)
+    for m, at in sorted(zip(marks, px), key=lambda one: one[0].shape != "texts"):
+        if m.shape == "texts" or m.labelled:
+            class_ = "strong label" if m.shape == "texts" else "label"
+            room = places.around(at[:MOST_LABELS], m.ids[:MOST_LABELS])
+            written += [text(x, y, content, class_, anchor) for x, y, anchor, content in room]
+    return written
 
 
-def triangles(xy: Float, class_: str, size: float = 5.0) -> Markup:
-    """Upright triangles around points (n, 2); `size` is half their width."""
-    corners = f"l{size:g} {1.7 * size:g}h{-2 * size:g}Z"
-    return element("path", d="".join(f"M{x:.1f} {y - size:.1f}{corners}" for x, y in xy), class_=class_)
+def _plan(picture: Picture, marks: list[Marks]) -> tuple[list[Markup], list[Markup], float]:
+    plan = plan_of(np.concatenate([m.xy.reshape(-1, 2) for m in marks]), width=picture.width)
+    px = [plan.px(m.xy.reshape(-1, 2)).reshape(m.xy.shape) for m in marks]
+    furniture = [*(_bar_and_north(plan) if picture.ground else []), *_key(picture, plan)]
+    height = plan.height_px + (34.0 if furniture else 0.0)
+    return [*_paths(marks, px), *_labels(marks, px, plan.width_px, plan.height_px)], furniture, height
 
 
-def circles(xy: Float, class_: str, radius: float = 5.0) -> Markup:
-    """Circles around points (n, 2)."""
-    half = f"a{radius:g} {radius:g} 0 1 0"
-    d = "".join(f"M{x - radius:.1f} {y:.1f}{half} {2 * radius:g} 0{half} {-2 * radius:g} 0Z" for x, y in xy)
-    return element("path", d=d, class_=class_)
+def _bar_and_north(plan: GroundPlan) -> list[Markup]:
+    length = round_below(0.25 * plan.width_px / plan.px_per_m)
+    x, y = 30.0, plan.height_px + 12
+    end = x + length * plan.px_per_m
+    north = np.array([[plan.width_px - 24, y + 8], [plan.width_px - 24, y - 14]])
+    head = north[1] + np.array([[0.0, -4.0], [4.0, 6.0], [-4.0, 6.0]])
+    return [
+        _path(Marks("line", np.zeros((0, 2)), "soft"), np.array([[x, y - 5], [x, y], [end, y], [end, y - 5]])),
+        text((x + end) / 2, y + 14, length_text(length), "scale", "middle", data_length=length),
+        _path(Marks("line", np.zeros((0, 2)), "soft"), north),
+        _path(Marks("areas", np.zeros((0, 2)), "ink", fill=1.0), head[None]),
+        text(plan.width_px - 34, y + 4, "N", "", "end"),
+    ]
 
 
-def text(x: float, y: float, content: str, class_: str = "", anchor: str = "start") -> Markup:
+def _key(picture: Picture, plan: GroundPlan) -> list[Markup]:
+    """A vector of round length."""
+    if picture.key is None:
+        return []
+    length, meaning = picture.key
+    y, x = plan.height_px + 12, plan.width_px / 2
+    end = x + length * plan.px_per_m
+    line = Marks("segments", np.zeros((0, 2)), "ink", width=1.4)
+    return [
+        _path(line, np.array([[[x, y], [end, y]]])),
+        _path(Marks("dots", np.zeros((0, 2)), "ink", width=4.0), np.array([[x, y]])),
+        text((x + end) / 2, y + 14, meaning, "key", "middle"),
+    ]
+
+
+def _chart(picture: Picture, marks: list[Marks]) -> tuple[list[Markup], list[Markup], float]:
+    assert picture.across is not None
+    assert picture.up is not None
+    longest = max([len(name) for name in picture.up.names.values()], default=0)
+    below = max([len(name) for name in picture.across.names.values()], default=0)
+    slanted = below > 4
+    left, bottom = max(LEFT, 7.0 * longest + 16), BOTTOM + (4.6 * below if slanted else 0.0)
+    across = scale_of(picture.across, left, picture.width - RIGHT)
+    up = scale_of(picture.up, picture.height - bottom, TOP)
+    px = [np.stack([across.px(m.xy[..., 0]), up.px(m.xy[..., 1])], axis=-1) for m in marks]
+    foot, end = picture.height - bottom, picture.width - RIGHT
+    lines, texts = [], []
+    for at, name in _ticks(picture.up, up):
+        if picture.up.grid:
+            lines.append(_path(Marks("line", np.zeros((0, 2)), "line"), np.array([[left, at], [end, at]])))
+        texts.append(text(left - 7, at + 4, name, "", "end"))
+    for at, name in _ticks(picture.across, across):
+        if picture.across.grid:
+            lines.append(_path(Marks("line", np.zeros((0, 2)), "line"), np.array([[at, TOP], [at, foot]])))
+        turn = f"rotate(-40 {at:.1f} {foot + 14:.1f})" if slanted else ""
+        texts.append(text(at, foot + 15, name, "", "end" if slanted else "middle", transform=turn))
+    base = _path(Marks("line", np.zeros((0, 2)), "soft"), np.array([[left, foot], [end, foot]]))
+    texts.append(text((left + end) / 2, picture.height - 6, picture.across.title, "", "middle"))
+    if picture.up.title:
+        middle = (TOP + foot) / 2
+        texts.append(text(13, middle, picture.up.title, "", "middle", transform=f"rotate(-90 13 {middle:.1f})"))
+    labels = _labels(marks, px, picture.width, picture.height)
+    return [*lines, base, *_paths(marks, px), *labels], texts, picture.height
+
+
+def scale_of(axis: ChartAxis, start_px: float, end_px: float) -> Scale:
+    """From values of an axis to pixels."""
+    if axis.logarithmic:
+        return log_scale(np.array([axis.low, axis.high]), start_px, end_px)
+    return Scale(axis.low, axis.high if axis.high > axis.low else axis.low + 1.0, start_px, end_px)
+
+
+def _ticks(axis: ChartAxis, scale: Scale) -> list[tuple[float, str]]:
+    if axis.names:
+        return [(float(scale.px(value)), name) for value, name in axis.names.items()]
+    return [(float(scale.px(value)), tick_text(value)) for value in scale.ticks()]
+
+
+def text(x: float, y: float, content: str, class_: str = "", anchor: str = "start", **more: object) -> Markup:
     """A line of text."""
-    return element("text", content, x=f"{x:.1f}", y=f"{y:.1f}", class_=class_, text_anchor=anchor)
-
-
-def _attribute(key: str) -> str:
-    return key.rstrip("_").replace("_", "-")
-
-
-def _value(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return element("text", content, x=f"{x:.1f}", y=f"{y:.1f}", class_=class_, text_anchor=anchor, **more)

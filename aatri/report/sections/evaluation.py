@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.artifacts.evaluation import (
     Differences,
     Displacements,
@@ -13,13 +14,13 @@ from aatri.artifacts.evaluation import (
     StripErrors,
 )
 from aatri.ids import rows_of
-from aatri.report.drawing.charts import growth_chart
-from aatri.report.drawing.plan import ground_positions
-from aatri.report.drawing.residual_plots import bars, height_bars, plan_vectors
-from aatri.report.drawing.svg import Picture
+from aatri.report.drawing.charts import growth_charts
+from aatri.report.drawing.picture import Picture
+from aatri.report.drawing.plan import ground_positions, rejected_control
+from aatri.report.drawing.vectors import bars, both
 from aatri.report.sections.parts import PageSection, Surroundings, present
-from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
-from aatri.report.view.numbers import metres
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths
+from aatri.report.view.numbers import digits, metres
 
 
 def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:
@@ -29,7 +30,7 @@ def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> Non
     made.tables.extend(present(models_table(evaluation.models), set_ups_table(evaluation.set_ups)))
     made.tables.extend(present(strips_table(evaluation.strip_errors)))
     if evaluation.strip_errors is not None:
-        made.pictures.extend(present(growth_chart(evaluation.strip_errors)))
+        made.pictures.extend(growth_charts(evaluation.strip_errors))
     made.tables.extend(present(moved_table(evaluation.displacements), changes_table(evaluation.parameter_changes)))
     made.pictures.extend(movement_pictures(evaluation.displacements))
     made.tables.extend(present(layout_table(evaluation.layout_points)))
@@ -51,9 +52,9 @@ def _table(differences: Differences, kind: str) -> PageTable | None:
         ratio = np.fmax.reduce(np.where(s > 0, np.abs(d) / s, np.nan), axis=1)
     columns: Columns = {
         "point": differences.point,
-        **axes(("dX m", "dY m", "dZ m"), d, metres),
-        **axes(("sX m", "sY m", "sZ m"), s, metres),
-        "largest d / s": ratio,
+        **lengths("dX dY dZ", d),
+        **lengths("sX sY sZ", s),
+        "largest d / s": (ratio, digits(1)),
         "rays": differences.rays,
     }
     where = "control points predicted without themselves" if kind == "left_out" else f"{kind} points"
@@ -119,8 +120,8 @@ def moved_table(points: Displacements | None) -> PageTable | None:
     columns: Columns = {
         "point": points.point,
         "": np.where(points.moved, "moved", ""),
-        **axes(("dX m", "dY m", "dZ m"), points.displacement_m, metres),
-        **axes(("sX m", "sY m", "sZ m"), sigma, metres),
+        **lengths("dX dY dZ", points.displacement_m),
+        **lengths("sX sY sZ", sigma),
         "test / limit": share,
         "detectable m": (points.detectable_m, metres),
     }
@@ -152,12 +153,11 @@ def movement_pictures(points: Displacements | None) -> list[Picture]:
     if points is None:
         return []
     groups = {
-        name: (points.xyz_m[of], points.displacement_m[of])
+        name: (points.xyz_m[of], points.displacement_m[of], points.point[of].tolist())
         for name, of in (("stable", ~points.moved), ("moved", points.moved))
         if of.any()
     }
-    words = ("Displacements", "later minus earlier")
-    return present(plan_vectors(groups, *words), height_bars(groups, *words))
+    return both("displacements", groups, "Displacements", "later minus earlier")
 
 
 def layout_table(points: LayoutPoints | None) -> PageTable | None:
@@ -167,8 +167,8 @@ def layout_table(points: LayoutPoints | None) -> PageTable | None:
     columns: Columns = {
         "point": points.point,
         "next": [str(k) if k else "" for k in points.order.tolist()],
-        **axes(("sX m", "sY m", "sZ m"), points.sigma_m, metres),
-        **axes(("moved X m", "moved Y m", "moved Z m"), points.moved_m, metres),
+        **lengths("sX sY sZ", points.sigma_m),
+        **lengths("moved_X moved_Y moved_Z", points.moved_m),
         "gain, mean %": (100 * points.mean_gain, "{:.1f}".format),
         "gain, worst %": (100 * points.worst_gain, "{:.1f}".format),
     }
@@ -185,26 +185,35 @@ def layout_pictures(points: LayoutPoints | None) -> list[Picture]:
     if points is None:
         return []
     pictures = []
-    for what, size in (("Standard deviations", points.sigma_m), ("Effects of undetected errors", points.moved_m)):
+    for short, what, size in (
+        ("planned_sigma", "Standard deviations", points.sigma_m),
+        ("planned_effect", "Effects of undetected errors", points.moved_m),
+    ):
         for where, bar in (("plan", np.hypot(size[:, 0], size[:, 1])), ("height", size[:, 2])):
             heights = np.stack([bar * 0, bar * 0, bar], axis=1)
             groups = {
-                name: (points.xyz_m[of], heights[of])
+                name: (points.xyz_m[of], heights[of], points.point[of].tolist())
                 for name, of in (("planned", points.order == 0), ("next control", points.order > 0))
                 if of.any()
             }
-            pictures.append(bars(groups, f"{what} in {where}"))
+            pictures.append(bars(f"{short}_{where}", groups, f"{what} in {where}"))
     return present(*pictures)
 
 
 def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tuple[str, ...]) -> list[Picture]:
-    """Differences at points of the given kinds, in plan and height."""
+    """Differences at points of the given kinds, in plan and height; control that is left out apart."""
     if around.block is None:
         return []
-    differences, ground = evaluation.differences, ground_positions(around.block, around.solution)
-    groups = {}
+    d, ground = evaluation.differences, ground_positions(around.block, around.solution)
+    out = np.isin(d.point, rejected_control(around.solution))
+    row = rows_of(d.point, around.block.points.id)
+    groups: dict[str, tuple[Float, Float, list[str]]] = {}
     for kind in kinds:
-        of_kind = differences.kind == kind
-        rows = rows_of(differences.point[of_kind], around.block.points.id)
-        groups[kind] = (ground[rows[rows >= 0]], differences.difference_m[of_kind][rows >= 0])
-    return present(plan_vectors(groups), height_bars(groups))
+        of_kind = (d.kind == kind) & (row >= 0)
+        parts = {kind: of_kind & ~out, "control left out": of_kind & out} if kind == "control" else {kind: of_kind}
+        groups |= {
+            name: (ground[row[of]], d.difference_m[of], d.point[of].tolist())
+            for name, of in parts.items()
+            if name == kind or of.any()
+        }
+    return both("truth" if kinds == ("truth",) else "differences", groups, "Differences", "solution minus given")

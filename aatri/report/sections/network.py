@@ -4,20 +4,17 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing.network import ellipses, network_picture, observed_lines
+from aatri.report.drawing.network import ellipses, observed_lines
 from aatri.report.sections.observations import of_the_network
-from aatri.report.sections.parts import PageSection, present
+from aatri.report.sections.parts import present
 from aatri.report.sections.shapes import shapes_table
-from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
-from aatri.report.view.numbers import digits, metres
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths
+from aatri.report.view.numbers import decimals, digits
 
 
-def show(made: PageSection, block: Block | None, solution: Solution) -> None:
-    """Add what there is of a network or of relative control."""
-    if block is None or not (len(block.geodetic) or len(block.relative_control)):
-        return
-    made.tables.extend(present(_points(block, solution), of_the_network(solution), shapes_table(block, solution)))
-    made.pictures.extend(present(network_picture(block, solution)))
+def tables(block: Block, solution: Solution) -> list[PageTable]:
+    """Points, observations and shapes of a network or of relative control."""
+    return present(_points(block, solution), of_the_network(solution), shapes_table(block, solution))
 
 
 def _points(block: Block, solution: Solution) -> PageTable | None:
@@ -31,9 +28,13 @@ def _points(block: Block, solution: Solution) -> PageTable | None:
     bearing_deg = np.where(semi_axes_m[:, 0] > semi_axes_m[:, 1], np.degrees(bearing_rad), np.nan)
     columns: Columns = {
         "point": points.id,
-        **axes(("X m", "Y m", "Z m"), points.xyz_m, digits(4)),
-        **axes(("sX m", "sY m", "sZ m"), sigma, metres),
-        **axes(("ellipse a m", "b m"), semi_axes_m, metres),
+        **axes(
+            ("X m", "Y m", "Z m"),
+            points.xyz_m,
+            digits(decimals(float(np.median(sigma[sigma > 0])) if (sigma > 0).any() else np.nan)),
+        ),
+        **lengths("sX sY sZ", sigma),
+        **lengths("ellipse_a b", semi_axes_m),
         "bearing deg": (bearing_deg, digits(0)),
     }
     return all_rows("Points of the network, with standard ellipses in plan", columns, rows)

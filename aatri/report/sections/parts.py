@@ -1,27 +1,35 @@
 """What a section of the page is made of."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing.svg import Picture
+from aatri.report.drawing.picture import Picture
 from aatri.report.sections.tables import PageTable
-from aatri.report.view.run_view import StageView
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class PageSection:
-    """What the page tells of one stage."""
+    """What the page answers to one question, or tells of one stage; `name` is where links lead."""
 
-    stage: StageView
-    seconds: str
+    name: str
+    title: str
     notes: list[str] = field(default_factory=list)
     tables: list[PageTable] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to tell."""
+        return not (self.notes or self.tables or self.pictures)
+
+    def pictures_alone(self) -> "PageSection":
+        """The section without its tables."""
+        return replace(self, tables=[])
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError
 from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
-from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
-from aatri.report.view.numbers import seconds
+from aatri.report.sections.suspects import suspects_tables
 from aatri.report.view.run_view import RunView, StageView
 
 _SHOW: dict[type, Callable[[PageSection, Any, Surroundings], None]] = {
@@ -29,7 +28,7 @@ _SHOW: dict[type, Callable[[PageSection, Any, Surroundings], None]] = {
 def section(run: RunView, stage: StageView, around: Surroundings) -> PageSection:
     """The section of a stage, also of one that failed or whose artifact cannot be read."""
     record = stage.record or {}
-    made = PageSection(stage, seconds(record.get("seconds")))
+    made = PageSection(f"stage-{stage.name}", stage.name)
     single, by_axis = tables.without_axis(stage.metrics), tables.by_axis("Metrics by axis", stage.metrics)
     made.tables.extend(present(tables.pairs("Metrics", single), by_axis))
     options = (stage.failure or record).get("options", {})
@@ -42,8 +41,6 @@ def section(run: RunView, stage: StageView, around: Surroundings) -> PageSection
         made.notes.append(f"The artifact cannot be shown: {error}")
         return made
     _SHOW[type(artifact)](made, artifact, around)
-    if hasattr(artifact, "suspects"):
+    if hasattr(artifact, "suspects") and artifact is not around.solution:
         made.tables.extend(suspects_tables(artifact.suspects))
-    if isinstance(artifact, Solution):
-        made.tables.extend(present(proposed_numbers_table(artifact.proposed_numbers)))
     return made

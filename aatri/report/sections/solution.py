@@ -1,50 +1,56 @@
-"""Orientations, points, residuals, calibration and reliability of a Solution."""
+"""What a Solution tells: precision, orientations, residuals in pictures, iterations; orders and transformations."""
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Int
+from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution, StripTransformations
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.report.drawing.charts import convergence_chart, residual_histogram
-from aatri.report.drawing.residual_plots import (
-    error_field_pictures,
-    height_bars,
-    image_vectors,
-    plan_vectors,
-    tie_pictures,
-)
-from aatri.report.drawing.svg import Picture
-from aatri.report.sections import calibration, network, observations, reliability
+from aatri.ids import natural_order
+from aatri.report.drawing.charts import residual_histogram
+from aatri.report.drawing.picture import Picture
+from aatri.report.drawing.vectors import both, image_vectors, tie_pictures
 from aatri.report.sections.parts import PageSection, Surroundings, present
-from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, residual_classes
-from aatri.report.view.numbers import DASH, digits, metres, number
+from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths, observation_classes
+from aatri.report.view.numbers import DASH, decimals, digits, number, together
+
+MOST_CAMERAS = 6
+ARCSECONDS = 180.0 * 3600.0 / np.pi
 
 
 def show(made: PageSection, solution: Solution, around: Surroundings) -> None:
-    """Add what was adjusted, the most asked for first."""
+    """Add what a stage adjusted: residuals by kind, orders, transformations; of results on the way their ties, too."""
     made.tables.extend(
-        present(
-            residual_classes(solution),
-            *calibration.parameter_tables(solution),
-            reliability.variance_table(solution),
-            *reliability.reliability_tables(solution),
-            _orientations(solution),
-            observations.of_images(solution),
-            _orderings(solution),
-            _transformations(solution.transformations),
-        )
+        present(observation_classes(solution), _orderings(solution), _transformations(solution.transformations))
     )
-    network.show(made, around.block, solution)
-    if solution.error_fields is not None and len(solution.error_fields):
-        made.pictures.extend(error_field_pictures(solution.error_fields))
-    made.pictures.extend(image_residual_pictures(solution, around))
-    made.pictures.extend(position_pictures(solution))
-    made.pictures.extend(tie_pictures(_ties(solution)))
-    made.pictures.extend(present(convergence_chart(solution.history.cost, solution.history.decrement)))
+    if solution is not around.solution:
+        made.pictures.extend(tie_residuals(solution))
 
 
-def _orientations(solution: Solution) -> PageTable | None:
-    """Exterior orientation of all images, with standard deviations."""
+def precision_table(solution: Solution) -> PageTable | None:
+    """Standard deviations of points, projection centres and rotations: median and largest."""
+    with np.errstate(invalid="ignore"):
+        points = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2))
+        images = np.sqrt(np.einsum("nii->ni", solution.images.covariance))
+    rows = []
+    for what, names, sigma, ids, is_length in (
+        ("points", "XYZ", points, solution.points.id, True),
+        ("projection centres", "XYZ", images[:, :3], solution.images.id, True),
+        ("rotations about", "XYZ", images[:, 3:], solution.images.id, False),
+    ):
+        for k, axis in enumerate(names):
+            known = np.flatnonzero(sigma[:, k] > 0)
+            if len(known):
+                worst = known[int(np.argmax(sigma[known, k]))]
+                figures = (float(np.median(sigma[known, k])), float(sigma[worst, k]))
+                texts = [together([f]) if is_length else f"{f * ARCSECONDS:.3g}″" for f in figures]
+                rows.append((what, axis, str(ids[worst]), *texts))
+    heads = ("standard deviation of", "", "largest at", "median", "largest")
+    return PageTable("Theoretical standard deviations, a priori", heads, rows, 3) if rows else None
+
+
+def orientations(block: Block | None, solution: Solution) -> PageTable | None:
+    """Exterior orientation of all images, strip by strip, to digits of their standard deviations."""
     images = solution.images
     angles = np.full((len(images), 3), np.nan)
     angles[images.oriented] = np.degrees(
@@ -52,32 +58,71 @@ def _orientations(solution: Solution) -> PageTable | None:
     )
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
+    known = np.isfinite(sigma).any(axis=0) & (np.nan_to_num(sigma) > 0).any(axis=0)
+    size = [float(np.median(sigma[:, of][np.nan_to_num(sigma[:, of]) > 0])) if known[of].any() else np.nan
+            for of in (slice(0, 3), slice(3, 6))]  # fmt: skip
     columns: Columns = {
         "image": images.id,
-        **axes(("X m", "Y m", "Z m"), images.position_m, digits(3)),
-        **axes(("omega deg", "phi deg", "kappa deg"), angles, digits(5)),
+        **axes(("X m", "Y m", "Z m"), images.position_m, digits(decimals(size[0]))),
+        **axes(
+            ("omega deg", "phi deg", "kappa deg"),
+            angles,
+            digits(decimals(float(np.degrees(size[1]))) + 2 * np.isnan(size[1])),
+        ),
     }
-    if np.isfinite(sigma).any():
-        columns |= axes(("sX m", "sY m", "sZ m"), sigma, metres)
-        columns |= axes(("sd1 mdeg", "sd2 mdeg", "sd3 mdeg"), 1e3 * np.degrees(sigma[:, 3:]), number)
+    if known.any():
+        columns |= lengths("sX sY sZ", sigma[:, :3])
+        columns |= axes(
+            ("s about X ″", "Y ″", "Z ″"), ARCSECONDS * sigma[:, 3:], digits(decimals(ARCSECONDS * size[1]))
+        )
     columns["image points"] = images.image_points
-    return all_rows("Orientations: omega, phi, kappa; sd1 to sd3 turns about the ground axes", columns)
+    caption = "Orientations: omega, phi, kappa; standard deviations of the turns about the ground axes"
+    return all_rows(caption, columns, _flown(block, solution))
+
+
+def _flown(block: Block | None, solution: Solution) -> Int:
+    """Images strip by strip in natural order, along the flight."""
+    order = natural_order(solution.images.id)
+    if block is None or not len(block.strips):
+        return order
+    place = np.empty(len(block.strips), int)
+    place[natural_order(block.strips.id)] = np.arange(len(block.strips))
+    strip = np.where(block.images.strip[order] >= 0, place[block.images.strip[order]], len(block.strips))
+    return np.asarray(order[np.lexsort((np.nan_to_num(block.images.sequence[order]), strip))])
+
+
+def iterations_table(solution: Solution) -> PageTable | None:
+    """sigma0 before every step, how long it was, how much damped."""
+    h = solution.history
+    with np.errstate(invalid="ignore"):
+        sigma0 = np.sqrt(h.cost / solution.redundancy) if solution.redundancy else np.full(len(h), np.nan)
+    columns: Columns = {
+        "iteration": [str(k + 1) for k in range(len(h))],
+        "sigma0": sigma0,
+        "step in sigmas": (h.decrement, lambda v: DASH if np.isnan(v) else f"{v:.1e}"),
+        "damping": h.damping,
+    }
+    return all_rows("Iterations", columns)
 
 
 def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Picture]:
-    """Mean residuals over the image format, and the histogram of normalised residuals."""
-    residuals = solution.residuals
+    """Mean residuals over the format of each camera, and the histogram of normalised residuals."""
+    residuals, points = solution.residuals, around.image_points
     used = np.flatnonzero((residuals.kind == "image_point") & residuals.active)
     if not len(used):
         return []
     v, sigma = residuals.residual[used, :2], residuals.sigma[used, :2]
     pictures = []
-    if around.image_points is not None:
+    if points is not None and around.block is not None:
         placed = residuals.row[used]
-        inside = (placed >= 0) & (placed < len(around.image_points.measurements))
-        xy = around.image_points.measurements.xy_mm[placed[inside]]
-        finite = np.isfinite(xy).all(axis=1) & np.isfinite(v[inside]).all(axis=1)
-        pictures += present(image_vectors(xy[finite], v[inside][finite]))
+        inside = (placed >= 0) & (placed < len(points.measurements))
+        xy = np.full((len(used), 2), np.nan)
+        xy[inside] = points.measurements.xy_mm[placed[inside]]
+        image = np.where(inside, around.block.image_points.image[np.where(inside, placed, 0)], 0)
+        finite = np.isfinite(xy).all(axis=1) & np.isfinite(v).all(axis=1)
+        for camera in np.unique(around.block.images.camera[image[finite]])[:MOST_CAMERAS]:
+            of = finite & (around.block.images.camera[image] == camera)
+            pictures += present(image_vectors(str(around.block.cameras.id[camera]), xy[of], v[of]))
     weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
     share = solution.redundancy / solution.observations if solution.observations else 0.0
     if weighted.any() and share > 0:
@@ -91,28 +136,25 @@ def position_pictures(solution: Solution) -> list[Picture]:
     rows = np.flatnonzero((residuals.kind == "position") & residuals.active)
     if len(rows) < 2:
         return []
+    ids = residuals.image[rows]
     order = np.argsort(images.id, kind="stable")
-    xyz = images.position_m[order[np.searchsorted(images.id[order], residuals.image[rows])]]
-    of, words = (
-        {"position": (xyz, residuals.residual[rows])},
-        ("Residuals of observed positions", "adjusted minus observed"),
-    )
-    return present(plan_vectors(of, *words), height_bars(of, *words))
+    xyz = images.position_m[order[np.searchsorted(images.id[order], ids)]]
+    of = {"position": (xyz, residuals.residual[rows], ids.tolist())}
+    return both("positions", of, "Residuals of observed positions", "adjusted minus observed")
 
 
-def _ties(solution: Solution) -> dict[str, tuple[Float, Float]]:
-    """Places and residuals of the ties of each strip that are used."""
+def tie_residuals(solution: Solution) -> list[Picture]:
+    """Residuals of the ties of each strip that are used, in natural order of the strips."""
     r = solution.residuals
     rows = np.flatnonzero((r.kind == "strip_tie") & r.active)
     if not len(rows):
-        return {}
+        return []
     ids = solution.points.id
     order = np.argsort(ids, kind="stable")
     xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
-    strips, number = np.unique(r.image[rows], return_inverse=True)
-    by_strip = np.argsort(number, kind="stable")
-    parts = np.split(by_strip, np.searchsorted(number[by_strip], np.arange(1, len(strips))))
-    return {str(s): (xyz[part], r.residual[rows[part]]) for s, part in zip(strips, parts)}
+    strips = np.unique(r.image[rows])
+    of = {str(s): np.flatnonzero(r.image[rows] == s) for s in strips[natural_order(strips)]}
+    return tie_pictures({s: (xyz[k], r.residual[rows[k]], r.point[rows[k]].tolist()) for s, k in of.items()})
 
 
 def _orderings(solution: Solution) -> PageTable | None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
-from aatri.report.view.numbers import DASH, metres, number
+from aatri.report.view.numbers import DASH, alike, decimals, digits, number
 
 MOST_ROWS = 20
 """Rows of what is told by its worst only."""
@@ -19,10 +19,13 @@ MOST_ROWS = 20
 LONG = 15
 """Tables of more rows are folded."""
 
+LEAST_REDUNDANCY = 1.0
+"""Of a class of observations, from which on its standard deviation a posteriori is told."""
+
 MOST_FOLDED = 500
 """More rows are left to the export, and the caption says so."""
 
-_SMALLER = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
+_SMALLER = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (180.0 * 3600.0 / np.pi, "″")}
 """Unit in which residuals are told, and the factor to it."""
 
 _AXIS = re.compile(r"_([xyz])(_|$)")
@@ -92,6 +95,16 @@ def axes(names: Iterable[str], values: Float, form: Callable[[float], str]) -> C
     return {name: (values[:, i], form) for i, name in enumerate(names)}
 
 
+def lengths(names: str, values_m: Float) -> Columns:
+    """Lengths in the unit and with the digits that suit their median, a column for each name; (n,) or (n, k), m."""
+    values = values_m[:, None] if values_m.ndim == 1 else values_m
+    size = np.abs(values[np.isfinite(values) & (values != 0)])
+    typical = float(np.median(size)) if size.size else 1.0
+    factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if typical * f >= 1.0), (1e6, "um"))
+    form = digits(decimals(typical * factor, 3))
+    return {f"{name} {unit}": (values[:, k] * factor, form) for k, name in enumerate(names.split())}
+
+
 def _cell(value: Any, form: Callable[[Any], str] | None) -> str:
     if form is not None:
         return form(value)
@@ -103,9 +116,14 @@ def folded(table: PageTable | None) -> PageTable | None:
     return replace(table, folded=True) if table is not None and len(table.rows) > LONG else table
 
 
-def residual_classes(solution: Solution) -> PageTable | None:
-    """Residuals by kind of observation: number, RMS, RMS over a priori standard deviation, largest and where."""
-    residuals = solution.residuals
+def observation_classes(solution: Solution) -> PageTable | None:
+    """By kind of observation: how many, standard deviation given and a posteriori, residuals, the largest and where.
+
+    The standard deviation a posteriori is that given, times the root of v'Pv over the redundancy of the class:
+    `s_g = s sqrt(sum (v / s)^2 / sum r)`; times sigma0 where redundancy numbers were not computed.
+    """
+    residuals, tests = solution.residuals, solution.tests
+    sigma0 = float(solution.sigma0) if solution.redundancy else np.nan
     rows = []
     for kind in np.unique(residuals.kind):
         used = np.flatnonzero((residuals.kind == kind) & residuals.active)
@@ -113,30 +131,44 @@ def residual_classes(solution: Solution) -> PageTable | None:
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
         factor, unit = _SMALLER.get(str(residuals.unit[used[0]]), (1.0, str(residuals.unit[used[0]])))
-        finite = np.isfinite(v)
-        weighted = finite & (np.nan_to_num(sigma) > 0)
-        size = np.where(finite, np.abs(v), -1.0).max(axis=1)
+        weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
+        given = float(np.median(sigma[weighted])) if weighted.any() else np.nan
+        after = given * sigma0
+        if tests is not None and weighted.any():
+            redundancy = float(np.nansum(tests.redundancy[used][weighted]))
+            if redundancy > LEAST_REDUNDANCY:
+                after = given * float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
+        size = np.where(np.isfinite(v), np.abs(v), -1.0).max(axis=1)
         worst = used[int(np.argmax(size))]
         where = " / ".join(filter(None, (str(residuals.image[worst]), str(residuals.point[worst]))))
-        normalised = float(np.sqrt(np.mean((v[weighted] / sigma[weighted]) ** 2))) if weighted.any() else None
+        rms = float(np.sqrt(np.mean(v[np.isfinite(v)] ** 2))) if np.isfinite(v).any() else np.nan
+        form = digits(decimals(factor * (given if np.isfinite(given) and given > 0 else rms), 3)) if unit else number
         rows.append(
             (
-                str(kind),
+                str(kind).replace("_", " "),
                 unit,
                 where or DASH,
                 number(len(used)),
                 number(int((residuals.kind == kind).sum() - len(used))),
-                number(factor * float(np.sqrt(np.mean(v[finite] ** 2)))) if finite.any() else DASH,
-                number(normalised),
-                number(factor * float(size.max())),
+                *(form(factor * float(value)) for value in (given, after, rms, size.max())),
             )
         )
-    heads = ("observations", "unit", "largest at", "used", "rejected", "RMS residual", "RMS of v / sigma", "largest")
-    return PageTable("Residuals (adjusted minus observed) by kind", heads, rows, 3) if rows else None
+    heads = (
+        "observations",
+        "unit",
+        "largest at",
+        "used",
+        "left out",
+        "sigma given",
+        "a posteriori",
+        "RMS residual",
+        "largest",
+    )
+    return PageTable("Observations by kind: residuals are adjusted minus observed", heads, rows, 3) if rows else None
 
 
 def accuracy_table(evaluations: Mapping[str, Mapping[str, Any]]) -> PageTable | None:
-    """Control, check, truth and theory of each evaluation, in metres.
+    """Control, check, truth and theory of each evaluation.
 
     Parameters
     ----------
@@ -157,11 +189,12 @@ def accuracy_table(evaluations: Mapping[str, Mapping[str, Any]]) -> PageTable | 
             values = [figures.get(name.format(axis)) for axis in "xyz"]
             if any(value is not None for value in values):
                 n = number(figures.get(count)) if figures.get(count) else DASH
-                rows.append((stage, what, statistic, n, *(metres(value) for value in values)))
+                texts, unit = alike([np.nan if v is None else float(v) for v in values])
+                rows.append((stage, what, statistic, unit, n, *texts))
             elif what == "independent check" and statistic == "RMSE":
-                rows.append((stage, what, "no check points", DASH, DASH, DASH, DASH))
-    heads = ("evaluation", "against", "figure", "points", "X m", "Y m", "Z m")
-    return PageTable("Accuracy", heads, rows, 3) if rows else None
+                rows.append((stage, what, "no check points", "", DASH, DASH, DASH, DASH))
+    heads = ("evaluation", "against", "figure", "unit", "points", "X", "Y", "Z")
+    return PageTable("Accuracy", heads, rows, 4) if rows else None
 
 
 def _of(shown: int, total: int, which: str) -> str:

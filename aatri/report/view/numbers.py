@@ -1,6 +1,7 @@
 """Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
 
 from collections.abc import Callable, Iterable
+from math import floor, log10
 from typing import Any
 
 DASH = "–"
@@ -29,17 +30,29 @@ def metres(value: float | None, missing: str = DASH) -> str:
 
 
 def together(values_m: Iterable[float]) -> str:
-    """Lengths in the unit that suits the largest, to three digits of it: `14, 12 and 33 mm`."""
-    lengths = [abs(value) for value in values_m]
-    factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if max(lengths) * f >= 1.0), (1e6, "um"))
-    places = max(0, 2 - int(f"{max(lengths) * factor:.2e}"[5:])) if max(lengths) else 0
-    texts = [f"{value * factor:.{places}f}" for value in lengths]
+    """Sizes of lengths in the unit that suits the largest, to three digits of it: `14, 12 and 33 mm`."""
+    texts, unit = alike([abs(value) for value in values_m])
     return f"{' and '.join([', '.join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)} {unit}"
+
+
+def alike(lengths_m: Iterable[float]) -> tuple[list[str], str]:
+    """Lengths as numbers in the unit that suits the largest, to three digits of it, and that unit."""
+    lengths = list(lengths_m)
+    largest = max((abs(value) for value in lengths if value == value), default=0.0)
+    factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if largest * f >= 1.0), (1e6, "um"))
+    return [digits(decimals(largest * factor, 3) if largest else 0)(value * factor) for value in lengths], unit
 
 
 def digits(count: int) -> Callable[[float], str]:
     """A function that writes numbers with so many digits after the point."""
     return lambda value: DASH if value != value else f"{value:.{count}f}"
+
+
+def decimals(size: float, significant: int = 2) -> int:
+    """Digits after the point that show a size with so many significant ones: of a standard deviation, two."""
+    if not size > 0 or size == float("inf"):
+        return 3
+    return min(max(significant - 1 - floor(log10(size)), 0), 9)
 
 
 def seconds(value: float | None) -> str:

@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.camera.models.brown import brown_correction
 from aatri.errors import InputError, SpecError
-from aatri.report.drawing.residual_plots import error_field_pictures
+from aatri.report.drawing.vectors import error_field_pictures
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.additional_parameters import additional_parameters
 from tests.stages.chain import Chain, run_chain, simulated
@@ -70,7 +70,7 @@ def test_the_image_errors_are_those_of_the_lens_that_was_put_in(calibration: Sol
 
 def test_the_report_draws_the_image_errors_and_their_shape(calibration: Solution) -> None:
     assert calibration.error_fields is not None
-    (_, errors), (_, shape) = error_field_pictures(calibration.error_fields)
+    errors, shape = (picture.caption for picture in error_field_pictures(calibration.error_fields))
     rms = float(np.sqrt((calibration.error_fields.error_um**2).sum(axis=1).mean()))
     assert f"RMS {rms:.2f} um" in errors
     assert "standard deviation" in errors

@@ -1,0 +1,136 @@
+"""A picture as data: marks in the units of its axes. The page draws it as SVG (`svg`), `aatri plot` by matplotlib."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+
+Shape = Literal["dots", "triangles", "circles", "crosses", "segments", "line", "areas", "texts"]
+
+COLOURS = {
+    "ink": "#1c2126",
+    "soft": "#5a646e",
+    "line": "#d5dae0",
+    "blue": "#1f6feb",
+    "red": "#c62828",
+    "green": "#1a7f37",
+    "amber": "#9a6700",
+    "violet": "#7b3fbf",
+    "step0": "#2b83ba",
+    "step1": "#4a9f99",
+    "step2": "#b8962e",
+    "step3": "#ec7a2f",
+    "step4": "#d7191c",
+}
+"""Colours by name, on paper; style.css has them for dark screens too. step0 to step4 go from little to much."""
+
+STEPS = [name for name in COLOURS if name.startswith("step")]
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Marks of one kind.
+
+    Attributes
+    ----------
+    shape : str
+        dots, triangles, circles, crosses or texts at places; segments, areas; one line.
+    xy : float64
+        In the units of the axes: (n, 2), of segments (n, 2, 2), of areas their corners (n, k, 2).
+    colour : str
+        One of COLOURS.
+    name : str
+        In the legend; empty: not there.
+    width : float, px
+        Of lines; of dots their diameter.
+    fill : float
+        Opacity of what an area encloses.
+    dashed : bool
+    ids, tells : sequence of str
+        What each mark is, and its figures, as the pointer shows them; texts are ids.
+    labelled : bool
+        Ids are written beside the marks, as far as there is room.
+    seen_from : list of (k,) int
+        Of points: the marks with `sees` that they are seen from.
+    sees : bool
+        These are the images.
+    """
+
+    shape: Shape
+    xy: Float
+    colour: str
+    name: str = ""
+    width: float = 1.2
+    fill: float = 0.0
+    dashed: bool = False
+    ids: Sequence[str] = ()
+    tells: Sequence[str] = ()
+    labelled: bool = False
+    seen_from: Sequence[Sequence[int]] = ()
+    sees: bool = False
+
+
+@dataclass(frozen=True)
+class ChartAxis:
+    """An axis of a chart; `names` are written at places instead of round values."""
+
+    title: str
+    low: float
+    high: float
+    logarithmic: bool = False
+    names: dict[float, str] = field(default_factory=dict)
+    grid: bool = True
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture; without axes a plan: both coordinates to one scale, the second upwards.
+
+    Attributes
+    ----------
+    name : str
+        By which `aatri plot` knows it.
+    title, caption : str
+        What it is; what it says, and how it is drawn.
+    marks : sequence of Marks
+        In the order in which they are drawn.
+    key : (float, str), optional
+        A vector of round length, drawn to scale: its length in the units of the plan, and what it means.
+    metres_per_unit : float, optional
+        Of a plan that has a bar of its scale; None has neither bar nor arrow to the north.
+    """
+
+    name: str
+    title: str
+    caption: str
+    marks: Sequence[Marks]
+    across: ChartAxis | None = None
+    up: ChartAxis | None = None
+    key: tuple[float, str] | None = None
+    ground: bool = True
+    width: float = 540.0
+    height: float = 240.0
+
+
+def steps_of(
+    values: Float, edges: Sequence[float], names: Sequence[str], rows: Int | None = None
+) -> list[tuple[Int, str, str]]:
+    """Rows of values by class, with colour and name of it; empty classes are left out.
+
+    Parameters
+    ----------
+    values : (n,) float64
+    edges : sequence of float
+        Between the classes, ascending; one less than names.
+    names : sequence of str
+        Of the classes.
+    rows : (m,) int, optional
+        Of the values that are shown; by default those that are finite.
+    """
+    rows = np.flatnonzero(np.isfinite(values)) if rows is None else rows
+    number = np.searchsorted(np.asarray(edges), values[rows], side="right")
+    at = np.linspace(0, len(STEPS) - 1, max(len(names), 2)).round().astype(int)
+    return [(rows[number == k], STEPS[at[k]], name) for k, name in enumerate(names) if (number == k).any()]

@@ -1,0 +1,125 @@
+"""The sections of the page: each one question, answered by pictures and tables of the last result."""
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.solution import Solution
+from aatri.report.drawing.charts import groups_chart, iterations_chart, sigma0_chart
+from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.network import ellipses_picture, network_picture
+from aatri.report.drawing.picture import Picture
+from aatri.report.drawing.plan import block_plan
+from aatri.report.drawing.ties import (
+    angles_chart,
+    common_points,
+    intersection_angles,
+    overlap_picture,
+    rays_pictures,
+    sigma_pictures,
+    ties_picture,
+)
+from aatri.report.drawing.vectors import error_field_pictures
+from aatri.report.sections import calibration, evaluation, network, observations, reliability, solution
+from aatri.report.sections.block import camera_tables
+from aatri.report.sections.parts import PageSection, Surroundings, present
+from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
+from aatri.report.sections.tables import accuracy_table
+from aatri.report.sections.weak_images import weakest_images
+from aatri.report.view.run_view import RunView
+
+
+def questions(run: RunView, around: Surroundings) -> list[PageSection]:
+    """The sections that have something to tell, in the order in which they are asked."""
+    block, last = around.block, around.solution
+    made = [_where(around), _accuracy(run, around)]
+    if last is not None:
+        made += [_certainty(block, last), _ties(block, last)]
+        made.insert(1 if not last.images.oriented.any() else len(made), _network(block, last))
+        made += [_residuals(last, around), _tests(last), _parameters(last), _convergence(run, last)]
+    return [section for section in made if not section.empty]
+
+
+def all_pictures(run: RunView, around: Surroundings) -> dict[str, Picture]:
+    """All pictures of the sections by name."""
+    return {picture.name: picture for section in questions(run, around) for picture in section.pictures}
+
+
+def _where(around: Surroundings) -> PageSection:
+    made = PageSection("plan", "Where are the images and the points?")
+    if around.block is not None:
+        made.pictures.extend(present(block_plan(around.block, around.solution)))
+        made.tables.extend(camera_tables(around.block))
+    return made
+
+
+def _accuracy(run: RunView, around: Surroundings) -> PageSection:
+    """Differences at control, check points and truth of the last evaluation of a result."""
+    made = PageSection("accuracy", "How accurate is the result?")
+    made.tables.extend(present(accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)})))
+    last = run.last(Evaluation)
+    if last is not None:
+        evaluation.show(made, last, around)
+    return made
+
+
+def _certainty(block: Block | None, last: Solution) -> PageSection:
+    made = PageSection("certainty", "How certain are points and orientations, and where is control missing?")
+    made.tables.extend(present(solution.precision_table(last), solution.orientations(block, last)))
+    if block is not None:
+        made.pictures.extend([*sigma_pictures(block, last), *present(ellipses_picture(block, last))])
+    return made
+
+
+def _ties(block: Block | None, last: Solution) -> PageSection:
+    made = PageSection("ties", "How well are the images tied to each other?")
+    if block is not None and last.images.oriented.any():
+        pairs = common_points(block, last)
+        made.pictures.extend(
+            [
+                *present(overlap_picture(block, last)),
+                *rays_pictures(block, last),
+                *present(angles_chart(intersection_angles(block, last)), ties_picture(block, last, pairs)),
+            ]
+        )
+        made.tables.extend(present(weakest_images(block, pairs)))
+    return made
+
+
+def _network(block: Block | None, last: Solution) -> PageSection:
+    made = PageSection("network", "What holds the network together?")
+    if block is not None and (len(block.geodetic) or len(block.relative_control)):
+        made.pictures.extend(present(network_picture(block, last)))
+        made.tables.extend(network.tables(block, last))
+    return made
+
+
+def _residuals(last: Solution, around: Surroundings) -> PageSection:
+    made = PageSection("residuals", "Do the residuals follow the standard deviations given?")
+    made.tables.extend(present(reliability.variance_table(last), observations.of_images(last)))
+    made.pictures.extend([*present(groups_chart(last)), *solution.image_residual_pictures(last, around)])
+    made.pictures.extend([*solution.position_pictures(last), *solution.tie_residuals(last)])
+    return made
+
+
+def _tests(last: Solution) -> PageSection:
+    made = PageSection("tests", "What was left out, and which errors could hide?")
+    made.tables.extend([*suspects_tables(last.suspects), *present(proposed_numbers_table(last.proposed_numbers))])
+    made.tables.extend(reliability.reliability_tables(last))
+    return made
+
+
+def _parameters(last: Solution) -> PageSection:
+    made = PageSection("parameters", "What was estimated beside points and orientations?")
+    made.tables.extend(calibration.parameter_tables(last))
+    fields = last.error_fields
+    made.pictures.extend(correlation_pictures(last))
+    made.pictures.extend(error_field_pictures(fields) if fields is not None and len(fields) else [])
+    return made
+
+
+def _convergence(run: RunView, last: Solution) -> PageSection:
+    made = PageSection("convergence", "Did the adjustment converge?")
+    made.pictures.extend(present(iterations_chart(last)))
+    sigma0 = {s.name: float(s.metrics["sigma0"]) for s in run.stages if s.metrics.get("sigma0")}  # type: ignore[arg-type]
+    made.pictures.extend(present(sigma0_chart(sigma0)))
+    made.tables.extend(present(solution.iterations_table(last)))
+    return made
