@@ -12,7 +12,6 @@ from aatri.report.drawing.charts import counts_chart
 from aatri.report.drawing.picture import Marks, Picture, steps_of
 from aatri.report.drawing.plan import footprints, ground_positions, image_positions, used_rays
 from aatri.report.drawing.scales import length_text, near, round_below, thinned
-from aatri.report.view.numbers import together
 
 CELLS = 48
 """Cells of the overlap along the longer side of the block, more where images are small."""
@@ -209,8 +208,8 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
         ]  # fmt: skip
         worst = rows[int(np.argmax(values[rows]))]
         caption = (
-            f"{together([float(np.median(values[rows]))])} (median), "
-            f"the largest {together([float(values[worst])])} at {block.points.id[worst]}. Control is worth most "
+            f"{length_text(float(np.median(values[rows])))} (median), "
+            f"the largest {length_text(float(values[worst]))} at {block.points.id[worst]}. Control is worth most "
             "where they are large."
         )
         pictures.append(Picture(name, f"Standard deviations {title}", caption, marks))
