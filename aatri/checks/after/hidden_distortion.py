@@ -14,7 +14,7 @@ Source: James and Robson 2014 (doming of vertical blocks); docs/methods/self_cal
 import numpy as np
 
 from aatri.adapters.cameras.unknowns import additional_parameters
-from aatri.adjustment.covariance.score import moved, score
+from aatri.adjustment.covariance.score import moved, score, with_factor
 from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.parameter_set import chosen
 from aatri.checks.finding import Finding
@@ -47,8 +47,8 @@ def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> li
     assert radial.basis is not None
     derivative = np.zeros((len(rows), 2, len(radial.ids)))
     derivative[np.arange(len(rows)), :, radial.block[rows]] = -radial.basis[rows, :, 0]
-    records = rays.observed.records
-    tried = score(result.adjusted, records, rows, derivative)
+    records, adjusted = rays.observed.records, with_factor(result.adjusted)
+    tried = score(adjusted, records, rows, derivative)
     findings = []
     sigma2 = result.point_covariance_m2[:, 2, 2]
     height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
@@ -57,7 +57,7 @@ def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> li
         if one.rank:
             size_mm = UNSEEN_DISTORTION * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
             bend_m = float(
-                np.abs(moved(result.adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max()
+                np.abs(moved(adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max()
             )
             if bend_m > UNSEEN_BEND * height_m:
                 text = (

@@ -174,7 +174,7 @@ def _confirmed(
 ) -> Group | None:
     """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
     group = _group(given, adjusted, result, t)
-    if group.key in known:
+    if group.key in known or (single and t.joint.gain < single**2 + SEPARABLE):
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
     group = _with_harm(given, result, group, change)
@@ -183,7 +183,7 @@ def _confirmed(
     before, after, scale = _residuals(adjusted, result, group, change)
     if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm):
         return None
-    if single and not _beyond_single_ones(t.joint, before, after, single):
+    if single and not _most_fit_better(before, after):
         return None
     return _without_strangers(group, before, after) if group.per == NEIGHBOURHOOD else group
 
@@ -209,10 +209,10 @@ def _residuals(
     return v[of_group], after[of_group], float(np.sqrt(max(1.0, np.median(w2) / MEDIAN if len(w2) else 1.0)))
 
 
-def _beyond_single_ones(joint: Joint, before: Float, after: Float, single: float) -> bool:
-    """Whether a group explains more than its largest member could, and most of its members."""
+def _most_fit_better(before: Float, after: Float) -> bool:
+    """Whether a group explains most of its members."""
     better = (after**2).sum(axis=1) < (before**2).sum(axis=1)
-    return joint.gain >= single**2 + SEPARABLE and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
+    return bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
 
 
 def _whitened_effect(whitener: Float, effect: Float) -> Float:
