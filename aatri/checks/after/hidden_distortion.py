@@ -56,9 +56,7 @@ def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> li
         one = tried.joint(0, [k])
         if one.rank:
             size_mm = UNSEEN_DISTORTION * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
-            bend_m = float(
-                np.abs(moved(adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max()
-            )
+            bend_m = float(np.abs(moved(adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max())
             if bend_m > UNSEEN_BEND * height_m:
                 text = (
                     f"a radial distortion of {1e3 * size_mm:.2g} um at the corner of the format would go unseen, and "

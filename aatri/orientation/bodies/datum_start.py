@@ -74,10 +74,10 @@ def closed_start(places: GivenPlaces, x: Float) -> Similarity | None:
     return robust_closed_form(x[full], places.observed_m[full])[0]
 
 
-def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity) -> float:
+def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity, iterations: int = ITERATIONS) -> float:
     """The cost of all observations together, half their sum of squares; infinite where a body does not come to fit."""
     try:
-        return _adjusted(observe, body, use, start)[1]
+        return _adjusted(observe, body, use, start, iterations)[1]
     except (ConvergenceError, GeometryError):
         return float("inf")
 
@@ -115,14 +115,16 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similar
     return found, cost
 
 
-def _adjusted(observe: Observe, body: FreeBody, use: Bool, start: Similarity) -> tuple[Similarity, float]:
+def _adjusted(
+    observe: Observe, body: FreeBody, use: Bool, start: Similarity, iterations: int = ITERATIONS
+) -> tuple[Similarity, float]:
     first = scaled(observe(start), use, body, start)
     observed = _used(observe(first), use)
     own = {name: value for o in observed for name, value in o.start.items()}
     unknowns = [Unknowns(BODY, np.ones((1, 7), dtype=bool), LABELS, ("as a whole",), _retracted)]
     unknowns += [replace(u, generator=None) for o in observed for u in o.unknowns]
     records = [_of_body(o.records, body) for o in observed]
-    done = adjust_large(unknowns, records, {**own, BODY: first}, max_iterations=ITERATIONS, tolerance=TOLERANCE)
+    done = adjust_large(unknowns, records, {**own, BODY: first}, max_iterations=iterations, tolerance=TOLERANCE)
     return done.state[BODY], done.cost
 
 

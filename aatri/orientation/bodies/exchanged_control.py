@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, closed_form, transform
@@ -24,7 +25,7 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.orientation.bodies.datum_analysis import given_places
-from aatri.orientation.bodies.datum_start import Observe, closed_start, fitted, searched_start
+from aatri.orientation.bodies.datum_start import ITERATIONS, Observe, closed_start, fitted, searched_start
 from aatri.orientation.bodies.free_body import FreeBody, state_of
 
 EXPLAINED, ALONE = 0.1, 2.0
@@ -35,6 +36,10 @@ FEWEST, MOST = 5, 40
 MOST_BY_ALL, MOST_SEARCHED, SPARE = 12, 4, 4
 """Control points of which each two are tried by all observations, and where all headings are tried for each two; the
 least redundancy, as two of three points alone would be exchanged by chance."""
+
+FEW_ITERATIONS = 10
+"""An exchange that explains all begins where the places known in full see it, and ends after two or three; what does
+not end so soon leaves far more."""
 
 BESIDE = 40
 """Positions that are fitted beside the control: so many, evenly taken, show which two are exchanged."""
@@ -98,27 +103,37 @@ def exchanged_by_all(
     point = np.concatenate([none, *touched])
     components = np.concatenate([none, *(observed_components(o).sum(axis=1) for o in observed)])
     own = sum(int(u.free.sum()) for o in observed for u in o.unknowns)
-    if not 2 <= len(control) <= MOST_BY_ALL or components[use].sum() - own < 7 + SPARE:
+    redundancy = int(components[use].sum()) - own - 7
+    if not 2 <= len(control) <= MOST_BY_ALL or redundancy < SPARE:
         return none
 
-    def cost(of: FreeBody, use: Bool) -> float:
+    def cost(of: FreeBody, use: Bool, iterations: int) -> float:
         places = given_places(observed, state_of(observed, of, level))
         places = places.take(use[places.row])
         start = closed_start(places, places.xyz @ level.rotation)
         if start is not None:
-            return fitted(observe, of, use, start)
+            return fitted(observe, of, use, start, iterations)
         try:
             return searched_start(observe, of, use)[1] if len(control) <= MOST_SEARCHED else float("inf")
         except (ConvergenceError, GeometryError):
             return float("inf")
 
-    left = list[tuple[float, int, int]]()
-    for a, b in combinations(control.tolist(), 2):
+    def without_rays(a: int, b: int) -> Bool:
+        return np.asarray(use & ~(np.isin(point, point[[a, b]]) & ~rows))
+
+    def exchanged(a: int, b: int, iterations: int) -> float:
         order = np.arange(len(body.xyz))
         order[[point[a], point[b]]] = point[[b, a]]
         of = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
-        left.append((cost(of, use & ~(np.isin(point, point[[a, b]]) & ~rows)), a, b))
-    left.sort()
-    (best, a, b), second = left[0], left[1][0] if len(left) > 1 else np.inf
-    as_given = cost(body, use & ~(np.isin(point, point[[a, b]]) & ~rows))
-    return np.array([a, b]) if best < EXPLAINED * as_given and second > ALONE**2 * best else none
+        return cost(of, without_rays(a, b), iterations)
+
+    pairs = list(combinations(control.tolist(), 2))
+    costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]
+    k = int(np.argmin(costs))
+    best, as_given = costs[k], cost(body, without_rays(*pairs[k]), ITERATIONS)
+    if not best < EXPLAINED * as_given:
+        return none
+    if 2.0 * best > MAX_SIGMA0**2 * redundancy:  # no fit, only less bad: the others are followed to their ends
+        costs = [exchanged(a, b, ITERATIONS) for a, b in pairs]
+    second = np.partition(costs, 1)[1] if len(costs) > 1 else np.inf
+    return np.array(pairs[k]) if second > ALONE**2 * best else none
