@@ -15,6 +15,7 @@ from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.by_chance import fit_by_chance
 from aatri.orientation.relative.critical import MANY_REJECTED, WEAK_RAD, critical_configuration, judged
 from aatri.orientation.relative.degenerate import degenerate_pairs
 from aatri.orientation.relative.kernels.model_points import intersect
@@ -146,7 +147,8 @@ def oriented_from(
         reasons |= made.orientations.reasons
         todo[pairs[made.good]] = False
     used = np.where(orientations.formed, orientations.redundancy + 5, 0)
-    few = np.flatnonzero(orientations.formed & ((used < fewest) | (used < FEWEST * count)))
+    too_few = (used < fewest) | (used < FEWEST * count) | fit_by_chance(rays, start, used, settings.limit)
+    few = np.flatnonzero(orientations.formed & too_few)
     reasons |= {pair: f"only {used[pair]} of {count[pair]} points fit one orientation" for pair in few.tolist()}
     orientations.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
     orientations.reasons.clear()
