@@ -25,7 +25,7 @@ from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence
 from aatri.geometry.rotations import skew
 from aatri.geometry.similarity import closed_form
-from aatri.ids import printable
+from aatri.ids import printable, shown
 
 DatumMovement = Literal["none", "shift", "rigid", "similarity"]
 
@@ -87,7 +87,8 @@ def compared(
         raise InputError(
             "the epochs have no point in common",
             where="epochs",
-            remedy=f"give points the same ids; the earlier epoch has {_some(earlier.id)}, the later {_some(later.id)}",
+            remedy=f"give points the same ids; the earlier epoch has {shown(earlier.id.tolist(), 5)}, "
+            f"the later {shown(later.id.tolist(), 5)}",
         )
     a, b = earlier.take(of_earlier), later.take(of_later)
     cross = None if between_m2 is None else between_m2[of_earlier][:, :, of_later]
@@ -245,12 +246,11 @@ def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[st
 
     found = []
     if len(exact):
-        found.append(f"points with exact coordinates at both epochs say nothing of movements: left out {_some(exact)}")
+        names = shown(exact.tolist(), 5)
+        found.append(f"points with exact coordinates at both epochs say nothing of movements: left out {names}")
     if not result.tested.all():
-        ids = table.point[~result.tested]
-        found.append(
-            f"points that the others do not check, as they are needed to lay the epochs together: {_some(ids)}"
-        )
+        names = shown(table.point[~result.tested].tolist(), 5)
+        found.append(f"points that the others do not check, as they are needed to lay the epochs together: {names}")
     if result.stable_degrees > 0 and chdtrc(result.stable_degrees, result.stable_statistic) < CHANCE:
         found.append(
             f"the points that have not moved differ by more than their standard deviations say: chi2 "
@@ -258,8 +258,3 @@ def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[st
             "deviations are too small: compare sigma0 of both epochs"
         )
     return tuple(found)
-
-
-def _some(ids: Text | Bool) -> str:
-    shown = ", ".join(printable(str(name)) for name in ids[:5])
-    return shown if len(ids) <= 5 else f"{shown} and {len(ids) - 5} more"

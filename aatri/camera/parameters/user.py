@@ -66,9 +66,9 @@ def user_set(text: str, where: str) -> ParameterSet:
     return ParameterSet("user", names, ("mm",) * count, basis, no_classical_values(count))
 
 
-def _names(given: object, where: str) -> tuple[str, ...]:
-    if not isinstance(given, list | tuple) or not given or not all(isinstance(name, str) and name for name in given):
-        raise PluginError(f"names is {given!r}, not a list of texts", where=where, remedy=REMEDY)
-    if len(set(given)) < len(given):
-        raise PluginError(f"names has {max(given, key=given.count)!r} twice", where=where, remedy=REMEDY)
-    return tuple(given)
+def _names(listed: object, where: str) -> tuple[str, ...]:
+    if not isinstance(listed, list | tuple) or not listed or not all(isinstance(name, str) and name for name in listed):
+        raise PluginError(f"names is {listed!r}, not a list of texts", where=where, remedy=REMEDY)
+    if len(set(listed)) < len(listed):
+        raise PluginError(f"names has {max(listed, key=listed.count)!r} twice", where=where, remedy=REMEDY)
+    return tuple(listed)

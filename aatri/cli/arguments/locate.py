@@ -35,7 +35,7 @@ class LocatedRun:
         return self.stages[names.index(name)]
 
 
-def find_run(given: Path | None) -> LocatedRun:
+def find_run(named: Path | None) -> LocatedRun:
     """The run of a folder or pipeline file; by default of ./pipeline.yaml.
 
     Raises
@@ -48,7 +48,7 @@ def find_run(given: Path | None) -> LocatedRun:
     from aatri.pipeline.spec.pipeline_file import load_spec
     from aatri.pipeline.store.run_folder import read_overview
 
-    path = run_or_pipeline(given)
+    path = run_or_pipeline(named)
     if path.is_dir():
         overview = overview_of(path)
         return LocatedRun(path, tuple(overview["stages"]), overview)
@@ -57,7 +57,7 @@ def find_run(given: Path | None) -> LocatedRun:
     return LocatedRun(spec.run, stages, read_overview(spec.run) or {})
 
 
-def run_or_pipeline(given: Path | None) -> Path:
+def run_or_pipeline(named: Path | None) -> Path:
     """The folder of a run or the pipeline file that is meant.
 
     Raises
@@ -65,9 +65,9 @@ def run_or_pipeline(given: Path | None) -> Path:
     SpecError
         If none is given and there is no ./pipeline.yaml.
     """
-    if given is None and not DEFAULT.is_file():
+    if named is None and not DEFAULT.is_file():
         raise SpecError("no run given and no pipeline.yaml here", remedy="give a run folder or a pipeline file")
-    return in_folder(given or DEFAULT)
+    return in_folder(named or DEFAULT)
 
 
 def overview_of(folder: Path) -> dict[str, Any]:

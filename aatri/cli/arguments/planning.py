@@ -143,7 +143,7 @@ def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: boo
 
 
 def open_run(
-    given: Path | None,
+    named: Path | None,
     *,
     local_plugins: bool = False,
     set_: tuple[str, ...] = (),
@@ -159,7 +159,7 @@ def open_run(
     """
     from aatri.pipeline.store.known_runs import is_of_this_run
 
-    path = run_or_pipeline(given)
+    path = run_or_pipeline(named)
     if not path.is_dir():
         request = Request(str(path), set_=set_, use=use, local_plugins=local_plugins)
         return open_request(request, quiet=quiet, background=background)

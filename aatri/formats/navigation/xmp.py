@@ -68,17 +68,15 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         what = f"no XMP packet of a drone in {'any of its files' if path.is_dir() else 'it'}"
         raise InputError(what, where=str(path), remedy="give the photographs as the drone wrote them")
     files = [p for p, _ in found]
-    told = dict(enumerate(_told(packet) for _, packet in found))
+    stated = [_stated(packet) for _, packet in found]
     names = _names(files)
-    sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in told.values()])
+    sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in stated])
     if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
         what = f"RTK standard deviations {sigma[bad[0]].tolist()}"
         raise found[int(bad[0])][1].error(what, "they are positive, in m: without a solution they are not there")
     observed = np.isfinite(sigma).all(axis=1)
-    place = np.array([[t["GpsLongitude"], t["GpsLatitude"], t["AbsoluteAltitude"]] for t in told.values()])
-    angles = np.radians(
-        [[t.get(f"Gimbal{of}Degree", np.nan) for of in ("Roll", "Pitch", "Yaw")] for t in told.values()]
-    )
+    place = np.array([[t["GpsLongitude"], t["GpsLatitude"], t["AbsoluteAltitude"]] for t in stated])
+    angles = np.radians([[t.get(f"Gimbal{of}Degree", np.nan) for of in ("Roll", "Pitch", "Yaw")] for t in stated])
     parts = BlockParts("dji_xmp", files, name=path.stem, frame=GEOGRAPHIC)
     at = {
         "file": list(range(len(files))),
@@ -93,7 +91,7 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         "ground_from_image": ENU_FROM_NED @ rotation_from_angles(angles, "roll-pitch-heading") @ BODY_FROM_CAMERA,
         **at,
     }
-    parts.notes = _notes(names, [t.get("RtkFlag") for t in told.values()], observed.tolist())
+    parts.notes = _notes(names, [t.get("RtkFlag") for t in stated], observed.tolist())
     if len(found) < len(listed):
         parts.notes.append(f"{len(listed) - len(found)} files have no packet of a drone: "
                            f"{shown([p.name for p in listed if p not in files])}")  # fmt: skip
@@ -132,7 +130,7 @@ def _packet(path: Path) -> XmlElement | None:
     return read_xml(path, ("xmpmeta",), "an XMP packet", text)
 
 
-def _told(packet: XmlElement) -> dict[str, float]:
+def _stated(packet: XmlElement) -> dict[str, float]:
     """Numbers of DJI, written as attributes or as elements."""
     of: dict[str, float] = {}
     stated = 0

@@ -174,7 +174,7 @@ def ground_of(lines: list[tuple[TextLine, int]], sigma_m: float, axes: str = "ea
     """Columns of ground points from lines `point X Y Z`, m, in these axes; `-` stands for what is not known."""
     first: dict[str, TextLine] = {}
     order = [0, 1, 2] if axes.startswith("east") else [1, 0, 2]
-    xyz = np.array([_known(entry.of_width(4, "point X Y Z")) for entry, _ in lines]).reshape(-1, 3)[:, order]
+    xyz = np.array([_coordinates(entry.of_width(4, "point X Y Z")) for entry, _ in lines]).reshape(-1, 3)[:, order]
     return {
         "point": [entry.once(entry.words[0], first, "point") for entry, _ in lines],
         "xyz_m": xyz,
@@ -184,7 +184,7 @@ def ground_of(lines: list[tuple[TextLine, int]], sigma_m: float, axes: str = "ea
     }
 
 
-def _known(entry: TextLine) -> list[float]:
+def _coordinates(entry: TextLine) -> list[float]:
     """X, Y, Z of a line, NaN where a dash stands for a coordinate."""
     xyz = [np.nan if word == "-" else entry.number(k) for k, word in enumerate(entry.words) if k]
     if np.isnan(xyz[0]) != np.isnan(xyz[1]) or np.isnan(xyz).all():

@@ -12,7 +12,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.formats.tables.columns import GEODETIC
 from aatri.formats.tables.covariances import geodetic_covariances
-from aatri.formats.tables.source import Source, choice, look_up, plain_angle_rad, rad_of
+from aatri.formats.tables.source import Source, ask_for_angle_unit, choice, look_up, plain_angle_rad, rad_of
 from aatri.formats.text.csv_table import CsvTable
 from aatri.formats.text.number_text import number_of
 
@@ -105,12 +105,8 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
     for angle, unit in in_units.items():
         rows_of_kind = [k for k in bad if (types[k] in ANGLES) == angle]
         table.complain(rows_of_kind, column, f"{column} is {{}}, not a number", unit)
-    if units.angle is None and any(t in ANGLES for t in types):
-        source.problems.add(
-            "units.angle is missing, but geodetic.csv has angles",
-            source.document.where("units"),
-            "add units: {angle: gon} (or deg, rad, dms)",
-        )
+    if any(t in ANGLES for t in types):
+        ask_for_angle_unit(source, "geodetic.csv has angles", "units")
     return values
 
 

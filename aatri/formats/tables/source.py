@@ -182,10 +182,8 @@ def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike
             f"{column} is {{}} rad, more than two turns: degrees or gon?",
             "set units: {angle: deg} (or gon) in block.yaml, if all angles are so",
         )
-    if unit is None and any(cells[k] for k in chosen):
-        where = source.document.where("units")
-        what = f"units.angle is missing, but {table.path.name} has angles in column {column}"
-        source.problems.add(what, where, "add units: {angle: deg} (or gon, rad, dms)")
+    if any(cells[k] for k in chosen):
+        ask_for_angle_unit(source, f"{table.path.name} has angles in column {column}", "units")
     return values
 
 
@@ -201,7 +199,7 @@ def ask_for_angle_unit(source: Source, because: str, *keys: str) -> None:
         source.problems.add(
             f"units.angle is missing, but {because}",
             source.document.where(*keys),
-            "add units: {angle: deg} (or gon, rad)",
+            "add units: {angle: deg} (or gon, rad, dms)",
         )
 
 

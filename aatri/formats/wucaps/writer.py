@@ -116,7 +116,7 @@ def _refuse(block: Block, *, corrected: bool) -> None:
     strange = _unwritable([*images.id, *block.points.id, *block.strips.id], images.id)
     if strange:
         refuse(f"ids that WuCAPS files would read otherwise: {shown(strange)}", f"block {block.name}", "rename them")
-    odd = block.ground_points.point[~_told(block)]
+    odd = block.ground_points.point[~_has_form(block)]
     if len(odd):
         what = f"roles other than full, plan-only or height-only control or check: {shown(block.points.id[odd])}"
         refuse(what, f"block {block.name}", "give each point one of these, or export as tables")
@@ -129,7 +129,7 @@ def _unwritable(ids: list[str], images: object) -> list[str]:
     return sorted(bad | {str(i) for i in np.asarray(images) if str(i).startswith("-")})
 
 
-def _told(block: Block) -> Bool:
+def _has_form(block: Block) -> Bool:
     """Rows of ground points whose role has a form, (n,); without one only the coordinates stand in PRECKI."""
     role = block.ground_points.role
     free = np.isin(role, [NO_ROLE, APPROXIMATE]).all(axis=1)
@@ -175,13 +175,13 @@ def _images(block: Block, xy_mm: Float, used: Bool) -> list[str]:
 def _ground(block: Block) -> list[str]:
     """PRECKI: north before east; 0 where nothing is known and no role needs it, for the files have no blanks."""
     g, lines = block.ground_points, list[str]()
-    for point, xyz, is_known in zip(g.point, np.nan_to_num(g.xyz_m).tolist(), _known(block)):
-        if is_known:
+    for point, xyz, written in zip(g.point, np.nan_to_num(g.xyz_m).tolist(), _is_written(block)):
+        if written:
             lines.append(f"{block.points.id[point]} {xyz[1]!r} {xyz[0]!r} {xyz[2]!r}")
     return [*lines, "-99"]
 
 
-def _known(block: Block) -> Bool:
+def _is_written(block: Block) -> Bool:
     """Ground points with all coordinates, or at least those that their role needs."""
     g = block.ground_points
     finite, needed = np.isfinite(g.xyz_m), np.isin(g.role, [CONTROL, CHECK])
@@ -191,7 +191,7 @@ def _known(block: Block) -> Bool:
 def _roles(block: Block) -> list[str]:
     """PRECPI."""
     g = block.ground_points
-    of = [np.flatnonzero((g.role == np.array(role)).all(axis=1) & _known(block)) for role in ROLES]
+    of = [np.flatnonzero((g.role == np.array(role)).all(axis=1) & _is_written(block)) for role in ROLES]
     names = [str(block.points.id[g.point[row]]) for rows in of for row in rows]
     return [" ".join(str(len(rows)) for rows in of[:3]), *names, "-99"]
 
@@ -204,9 +204,9 @@ def _left_out(block: Block, used: Bool) -> list[Note]:
         notes.append(Note("warning", text, tuple(str(i) for i in np.asarray(ids).tolist())))
 
     notes.append(Note("note", "WuCAPS files hold no standard deviations: give them as options when reading"))
-    if not _known(block).all():
-        warn("ground points that lack a coordinate are not written", block.points.id[g.point[~_known(block)]])
-    filled = _known(block) & ~np.isfinite(g.xyz_m).all(axis=1)
+    if not _is_written(block).all():
+        warn("ground points that lack a coordinate are not written", block.points.id[g.point[~_is_written(block)]])
+    filled = _is_written(block) & ~np.isfinite(g.xyz_m).all(axis=1)
     if filled.any():
         warn("0 stands for coordinates that are not known, of plan or height control", block.points.id[g.point[filled]])
     if not used.all():

@@ -6,16 +6,21 @@ before, nothing below it runs. While a run goes on the same function decides eac
 `run`, `status`, `dag` and `--dry-run` all carry out or show this one plan.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import key_of, key_parts
 from aatri.pipeline.plan.reasons import Reason, Why, differences
+
+if TYPE_CHECKING:
+    from aatri.pipeline.plan.view import StoreView
 
 
 class State(StrEnum):
@@ -32,34 +37,6 @@ class Integrity(StrEnum):
     intact = "intact"
     missing = "output_missing"
     altered = "output_altered"
-
-
-class View(Protocol):
-    """What the planner asks of a store; it never writes."""
-
-    def record(self, stage: str, key: str) -> Mapping[str, Any] | None:
-        """The record of a result."""
-
-    def records(self, stage: str) -> Iterable[Mapping[str, Any]]:
-        """The records of all results of a stage."""
-
-    def last(self, stage: str) -> Mapping[str, Any] | None:
-        """The record of the last result that was current."""
-
-    def accepted(self, stage: str, key: str) -> str | None:
-        """The key of a result that the user accepts for this key."""
-
-    def integrity(self, record: Mapping[str, Any]) -> Integrity:
-        """Whether the artifact of a record is whole."""
-
-    def failed_key(self, stage: str) -> str | None:
-        """The key that the last attempt failed with, if it failed."""
-
-    def interrupted_key(self, stage: str) -> str | None:
-        """The key of an attempt that did not come to its end."""
-
-    def files(self, node: StageNode) -> Mapping[str, str]:
-        """Content digests of the files that options name."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +130,7 @@ def select(
     return Selection(frozenset(chosen), forced)
 
 
-def plan(nodes: tuple[StageNode, ...], view: View, seed: int, selection: Selection = Selection()) -> Plan:
+def plan(nodes: tuple[StageNode, ...], view: StoreView, seed: int, selection: Selection = Selection()) -> Plan:
     """Decide on every stage, in order."""
     digests: dict[str, str | None] = {}
     decisions = []
@@ -165,7 +142,7 @@ def plan(nodes: tuple[StageNode, ...], view: View, seed: int, selection: Selecti
 
 
 def decide(
-    node: StageNode, digests: Mapping[str, str | None], view: View, seed: int, selection: Selection = Selection()
+    node: StageNode, digests: Mapping[str, str | None], view: StoreView, seed: int, selection: Selection = Selection()
 ) -> Decision:
     """Decide on one stage.
 
@@ -174,7 +151,7 @@ def decide(
     node : StageNode
     digests : mapping
         Stage -> content digest of its result; None where it is still to be made.
-    view : View
+    view : StoreView
     seed : int
     selection : Selection, optional
     """
@@ -199,7 +176,7 @@ def decide(
     return Decision(node.name, State.run, reasons, parts, key, selected=selected)
 
 
-def _serving(stage: str, key: str, parts: Mapping[str, Any], view: View) -> tuple[Mapping[str, Any] | None, bool]:
+def _serving(stage: str, key: str, parts: Mapping[str, Any], view: StoreView) -> tuple[Mapping[str, Any] | None, bool]:
     """The record under a key, or the one that the user accepts in its stead; and whether it is the latter."""
     record = view.record(stage, key)
     if record is not None and record["parts"] == parts:
@@ -208,7 +185,7 @@ def _serving(stage: str, key: str, parts: Mapping[str, Any], view: View) -> tupl
     return (view.record(stage, other), True) if other is not None else (None, False)
 
 
-def _why(stage: str, key: str | None, parts: Mapping[str, Any], view: View) -> tuple[Reason, ...]:
+def _why(stage: str, key: str | None, parts: Mapping[str, Any], view: StoreView) -> tuple[Reason, ...]:
     """What became different since the last result, and how the last attempt ended."""
     ends = []
     if key is not None and view.failed_key(stage) == key:
