@@ -1,11 +1,12 @@
 """How many independent errors new points, check points and control left out of a bundle have, axis by axis."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
 from aatri.adjustment.covariance.score import with_factor
 from aatri.adjustment.records import whitened
-from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import IndependentErrors
@@ -41,7 +42,8 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
     most = MOST_WITH_TESTS if tests else MOST_POINTS
     if not determined.any() or len(determined) > most or result.free is not None or adjusted.down_weighted:
         return None
-    adjusted, nothing = with_factor(adjusted), np.zeros_like(variance)
+    result, nothing = replace(result, adjusted=with_factor(adjusted)), np.zeros_like(variance)
+    adjusted = result.adjusted
     counts: dict[str, Float] = {}
     ground = block.ground_points
     new = determined.all(axis=1)
@@ -55,15 +57,16 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
         variance_given = nothing.copy()
         variance_given[ground.point] = np.nan_to_num(np.einsum("nii->ni", ground.covariance_m2))
         counts[CHECK_POINTS] = independent_errors(adjusted, POINT, check & determined, variance, variance_given)
-    if (left_out := _control_left_out(result, adjusted)) is not None:
+    if (left_out := _control_left_out(result)) is not None:
         counts[LEFT_OUT] = left_out
     if not counts:
         return None
     return IndependentErrors(points=np.array(list(counts)), count=np.array(list(counts.values())))
 
 
-def _control_left_out(result: BundleResult, adjusted: Adjusted) -> Float | None:
+def _control_left_out(result: BundleResult) -> Float | None:
     """Of control points predicted each without itself, (3,); None where there is none that others predict."""
+    adjusted = result.adjusted
     of = [o for o in result.observations if o.observed.kind == CONTROL_KIND and not o.observed.exact]
     found = next((o for o in of if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None)
     rows = np.flatnonzero(found.used) if found is not None else np.zeros(0, dtype=np.int64)
