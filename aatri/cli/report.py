@@ -1,5 +1,9 @@
 """`aatri report`: write the report of a run again."""
 
+from typing import Annotated
+
+import typer
+
 from aatri.cli.arguments.locate import find_run
 from aatri.cli.arguments.options import RunArgument
 from aatri.cli.terminal.console import reports_errors, say
@@ -8,12 +12,18 @@ from aatri.cli.terminal.console import reports_errors, say
 @reports_errors
 def report(
     run: RunArgument = None,
+    pdf: Annotated[bool, typer.Option("--pdf", help="As PDF too, by the Chromium of this machine.")] = False,
+    summary: Annotated[bool, typer.Option("--summary", help="A PDF of two pages.")] = False,
 ) -> None:
     """Write the report of a run, also of one that failed."""
     from aatri.errors import ArtifactError
     from aatri.report.page import write_report
+    from aatri.report.printing import write_pdf
 
     located = find_run(run)
     if not located.overview:
         raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
     say(str(write_report(located.folder)))
+    for asked, short in ((pdf, False), (summary, True)):
+        if asked:
+            say(str(write_pdf(located.folder, summary=short)))

@@ -127,7 +127,7 @@ def render(
     script = environment.get_template("script.js").render()
     sections = questions(run, around)
     if summary:
-        sections = [s.pictures_alone() for s in sections if s.name in OF_SUMMARY]
+        sections = [s.in_short() for s in sections if s.name in OF_SUMMARY]
     solved = run.of_kind(Solution)
     return environment.get_template("report.html").render(
         name=around.block.name if around.block else run.folder.resolve().name,

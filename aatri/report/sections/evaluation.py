@@ -216,4 +216,6 @@ def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tup
             for name, of in parts.items()
             if name == kind or of.any()
         }
-    return both("truth" if kinds == ("truth",) else "differences", groups, "Differences", "solution minus given")
+    if kinds == ("truth",):
+        return both("truth", groups, "Errors", "solution minus truth")
+    return both("differences", groups, "Differences", "solution minus given")

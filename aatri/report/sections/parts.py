@@ -27,9 +27,9 @@ class PageSection:
         """Whether there is nothing to tell."""
         return not (self.notes or self.tables or self.pictures)
 
-    def pictures_alone(self) -> "PageSection":
-        """The section without its tables."""
-        return replace(self, tables=[])
+    def in_short(self) -> "PageSection":
+        """The section with its first two pictures, without tables."""
+        return replace(self, tables=[], pictures=self.pictures[:2])
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@
     t.parentElement.prepend(tools);
     const search = make("input", tools, { type: "search", placeholder: "search", ariaLabel: "search in the table" });
     search.addEventListener("input", () => rows.forEach(row => {
-      row.hidden = !row.textContent.toLowerCase().includes(search.value.toLowerCase());
+      row.hidden = ![...row.cells].some(cell => cell.textContent.toLowerCase().includes(search.value.toLowerCase()));
     }));
     const copy = make("button", tools, { textContent: "copy", title: "as text for a spreadsheet" });
     copy.addEventListener("click", () => {

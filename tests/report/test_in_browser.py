@@ -1,0 +1,174 @@
+"""The page in a browser: nothing is loaded or complained of; the pointer tells, a click isolates, tables are sorted.
+
+Needs playwright and a Chromium on the machine; `pip install 'aatri[browser]'`.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from aatri.artifacts.solution import ParameterCovariances, Parameters
+from aatri.artifacts.suspects import Suspects
+from aatri.pipeline.store import run_folder as store
+from aatri.report.page import write_report
+from aatri.report.printing import write_pdf
+from tests.made_solutions import made_block
+from tests.report.test_page import made_artifacts, make_run
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[sync_api.Browser]:
+    with sync_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield running
+        running.close()
+
+
+def _complete(folder: Path) -> Path:
+    return make_run(folder, made_artifacts(made_block(columns=12)))
+
+
+def _failed(folder: Path) -> Path:
+    run = make_run(folder, {"block": made_block()}, status="failed")
+    store.fail(run, "bundle", {"what": "control is collinear", "remedy": "add a control point", "options": {}})
+    return run
+
+
+def _wrong_control(folder: Path) -> Path:
+    suspects = Suspects(
+        kind=["control"],
+        row=[0],
+        image=[""],
+        point=["p00"],
+        stage=["bundle_adjustment"],
+        size=[1.0],
+        unit=["m"],
+        sigma=[0.1],
+        test=[9.0],
+        verdict=["rejected"],
+    )
+    return make_run(folder, made_artifacts(suspects=suspects))
+
+
+def _calibrated(folder: Path) -> Path:
+    parameters = Parameters(
+        group=["additional"] * 2, object=["cam"] * 2, name=["k1", "p1"], value=[1.0, 1.0], sigma=[2.0, 3.0]
+    )
+    covariances = ParameterCovariances(first=[0, 0, 1], second=[0, 1, 1], covariance=[4.0, -4.5, 9.0])
+    return make_run(folder, made_artifacts(parameters=parameters, parameter_covariances=covariances))
+
+
+def _large(folder: Path) -> Path:
+    return make_run(folder, made_artifacts(made_block(columns=800, rows=10, rays=False)))
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        _complete,
+        _failed,
+        _wrong_control,
+        _calibrated,
+        _large,
+        lambda folder: make_run(folder, {}, status="interrupted"),
+    ],
+    ids=["complete", "failed", "gross error", "calibration", "large", "nothing"],
+)
+def test_no_error_no_request_and_nothing_wider_than_the_screen(made, browser: sync_api.Browser, tmp_path: Path) -> None:
+    address = write_report(made(tmp_path / "run")).as_uri()
+    for width, scheme, media in ((360, "light", "screen"), (1400, "dark", "screen"), (700, "light", "print")):
+        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        said, asked = [], []
+        page.on("console", lambda message, said=said: said.append(message.text))
+        page.on("pageerror", lambda error, said=said: said.append(str(error)))
+        page.on("request", lambda request, asked=asked: asked.append(request.url))
+        page.emulate_media(media=media)
+        page.goto(address)
+        page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+        page.wait_for_timeout(50)
+        assert said == []
+        assert asked == [address]
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        page.close()
+
+
+@pytest.fixture
+def page(browser: sync_api.Browser, tmp_path: Path) -> Iterator[sync_api.Page]:
+    opened = browser.new_page(viewport={"width": 1400, "height": 1000})
+    opened.goto(write_report(_complete(tmp_path / "run")).as_uri())
+    yield opened
+    opened.close()
+
+
+def _at(page: sync_api.Page, colour: str) -> tuple[float, float]:
+    """Where on the screen the first mark of a colour of the plan lies."""
+    return tuple(
+        page.evaluate(
+            """colour => {
+        const svg = document.querySelector("#plan svg.plan");
+        svg.scrollIntoView({ block: "center" });
+        const [x, y] = svg.querySelector(`.marks .dots.${colour}`).getAttribute("d").slice(1).split("h")[0].split(" ");
+        const r = svg.getBoundingClientRect(), k = r.width / svg.viewBox.baseVal.width;
+        return [r.left + x * k, r.top + y * k];
+    }""",
+            colour,
+        )
+    )
+
+
+def test_the_pointer_tells_what_it_is_at_and_a_click_isolates_the_rays_of_an_image(page: sync_api.Page) -> None:
+    page.mouse.move(*_at(page, "blue"))
+    assert "1-0" in page.locator("#plan .tip").inner_text()
+    page.mouse.down()
+    page.mouse.up()
+    d = page.locator("#plan .rays").get_attribute("d")
+    assert d is not None
+    assert d.count("M") == 48  # every point of 12 by 4 is seen from every image
+    page.get_by_role("button", name="all").first.click()
+    assert page.locator("#plan .rays").count() == 0
+
+
+def test_a_plan_is_enlarged_with_the_length_of_its_bar(page: sync_api.Page) -> None:
+    plan = page.locator("#plan")
+    before = plan.locator(".scale").text_content()
+    plan.get_by_role("button", name="+").click()
+    assert "scale(2)" in (plan.locator("g.marks").get_attribute("transform") or "")
+    assert float(plan.locator(".scale").text_content().split()[0]) == float(before.split()[0]) / 2
+
+
+def test_tables_are_sorted_by_a_click_and_searched(page: sync_api.Page) -> None:
+    table = page.locator("#certainty table", has_text="omega")
+    page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+    first = "td >> nth=0"
+    assert table.locator("tbody tr").first.locator(first).inner_text() == "1-0"
+    table.locator("th").nth(1).click()
+    table.locator("th").nth(1).click()
+    values = [float(text) for text in table.locator("tbody tr td:nth-child(2)").all_inner_texts()]
+    assert values == sorted(values, reverse=True)
+    table.locator("xpath=..").locator("input").fill("2-11")
+    assert table.locator("tbody tr:visible").count() == 1
+
+
+def test_the_report_is_printed_and_the_summary_has_two_pages(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", made_artifacts(made_block(columns=12)))
+    for short, pages in ((False, range(4, 11)), (True, (1, 2))):
+        data = write_pdf(run, summary=short).read_bytes()
+        assert data.startswith(b"%PDF")
+        assert data.count(b"/Type /Page\n") in pages
+
+
+def test_without_a_browser_the_error_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from aatri.errors import ResourceError
+
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(ResourceError, match="no Chromium, Chrome or Edge") as raised:
+        write_pdf(make_run(tmp_path / "run", {}))
+    assert "print it" in raised.value.remedy
