@@ -7,6 +7,7 @@ Test: `orientation.bundle.terrain_test`, at 0.1 % for all points together.
 import numpy as np
 
 from aatri.checks.finding import Finding
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.terrain_test import ALARM, off_terrain
@@ -17,6 +18,10 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
     if given.rays is None or not result.image_adjusted.any():
         return []
     rays = np.bincount(given.rays.point[result.ray_used], minlength=len(given.point_ids))
+    for found in result.observations:  # what is tied to other points is no matter of the terrain: of spheres, facades
+        touches = found.observed.records.touches
+        for group, block in touches if len(touches) > 1 and POSE not in dict(touches) else ():
+            rays[block[found.used] if group == POINT else []] = 0
     xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
     height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
     variance = np.maximum(np.nan_to_num(result.point_covariance_m2[:, 2, 2]), 0.0)

@@ -178,3 +178,33 @@ def test_two_of_six_control_points_exchanged_are_named_by_the_whole_chain_withou
     xyz[rows] = xyz[rows[::-1]]
     s = run_chain(replace(block, ground_points=replace(g, xyz_m=xyz))).bundle.suspects
     assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+
+
+def test_exchanged_control_is_not_taken_for_the_third_point_where_positions_drift() -> None:
+    """Shift and drift of each strip leave the datum to three control points, and any of them would explain two."""
+    camera = {"kind": "digital", "principal_distance_mm": 9.0, "format": (4000.0, 3000.0), "pixel_size_mm": 0.0027}
+    overlaps = {"forward_overlap": 80.0, "side_overlap": 60.0, "kappa_sigma_deg": 1.0, "tilt_max_deg": 15.0}
+    block = simulated(
+        20149,
+        camera={**camera, "margin_mm": 0.1, "mounting_deg": 90},
+        flight={"strips": 2, "images_per_strip": 4, "cross_strips": 2, "scale_number": 5000.0, **overlaps},
+        terrain={"mean_height_m": 800.0, "relief_m": 20.0, "wavelength_m": 300.0},
+        ties={"per_position": 5},
+        known={"full": 3, "check_full": 3},
+        gnss={"observed": True, "shift_m": 2.0},
+        earth="flat",
+        refraction="none",
+        noise={"image_um": 2.0},
+        survey={"relative": {"sphere": 2}},
+    )
+    g, told = block.ground_points, Told()
+    rows = np.flatnonzero((g.role == 1).all(axis=1))[:2]
+    xyz = g.xyz_m.copy()
+    xyz[rows] = xyz[rows[::-1]]
+    block = replace(block, ground_points=replace(g, xyz_m=xyz))
+    chain = run_chain(block)
+    solution = bundle(block, chain.refined, chain.strip_block, context=told)
+    s = solution.suspects
+    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+    assert solution.sigma0 < 1.1
+    assert not any("off the terrain" in text for text in told.warnings)  # spheres stand on it

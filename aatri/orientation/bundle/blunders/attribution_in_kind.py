@@ -55,7 +55,9 @@ class AttributionInKind:
     notes: tuple[Note, ...]
 
 
-def attributed_in_kind(tried: TestedBlock, undecided: Bool, records: AllRecords, adjust: Adjust) -> AttributionInKind:
+def attributed_in_kind(
+    tried: TestedBlock, undecided: Bool, exchanged: Bool, records: AllRecords, adjust: Adjust
+) -> AttributionInKind:
     """Try what is out against the others of its kind.
 
     Parameters
@@ -64,6 +66,8 @@ def attributed_in_kind(tried: TestedBlock, undecided: Bool, records: AllRecords,
         The end of a search.
     undecided : (n,) bool
         Left out by it though only some of them are wrong.
+    exchanged : (n,) bool
+        Left out, and fitting with each other's numbers: these are wrong, whatever else would explain as much.
     records : AllRecords
     adjust : callable
     """
@@ -71,7 +75,7 @@ def attributed_in_kind(tried: TestedBlock, undecided: Bool, records: AllRecords,
     for kind in dict.fromkeys(o.kind for o in records.observed):
         places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
         if places:
-            state.try_kind(places)
+            state.try_kind(places, exchanged)
     return AttributionInKind(state.tried, state.undecided, state.kept, tuple(state.notes))
 
 
@@ -81,10 +85,10 @@ class _Attribution:
         self.undecided, self.kept = np.zeros_like(doubted), np.zeros_like(doubted)
         self.notes: list[Note] = []
 
-    def try_kind(self, places: list[int]) -> None:
+    def try_kind(self, places: list[int], exchanged: Bool) -> None:
         """Try all of a kind that are out."""
         rows = np.concatenate([np.arange(part.start, part.stop) for i in places for part in [self.records.parts[i]]])
-        out = rows[self.records.native[rows] & ~self.tried.active[rows]]
+        out = rows[self.records.native[rows] & ~self.tried.active[rows] & ~exchanged[rows]]
         for row in out.tolist() if len(out) <= MOST else ():
             if not self.tried.active[row] and not self.undecided[row] and self._may_be_another(places, row):
                 self._try(places, rows, row)

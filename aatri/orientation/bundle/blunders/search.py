@@ -19,6 +19,7 @@ deviations that are too small: only what stands out by the tau test too goes.
 Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -110,7 +111,8 @@ class _Search(FittedSigmas):
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
         tried, use, swapped = self._searched(start, active)
-        turn = attributed_in_kind(tried, self.undecided & ~use, self.all, self.adjust)
+        exchanged = self._rows_of(swapped)
+        turn = attributed_in_kind(tried, self.undecided & ~use, exchanged, self.all, self.adjust)
         tried, use = turn.tried, turn.tried.active
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
@@ -154,8 +156,7 @@ class _Search(FittedSigmas):
             tried, use = found.solved, found.active
             gone = self.all.split(self.all.native & ~use)
             swapped = tuple(swaps(tried.result, self.given.rays, gone, self.options.limit))
-            rows = [self.all.first[s.place] + row for s in swapped for row in (s.first, s.second)]
-            explained = np.isin(np.arange(len(use)), rows) & self.pool.counted
+            explained = self._rows_of(swapped) & self.pool.counted
             above = use & (tried.test > self.options.limit)
             if explained.any() and above.any():
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
@@ -169,6 +170,11 @@ class _Search(FittedSigmas):
             if not back.any():
                 return tried, use, swapped
             first, active = tried, use | back
+
+    def _rows_of(self, swapped: Sequence[Swap]) -> Bool:
+        """What fits with each other's numbers, (n,)."""
+        rows = [self.all.first[s.place] + row for s in swapped for row in (s.first, s.second)]
+        return np.isin(np.arange(len(self.all.native)), rows)
 
     def _at_lost_points(self, tried: TestedBlock, use: Bool) -> Bool:
         """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
