@@ -13,7 +13,7 @@ first ... last - 1, active or not, into v (n, m) and one array (n, m, k) per tou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -159,6 +159,21 @@ def times_whitener(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> t
         if whitener.ndim == 2:
             return whitener * v, tuple(whitener[:, :, None] * J for J in jacobians)
         return np.einsum("nij,nj->ni", whitener, v), tuple(whitener @ J for J in jacobians)
+
+
+def times(records: Records, rows: Int, jacobians: tuple[Float, ...], moves: Mapping[str, Float]) -> Float:
+    """Change of some records with k motions of the blocks they touch, (n, m, k): the sum of J_b G_b.
+
+    Parameters
+    ----------
+    jacobians : tuple of (n, m, s) float64
+        Of these rows, one for each touched group.
+    moves : mapping of (n_blocks, s, k) float64
+        G of every block, by group; groups that are missing stay.
+    """
+    parts = [J @ moves[group][block[rows]] for (group, block), J in zip(records.touches, jacobians) if group in moves]
+    k = next(iter(moves.values())).shape[2]
+    return np.asarray(sum(parts, np.zeros((len(rows), records.rows, k))))
 
 
 def excess(records: Records, v: Float) -> float:

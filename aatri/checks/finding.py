@@ -17,9 +17,6 @@ from aatri.progress import Reporter
 
 Level = Literal["note", "warning", "error"]
 
-MOST_WORDS = 30
-"""Of a sentence."""
-
 
 @dataclass(frozen=True)
 class Finding:

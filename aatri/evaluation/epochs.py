@@ -23,8 +23,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.evaluation import Differences, Displacements, Evaluation, Figures
 from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence
-from aatri.geometry.rotations import skew
-from aatri.geometry.similarity import closed_form
+from aatri.geometry.similarity import closed_form, motions
 from aatri.ids import printable, shown
 
 DatumMovement = Literal["none", "shift", "rigid", "similarity"]
@@ -159,9 +158,8 @@ def datum_directions(xyz_m: Float, datum: DatumMovement) -> Float:
     X = np.where(np.isfinite(xyz_m), xyz_m, np.nanmean(xyz_m, axis=0))
     x = X - X.mean(axis=0)
     x = x / max(float(np.abs(x).max()), 1e-300)
-    shift = np.tile(np.eye(3), (len(x), 1, 1))
     columns = {"shift": 3, "rigid": 6, "similarity": 7, "none": 0}[datum]
-    return np.concatenate([shift, -skew(x), x[:, :, None]], axis=2)[:, :, :columns].reshape(3 * len(x), columns)
+    return motions(x)[:, :, :columns].reshape(3 * len(x), columns)
 
 
 def _check_frames(a: EpochPoints, b: EpochPoints) -> None:

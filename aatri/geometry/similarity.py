@@ -73,12 +73,23 @@ def jacobian(similarity: Similarity, x: Float) -> Float:
     -------
     (n, 3, 7) float64
     """
-    arm = similarity.scale * x @ similarity.rotation.T
-    J = np.empty((len(x), 3, UNKNOWNS))
+    return motions(similarity.scale * x @ similarity.rotation.T)
+
+
+def motions(arm: Float) -> Float:
+    """How shift, rotation and change of scale about the origin move places, (n, 3) -> (n, 3, 7)."""
+    J = np.empty((len(arm), 3, UNKNOWNS))
     J[:, :, :3] = np.eye(3)
     J[:, :, 3:6] = -skew(arm)
     J[:, :, 6] = arm
     return J
+
+
+def motions_about(place: Float) -> Float:
+    """Shift, rotation and change of scale about the origin of motions about a place, (3,) -> (7, 7), by columns."""
+    about = np.eye(UNKNOWNS)
+    about[:3, 3:6], about[:3, 6] = skew(place[None])[0], -place
+    return about
 
 
 def updated(similarity: Similarity, dx: Float) -> Similarity:

@@ -14,7 +14,8 @@ import numpy as np
 
 from aatri.adjustment.unknowns import Ids, State, Unknowns
 from aatri.arrays import Bool, Float
-from aatri.geometry.rotations import exp_rotation, skew
+from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.similarity import motions
 from aatri.geometry.vectors import finite_rows
 
 POSE = "image"
@@ -75,19 +76,19 @@ def pose_generator(state: State) -> Float:
     """Shifts, rotations about the origin and scale of all poses, (n, 6, 7)."""
     x: Float = state[POSE].position_m
     found = np.zeros((len(x), 6, 7))
-    found[:, :3] = _similarity(x)
+    found[:, :3] = motions(x)
     found[:, 3:, 3:6] = np.eye(3)
     return found
 
 
 def point_generator(state: State) -> Float:
     """The same of all ground points, (n, 3, 7)."""
-    return _similarity(state[POINT])
+    return motions(state[POINT])
 
 
-def _similarity(x: Float) -> Float:
-    shift = np.broadcast_to(np.eye(3), (len(x), 3, 3))
-    return np.asarray(np.concatenate([shift, -skew(x), x[:, :, None]], axis=2))
+def generators(state: State) -> dict[str, Float]:
+    """How a similarity moves poses and ground points, by group."""
+    return {POINT: point_generator(state)} | ({POSE: pose_generator(state)} if POSE in state else {})
 
 
 def retract_poses(poses: Poses, step: Float, seen_at_m: Float | None = None) -> Poses:

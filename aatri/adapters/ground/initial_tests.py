@@ -6,6 +6,7 @@ import numpy as np
 
 from aatri.adapters.ground.ground_observed import DISTANCES, GroundObserved
 from aatri.adapters.solution import suspect_rows
+from aatri.adjustment.records import times
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
@@ -14,7 +15,7 @@ from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, point_generator, pose_generator
+from aatri.observations.poses import POINT, POSE, generators
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.free_body import FreeBody
 
@@ -87,12 +88,11 @@ def _of_places(observed: Sequence[Observed]) -> list[Observed]:
 
 def _ratios(distances: Sequence[Observed], state: State) -> tuple[Float, Float]:
     """Distances over their lengths in a component, and these: the derivatives by its scale."""
-    moves, ratio, lengths = {POINT: point_generator(state), POSE: pose_generator(state)}, [], []
+    moves, ratio, lengths = generators(state), [], []
     for o in distances:
-        v, jacobians = o.records.evaluate(state, np.arange(len(o)))
-        length = np.zeros(len(o))
-        for (group, block), J in zip(o.records.touches, jacobians):
-            length += (J @ moves[group][block])[:, 0, 6]
+        rows = np.arange(len(o))
+        v, jacobians = o.records.evaluate(state, rows)
+        length = times(o.records, rows, jacobians, moves)[:, 0, 6]
         ratio.append(1.0 - v[:, 0] / length)
         lengths.append(length)
     return np.concatenate(ratio), np.concatenate(lengths)

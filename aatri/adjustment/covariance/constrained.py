@@ -15,7 +15,7 @@ from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.records import predicted
+from aatri.adjustment.records import predicted, times
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
@@ -70,8 +70,7 @@ def reduce_covariances(
         known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
         for first in range(0, len(known) if W else 0, CHUNK):
             rows = known[first : first + CHUNK]
-            _, jacobians = predicted(r, state, rows)
-            T = sum(J @ W[group][block[rows]] for (group, block), J in zip(r.touches, jacobians))
-            found[rows] -= T @ np.swapaxes(T, 1, 2)
+            T = times(r, rows, predicted(r, state, rows)[1], W)
+            found[rows] -= T @ T.swapaxes(1, 2)
             if gains:
-                reduce_gains(gains[place], r, rows, W, np.asarray(T))
+                reduce_gains(gains[place], r, rows, W, T)

@@ -27,7 +27,7 @@ from aatri.adjustment.covariance.constrained import covariance_reduction, covari
 from aatri.adjustment.covariance.gains import Gains
 from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.records import Records, predicted
+from aatri.adjustment.records import Records, predicted, times
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
@@ -56,9 +56,7 @@ class STransformation:
         """Carry the gains of all records of a type over, in place."""
         for first in range(0, len(records.active), CHUNK):
             rows = np.arange(first, min(first + CHUNK, len(records.active)))
-            _, jacobians = predicted(records, state, rows)
-            touched = list(zip(records.touches, jacobians))
-            T = np.asarray(sum(J @ self.Z[group][block[rows]] for (group, block), J in touched))
+            T = times(records, rows, predicted(records, state, rows)[1], self.Z)
             for (group, block), gain in zip(records.touches, gains.gain):
                 if gain is not None and group in self.H:
                     gain[rows] -= self.H[group][block[rows]] @ self.M @ T.swapaxes(1, 2)

@@ -24,8 +24,8 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.rotations import levelling, log_rotation, skew
-from aatri.geometry.similarity import Similarity, compose, transform
+from aatri.geometry.rotations import levelling, log_rotation
+from aatri.geometry.similarity import Similarity, compose, motions_about, transform
 from aatri.ids import shown
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed, named
@@ -254,10 +254,7 @@ def _held(motions: Float, body: FreeBody, start: Similarity, centre: Float) -> O
     """
     middle = transform(start, centre[None])[0]
     extent = float(np.linalg.norm(transform(start, body.places) - middle, axis=1).max())
-    to_unknowns = np.eye(7)
-    to_unknowns[:3, 3:6] = -skew(middle[None])[0]
-    to_unknowns[:3, 6] = middle
-    along = np.linalg.qr((to_unknowns @ motions) / np.array([[extent]] * 3 + [[1.0]] * 4))[0].T
+    along = np.linalg.qr((motions_about(-middle) @ motions) / np.array([[extent]] * 3 + [[1.0]] * 4))[0].T
     along[:, :3] /= extent
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:

@@ -25,11 +25,12 @@ from scipy.sparse.linalg import splu
 
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjusting.tied_problem import is_coordinates
+from aatri.adjustment.records import times
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.similarity import IDENTITY, jacobian
+from aatri.geometry.similarity import motions, motions_about
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, point_generator, pose_generator, position
+from aatri.observations.poses import POINT, POSE, generators, position
 
 UNDETERMINED = 0.04
 NAMED = 0.3
@@ -115,13 +116,11 @@ def analyse_datum(
     centre = places.xyz[some].mean(axis=0) if some.any() else body.mean(axis=0)
     extent = float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
     axes, line = _axes(places.xyz[some] - centre, extent)
-    about_centre = np.eye(7)
-    about_centre[3:6, 3:6] = axes
-    about_centre[:3, :3] *= extent
-    about_centre[:3, 3:6] = np.cross(centre, axes.T).T
-    about_centre[:3, 6] = -centre
+    about_centre = motions_about(centre)
+    about_centre[:, :3] *= extent
+    about_centre[:, 3:6] = about_centre[:, 3:6] @ axes
     J = _seen(observed, state, use, extent) @ about_centre / extent
-    J_body = (jacobian(IDENTITY, body) @ about_centre / extent).reshape(-1, 7)
+    J_body = (motions(body) @ about_centre / extent).reshape(-1, 7)
     M = J_body.T @ J_body / len(body)
     M += 1e-9 * np.trace(M) * np.eye(7)
     values, vectors = eigh(J.T @ J, M)
@@ -139,22 +138,19 @@ def analyse_datum(
 
 def _seen(observed: Sequence[Observed], state: State, use: Bool | None, extent: float) -> Float:
     """What observations see of shift, rotation and change of scale, (k, 7), their own unknowns eliminated."""
-    moves = {POINT: point_generator(state)} | ({POSE: pose_generator(state)} if POSE in state else {})
-    free = {u.name: u.free for o in observed for u in o.unknowns}
+    moves, free = generators(state), {u.name: u.free for o in observed for u in o.unknowns}
     own = list(free)
     seen, parts, k, first = [np.zeros((0, 7))], list[list[Float]](), 0, 0
     for o in observed:
         rows = np.flatnonzero(np.ones(len(o), dtype=bool) if use is None else use[first : first + len(o)])
         counted = np.where(observed_components(o)[rows], 1.0 if o.unit == "m" else extent, 0.0)[:, :, None]
-        J, number = np.zeros((len(rows), o.records.rows, 7)), k + np.arange(counted.size).reshape(counted.shape)
-        for (group, block), by_block in zip(o.records.touches, o.records.evaluate(state, rows)[1]):
-            if group in moves:
-                J += by_block @ moves[group][block[rows]]
-            else:
+        number, jacobians = k + np.arange(counted.size).reshape(counted.shape), o.records.evaluate(state, rows)[1]
+        for (group, block), by_block in zip(o.records.touches, jacobians):
+            if group not in moves:
                 at = number, own.index(group), block[rows].astype(np.int64)[:, None, None], np.arange(by_block.shape[2])
                 value, *of = np.broadcast_arrays(counted * by_block * free[group][block[rows]][:, None], *at)
                 parts.append([value.ravel(), *(x.ravel() for x in of)])
-        seen.append((counted * J).reshape(-1, 7))
+        seen.append((counted * times(o.records, rows, jacobians, moves)).reshape(-1, 7))
         k, first = k + counted.size, first + len(o)
     J = np.concatenate(seen)
     if not parts:

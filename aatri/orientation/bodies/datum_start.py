@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjusting.added_variance import whitener_beside
-from aatri.adjustment.records import Records, whitened
+from aatri.adjustment.records import Records, times, whitened
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
@@ -31,7 +31,7 @@ from aatri.geometry.rotations import exp_rotation, levelling
 from aatri.geometry.similarity import Similarity, from_centroids, robust_closed_form
 from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, point_generator, pose_generator
+from aatri.observations.poses import POINT, POSE, generators
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.free_body import FreeBody
@@ -168,10 +168,7 @@ def _of_body(records: Records, body: FreeBody) -> Records:
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         now = {**state, **body.on_ground(state[BODY])}
         v, jacobians = records.evaluate(now, rows)
-        moves, J = {POSE: pose_generator(now), POINT: point_generator(now)}, np.zeros((*v.shape, 7))
-        for (group, block), by_block in zip(records.touches, jacobians):
-            if group in moves:
-                J += by_block @ moves[group][block[rows]]
+        J = times(records, rows, jacobians, generators(now))
         return v, (J, *(by_block for by_block, of_body in zip(jacobians, mine) if not of_body))
 
     if not any(mine):  # what is known beforehand of unknowns of their own

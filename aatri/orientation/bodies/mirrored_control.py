@@ -8,10 +8,11 @@ from aatri.geometry.similarity import Similarity, robust_closed_form
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
+from aatri.orientation.bodies.datum_start import UPWARDS
 from aatri.orientation.bodies.exchanged_control import FEWEST, exchanged_control
 
-UPWARDS, STEEPLY = 0.17, 0.7
-"""Sines of the elevations, 10 and 45 degrees, above which the images look upwards, and steeply so, in the mean."""
+CLEARLY_UPWARDS = 0.17
+"""Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
 
 FEWEST_MIRRORED, CLEARLY = 5, 0.2
 """Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
@@ -69,7 +70,7 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
         x, X = kept.xyz[full], kept.observed_m[full]
         as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
         if other < CLEARLY * as_it_is:
-            return text if steep > UPWARDS else "control and positions fit it mirrored only"
+            return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
         if as_it_is < CLEARLY * other:
             return ""
-    return text if steep > STEEPLY else ""
+    return text if steep > UPWARDS else ""

@@ -21,7 +21,7 @@ import numpy as np
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float, Int, Text
-from aatri.geometry.rotations import skew
+from aatri.geometry.similarity import motions
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
@@ -87,14 +87,9 @@ def model_ties(rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, gr
         return np.asarray(state.similarity.translation[model[some]] + arms(state, some))
 
     def derivatives(state: ModelPoses, some: Int) -> Float:
-        k, arm = model[some], arms(state, some)
-        J = np.empty((len(some), 3, 7 + LATENT))
-        J[:, :, :3] = np.eye(3)
-        J[:, :, 3:6] = -skew(arm)
-        J[:, :, 6] = arm
+        k = model[some]
         sR = state.similarity.scale[k][:, None, None] * state.similarity.rotation[k]
-        J[:, :, 7:] = sR @ rows.by_latent[some]
-        return J
+        return np.concatenate([motions(arms(state, some)), sR @ rows.by_latent[some]], axis=2)
 
     def spectrum(state: ModelPoses) -> tuple[Float, Float]:
         scale, R = state.similarity.scale[model], state.similarity.rotation[model]

@@ -15,8 +15,8 @@ from aatri.adjustment.records import Bind, Fill, Weigh
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError
-from aatri.geometry.rotations import exp_rotation, skew
-from aatri.geometry.similarity import Similarity
+from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.similarity import Similarity, motions
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
 from aatri.orientation.bodies.kernels import ties as kernels
@@ -110,12 +110,7 @@ def similarity_ties(
         return np.asarray(state.translation[strip[rows]] + arms(state, rows))
 
     def derivatives(state: Similarities, rows: Int) -> Float:
-        arm = arms(state, rows)
-        J = np.empty((len(rows), 3, 7))
-        J[:, :, :3] = np.eye(3)
-        J[:, :, 3:6] = -skew(arm)
-        J[:, :, 6] = arm
-        return J
+        return motions(arms(state, rows))
 
     def compiled(order: Int) -> Weigh:
         k, q, own = strip[order], point[order], np.ascontiguousarray(x[order])

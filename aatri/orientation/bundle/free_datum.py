@@ -34,6 +34,7 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation, skew
+from aatri.geometry.similarity import motions_about
 from aatri.observations.poses import POINT, POSE, Poses
 
 OPEN = 1e-8
@@ -171,9 +172,7 @@ def transformation_of(free: FreeDatum, adjusted: Adjusted, known: Bool) -> STran
 def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:
     """The seven directions H about the centre, (n, k, 7) for each group they move; zero for what is not adjusted."""
     centre, extent = _size(free, state)
-    about_centre = np.eye(7)
-    about_centre[:3, 3:6] = skew(centre[None])[0]
-    about_centre[:3, 6] = -centre
+    about_centre = motions_about(centre)
     about_centre[:, :3] *= extent
     found = {}
     for u in free.unknowns:

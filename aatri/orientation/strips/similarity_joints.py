@@ -18,7 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.geometry.rotations import exp_rotation, skew
+from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.similarity import motions
 from aatri.orientation.strips.joints import JointTable, ModelTable
 
 ITERATIONS = 20
@@ -43,7 +44,7 @@ def similarity_joints(models: ModelTable, joints: JointTable) -> JointTable:
         m, R = np.exp(s)[place], T[place]
         moved = m[:, None] * (R @ x[:, :, None])[:, :, 0]
         weight = np.linalg.inv(C_a + (m**2)[:, None, None] * (R @ C_b @ R.swapaxes(1, 2)))
-        J = np.concatenate([-skew(moved), moved[:, :, None]], axis=2)
+        J = motions(moved)[:, :, 3:]
         JW = J.swapaxes(1, 2) @ weight
         N = np.add.reduceat(JW @ J, first)
         step = np.linalg.solve(N, np.add.reduceat(JW @ (y - moved)[:, :, None], first))[:, :, 0]
