@@ -16,14 +16,12 @@ Source: Gruen 1980, Precision and reliability aspects in close-range photogramme
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr  # scipy.stats takes a second to import
 
 from aatri.arrays import Bool, Float
-
-LEVELS = (0.90, 0.95, 0.99)
-"""Correlations are reported from the first of these on, in these classes."""
 
 INSEPARABLE = 0.999
 """Two parameters correlated like this cannot be told apart."""
@@ -74,14 +72,12 @@ class JointTest:
     p_value: float
 
 
-@dataclass(frozen=True)
-class CorrelatedPair:
-    """Two parameters with a high correlation; `level` is the highest of `LEVELS` it reaches."""
+class CorrelatedPair(NamedTuple):
+    """Two parameters with a high correlation."""
 
     first: str
     second: str
     correlation: float
-    level: float
 
 
 def estimates(
@@ -146,14 +142,14 @@ def correlations(e: Estimates) -> Float:
     return np.asarray(e.covariance / np.outer(sigma, sigma))
 
 
-def correlated_pairs(e: Estimates, limit: float = LEVELS[0]) -> list[CorrelatedPair]:
+def correlated_pairs(e: Estimates, limit: float) -> list[CorrelatedPair]:
     """Pairs of parameters with |correlation| of at least the limit, the highest first."""
     rho = np.triu(correlations(e), 1)
     return _pairs(rho, e.names, e.names, limit)
 
 
 def correlated_with_others(
-    e: Estimates, cross_covariance: Float, other_variance: Float, other_names: Sequence[str], limit: float = LEVELS[0]
+    e: Estimates, cross_covariance: Float, other_variance: Float, other_names: Sequence[str], limit: float
 ) -> list[CorrelatedPair]:
     """Pairs of a parameter and an unknown outside the group, as the principal distance and a Z0.
 
@@ -183,8 +179,4 @@ def _pairs(rho: Float, first: Sequence[str], second: Sequence[str], limit: float
     size = np.where(np.isfinite(rho), np.abs(rho), 0.0)
     rows, columns = np.nonzero(size >= limit)
     order = np.argsort(-size[rows, columns], kind="stable")
-    found = []
-    for i, j in zip(rows[order], columns[order]):
-        level = max((bound for bound in LEVELS if size[i, j] >= bound), default=limit)
-        found.append(CorrelatedPair(first[i], second[j], float(rho[i, j]), level))
-    return found
+    return [CorrelatedPair(first[i], second[j], float(rho[i, j])) for i, j in zip(rows[order], columns[order])]

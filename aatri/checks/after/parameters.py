@@ -12,6 +12,7 @@ import numpy as np
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.adjustment.statistics.significance import (
     UNDETERMINED_SHARE,
+    CorrelatedPair,
     Estimates,
     correlated_pairs,
     correlated_with_others,
@@ -97,9 +98,8 @@ def _unit(
         which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
         findings.append(Finding("parameters", "note", f"{name}: not significant at 5 %: {which}"))
     findings += _moved(group, unit)
-    pairs = [(p.first, p.second, p.correlation) for p in correlated_pairs(e, WARNED)]
     kinds = column_kinds(given) if is_additional(group.given.group) else {}
-    advice = advise([*pairs, *_pairs_with_pose(given, result, group, unit, e)], kinds)
+    advice = advise([*correlated_pairs(e, WARNED), *_pairs_with_pose(given, result, group, unit, e)], kinds)
     return [*findings, *(Finding("parameters", "warning", f"{name}: {a.text}") for a in advice)]
 
 
@@ -120,7 +120,7 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Finding]:
 
 def _pairs_with_pose(
     given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
-) -> list[tuple[str, str, float]]:
+) -> list[CorrelatedPair]:
     """High correlations with the orientation of the image that has the most points of the unit.
 
     None in a free datum: the factor has scalars held there, the variances of the orientations are of inner constraints.
@@ -135,8 +135,7 @@ def _pairs_with_pose(
     labels = [f"{n} of image {given.image_ids[image]}" for n in _POSE]
     variance = np.diag(result.pose_covariance[image])
     columns = np.flatnonzero(group.given.free[unit])
-    pairs = correlated_with_others(e, cross[columns], variance, labels, WARNED)
-    return [(p.first, p.second, p.correlation) for p in pairs]
+    return correlated_with_others(e, cross[columns], variance, labels, WARNED)
 
 
 def _summed_up(given: BundleInput, group: AdjustedParameters, estimated: list[Estimates]) -> list[Finding]:

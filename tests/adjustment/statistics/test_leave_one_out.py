@@ -42,3 +42,10 @@ def test_a_stretched_sheet_of_four_corners_names_all_of_them() -> None:
     v, H = _of_line(np.stack([1.01 * x, y], axis=1).ravel() / 1e-4, A)
     gain = gains_of_leaving_out(v.reshape(4, 2), np.stack([H[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] for k in range(4)]))
     assert as_good(gain).all()
+
+
+def test_a_common_factor_of_all_standard_deviations_changes_nothing() -> None:
+    """Squares that are 5 below the largest are as good, 15 are not; with a unit of 3 the same holds of 45 and 135."""
+    gain = np.array([100.0, 95.0, 85.0])
+    for unit in (1.0, 3.0):
+        assert as_good(unit**2 * gain, unit).tolist() == [True, True, False]

@@ -107,15 +107,15 @@ def test_correlated_pairs() -> None:
     rng = np.random.default_rng(3)
     a, noise, c = rng.normal(size=(3, 5000))
     e = _solved(np.stack([a, a + 0.1 * noise, c], axis=1), np.zeros(5000))
-    pairs = correlated_pairs(e)
-    assert [(p.first, p.second, p.level) for p in pairs] == [("a", "b", 0.99)]
+    pairs = correlated_pairs(e, 0.9)
+    assert [(p.first, p.second) for p in pairs] == [("a", "b")]
     assert pairs[0].correlation == pytest.approx(-1 / np.sqrt(1.01), abs=2e-3)
 
 
 def test_correlation_with_unknowns_outside_the_group() -> None:
     joint = np.array([[4.0, 1.9, 0.0], [1.9, 1.0, 0.0], [0.0, 0.0, 1.0]])
     e = estimates(["c"], np.zeros(1), joint[:1, :1])
-    pairs = correlated_with_others(e, joint[:1, 1:], np.diag(joint)[1:], ["Z0 of image 7", "Z0 of image 8"])
+    pairs = correlated_with_others(e, joint[:1, 1:], np.diag(joint)[1:], ["Z0 of image 7", "Z0 of image 8"], 0.9)
     assert [(p.first, p.second) for p in pairs] == [("c", "Z0 of image 7")]
     assert pairs[0].correlation == pytest.approx(0.95)
 

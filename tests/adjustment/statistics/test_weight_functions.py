@@ -17,7 +17,7 @@ from aatri.adjustment.statistics.weight_functions import BOUNDS, FLOOR, weights
         ("igg3", 4.0, 0.5 * (0.5) ** 2),  # k 2, k1 6: 2/4 ((6 - 4) / 4)^2
         ("igg3", 7.0, FLOOR),
         ("li_posterior", 5.0, 0.04),
-        ("cauchy", 4.0, 0.2),
+        ("cauchy", 6.0, 0.1),  # 1 / (1 + 3^2)
     ],
 )
 def test_weights_with_the_bound_two_are_the_published(name: str, s: float, expected: float) -> None:
