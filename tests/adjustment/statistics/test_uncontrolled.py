@@ -53,7 +53,7 @@ def test_standard_deviations_that_differ_turn_the_direction_back_into_units() ->
 
 
 def test_what_is_not_observed_or_not_known_is_not_listed() -> None:
-    R = np.stack([np.diag([0.5, 0.0]), np.full((2, 2), np.nan), np.diag([0.005, 0.0])])
+    R = np.stack([np.array([[0.5, 0.3], [0.3, 0.0]]), np.full((2, 2), np.nan), np.diag([0.005, 0.0])])
     observed = np.array([[True, False], [True, True], [True, False]])
     rows, least, direction = uncontrolled_directions(R, observed, np.ones((3, 2)))
     assert rows.tolist() == [2]
