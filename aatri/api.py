@@ -155,6 +155,7 @@ def run_pipeline(
     use: Sequence[str] = (),
     variant: str = "",
     local_plugins: bool = False,
+    cluster: Any = "",
     quiet: bool = True,
 ) -> Run:
     """Bring a pipeline up to date, like `aatri run`, and open it.
@@ -169,6 +170,8 @@ def run_pipeline(
     variant : str
     local_plugins : bool
         Run the project's own stages too.
+    cluster : str or distributed.Client
+        Stages on a Dask cluster: `tcp://HOST:PORT`, `local:WORKERS`, or a client.
     quiet : bool
         Without narration on stderr, but for warnings.
 
@@ -187,7 +190,9 @@ def run_pipeline(
 
     request = Request(str(pipeline), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
     opened = open_request(request, quiet=quiet)
-    settings = runner.RunSettings(command="aatri.run", source=opened.source, request=opened.request.plain())
+    settings = runner.RunSettings(
+        command="aatri.run", source=opened.source, request=opened.request.plain(), cluster=cluster
+    )
     with Narrator(quiet) as narrator:
         records = runner.run_pipeline(opened.spec, opened.nodes, narrator, settings)
     write_report(opened.spec.run)

@@ -58,6 +58,9 @@ def run(
         bool, typer.Option("--keep-going", "-k", help="After a failure go on with what does not depend on it.")
     ] = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
+    cluster: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.")
+    ] = "",
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
     verify: Verify = False,
     no_lock: NoLock = False,
@@ -108,7 +111,9 @@ def run(
         planned = opened.plan(selection, verify=verify)
         say_json(plain_plan(planned)) if json else say_plan(opened, planned, only_selected=True)
         return
-    how = {"jobs": jobs, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
+    if cluster and jobs > 1:
+        raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
+    how = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
     records, report = carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
     verdicts = judge(opened.spec, records, selection.stages)
     if json:

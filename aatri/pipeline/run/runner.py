@@ -59,11 +59,12 @@ class Listener(Protocol):
 class RunSettings:
     """How to run: what the command line says beside the pipeline itself.
 
-    `compiled` comes back when some modules have been compiled.
+    `cluster` is that of `dask_pool`; `compiled` comes back when some modules have been compiled.
     """
 
     selection: Selection = field(default_factory=Selection)
     jobs: int = 1
+    cluster: Any = ""
     keep_going: bool = False
     verify: bool = False
     lock: bool = True
@@ -166,7 +167,7 @@ class _Run:
         try:
             self._show_what_is_fresh()
             self.events.add("started", command=self.settings.command, stale=[d.stage for d in self.planned.stale])
-            with pool(self.settings.jobs, self._tell) as workers:
+            with pool(self.settings.jobs, self._tell, cluster=self.settings.cluster, run=self.spec.run) as workers:
                 self._work(workers)
             status = "failed" if self.problems else self._judge()
         except AatriError:
@@ -233,7 +234,7 @@ class _Run:
         waiting = [n for n in self.nodes if n.name in selected and n.name not in self.records]
         under_way: dict[Future[TaskOutcome], StageNode] = {}
         while waiting or under_way:
-            node = self._next(waiting) if len(under_way) < self.settings.jobs and self._goes_on() else None
+            node = self._next(waiting) if len(under_way) < workers.jobs and self._goes_on() else None
             if node is not None:
                 waiting.remove(node)
                 digests = {name: str(r["output"]["content_digest"]) for name, r in self.records.items()}
@@ -243,7 +244,7 @@ class _Run:
                     self.events.add("fresh", stage=node.name, key=decision.key)
                     continue
                 under_way[self._start(node, decision, workers)] = node
-                if self.settings.jobs > 1:
+                if workers.jobs > 1:
                     continue
             if not under_way:
                 return

@@ -17,6 +17,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aatri.errors import ResourceError
@@ -42,6 +43,10 @@ _queue: Any = None
 
 class WorkerPool(Protocol):
     """Carries out tasks."""
+
+    @property
+    def jobs(self) -> int:
+        """How many tasks at once."""
 
     def submit(self, task: Task) -> Future[TaskOutcome]:
         """Begin a task."""
@@ -88,10 +93,16 @@ def _memory_limit() -> float:
 
 
 @contextlib.contextmanager
-def pool(jobs: int, tell: Tell) -> Iterator[WorkerPool]:
-    """A pool for so many stages at once; `tell` takes stage, event and what belongs to it."""
+def pool(jobs: int, tell: Tell, *, cluster: Any = "", run: Path = Path()) -> Iterator[WorkerPool]:
+    """A pool for so many stages at once, or the workers of a cluster; `tell` takes stage, event and its values."""
     share_cores(jobs)
     _take_buffers()
+    if cluster:
+        from aatri.pipeline.run.dask_pool import dask_pool
+
+        with dask_pool(cluster, run, tell) as workers:
+            yield workers
+        return
     if jobs == 1:
         yield _Here(tell)
         return
@@ -101,6 +112,8 @@ def pool(jobs: int, tell: Tell) -> Iterator[WorkerPool]:
 
 class _Here:
     """In this process; artifacts stay in memory until their last user has run, large ones only for the next stage."""
+
+    jobs = 1
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
@@ -134,7 +147,7 @@ class _Processes:
     def __init__(self, jobs: int, tell: Tell) -> None:
         import multiprocessing
 
-        method = multiprocessing.get_context("spawn")
+        method, self.jobs = multiprocessing.get_context("spawn"), jobs
         self._events = method.SimpleQueue()
         self._executor = ProcessPoolExecutor(jobs, method, _begin, (self._events, os.getpid()))
         self._listening = threading.Thread(target=self._listen, args=(tell,), daemon=True)
