@@ -217,21 +217,6 @@ def columns_of(cls: type[Table]) -> dict[str, Column]:
     return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
 
 
-def plain_columns(rows: Table) -> dict[str, npt.NDArray[Any]]:
-    """All columns of a table, those of several numbers side by side: base_x_m, base_y_m ...; left_rad_1 ..."""
-    columns: dict[str, npt.NDArray[Any]] = {}
-    for name, declared in columns_of(type(rows)).items():
-        values, (stem, _, unit) = getattr(rows, name), name.rpartition("_")
-        if declared.shape in ((2,), (3,)) and unit in ("m", "mm"):
-            columns |= {f"{stem}_{axis}_{unit}": values[:, k] for k, axis in enumerate("xyz"[: declared.shape[0]])}
-        elif declared.shape:
-            flat = values.reshape(len(values), -1)
-            columns |= {f"{name}_{k + 1}": flat[:, k] for k in range(flat.shape[1])}
-        else:
-            columns[name] = values
-    return columns
-
-
 def same_rows(a: object, b: object) -> bool:
     """Whether two tables say the same; NaN is equal to itself."""
     if not isinstance(a, Table) or type(a) is not type(b):

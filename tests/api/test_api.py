@@ -64,12 +64,12 @@ def test_tables_become_data_frames_of_what_is_installed(opened: aatri.api.Run, m
     made.DataFrame = lambda columns: SimpleNamespace(columns=columns, attrs={})  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "pandas", made)
     frame = opened["bundle"].to_dataframe("points")
-    assert frame.columns["id"][0] == "p00"
-    assert frame.attrs["units"]["xyz_m.x"] == "m"
+    assert frame.columns["point"][0] == "p00"
+    assert frame.attrs["units"]["X_m"] == "m"
     monkeypatch.setitem(sys.modules, "pandas", None)
     made.DataFrame = dict  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "polars", made)
-    assert opened["bundle"].to_dataframe("points")["id"][0] == "p00"
+    assert opened["bundle"].to_dataframe("points")["point"][0] == "p00"
     monkeypatch.setitem(sys.modules, "polars", None)
     with pytest.raises(InputError, match="neither pandas nor polars"):
         opened["bundle"].to_dataframe("points")

@@ -29,7 +29,7 @@ def test_values_are_printed_with_units_and_a_count_of_the_rest(solution: str) ->
     shown = _show(solution, "points")
     assert shown.exit_code == 0, shown.stderr
     lines = shown.stdout.splitlines()
-    assert lines[0].split()[:3] == ["id", "xyz_m.x", "[m]"]
+    assert lines[0].split()[:3] == ["point", "X_m", "[m]"]
     assert lines[1].startswith("p00 ")
     assert "-" not in lines[0]
     many = _show(solution, "points", "--all")
@@ -40,8 +40,8 @@ def test_values_are_printed_with_units_and_a_count_of_the_rest(solution: str) ->
 def test_json_has_rows_by_name_units_and_what_was_left_off(solution: str) -> None:
     told = json.loads(_show(solution, "points", "--json").stdout)
     assert told["table"] == "points"
-    assert told["units"]["xyz_m.x"] == "m"
-    assert told["rows"][0]["id"] == "p00"
+    assert told["units"]["X_m"] == "m"
+    assert told["rows"][0]["point"] == "p00"
     assert told["left_off"] == 0
 
 

@@ -1,8 +1,8 @@
 """Tables of an artifact as a reader wants them: ids for rows, one number a column, the worst first, units in the head.
 
-`suspects`, `residuals` and `tests` come largest first, measured in standard deviations; parameters of cameras before
-those of single images; all else keeps its order. A covariance is shown as standard deviations, a rotation as omega, phi
-and kappa. What is not determined is None.
+Columns are called as in exported CSV files. `suspects`, `residuals`, `tests` come largest first, measured in standard
+deviations; parameters of cameras before those of single images; all else keeps its order. A covariance is shown as
+standard deviations, a rotation as omega, phi and kappa. What is not determined is None.
 """
 
 from dataclasses import dataclass
@@ -12,16 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.solution import Parameters, Residuals, Solution, Tests
+from aatri.artifacts.solution import ImageOrientations, Parameters, Residuals, Solution, Tests
 from aatri.artifacts.suspects import Suspects
 from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import SpecError
+from aatri.formats.results.column_names import ANGLES, SIGMAS_M, angle_sigmas_deg, named, standard_deviations
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import did_you_mean
 from aatri.tables.schema import Artifact, Column, Table, columns_of, tables_of
 
-_AXES = ("x", "y", "z")
+_SYSTEM = "omega-phi-kappa"
 _HIDDEN = ("file", "line", "row")
 _HOW = {
     "tests": "set `reliability: true` in the stage",
@@ -97,12 +98,12 @@ def _columns(artifact: Artifact, rows: Table) -> dict[str, tuple[str, list[Any]]
     found: dict[str, tuple[str, list[Any]]] = {}
     for name, declared in columns_of(type(rows)).items():
         if name not in _HIDDEN:
-            found |= _column(artifact, name, declared, getattr(rows, name))
+            found |= _column(artifact, rows, name, declared, getattr(rows, name))
     return found
 
 
 def _column(
-    artifact: Artifact, name: str, declared: Column, values: npt.NDArray[Any]
+    artifact: Artifact, rows: Table, name: str, declared: Column, values: npt.NDArray[Any]
 ) -> dict[str, tuple[str, list[Any]]]:
     unit = "" if declared.unit.startswith("see ") else declared.unit
     if declared.refers:
@@ -111,22 +112,19 @@ def _column(
             ids = [*target.id.tolist(), ""]
             return {name: ("", [ids[k] for k in values.tolist()])}
     if name == "role":
-        return {f"{name}.{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate(_AXES)}
+        return {f"role_{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate("xyz")}
     if name == "ground_from_image":
-        angles = np.degrees(angles_from_rotation(values, "omega-phi-kappa"))
-        return {a: ("deg", _plain(angles[:, k])) for k, a in enumerate(("omega", "phi", "kappa"))}
-    if not declared.shape:
-        return {name: (unit, _plain(values))}
-    if len(declared.shape) == 1:
-        names = _AXES if declared.shape[0] <= 3 else [str(k + 1) for k in range(declared.shape[0])]
-        return {f"{name}.{a}": (unit, _plain(values[:, k])) for k, a in enumerate(names[: declared.shape[0]])}
-    if "covariance" in name:
-        with np.errstate(invalid="ignore"):
-            sigma = np.sqrt(np.einsum("nii->ni", values))
-        units = {"m^2": ["m"] * 3, "m and rad": ["m"] * 3 + ["rad"] * 3}.get(unit, [""] * sigma.shape[1])
-        return {f"sigma {k + 1}": (u, _plain(sigma[:, k])) for k, u in enumerate(units)}
-    flat = values.reshape(len(values), -1)
-    return {f"{name}.{k + 1}": (unit, _plain(flat[:, k])) for k in range(flat.shape[1])}
+        angles = np.degrees(angles_from_rotation(values, _SYSTEM))
+        return {angle: ("deg", _plain(angles[:, k])) for k, angle in enumerate(ANGLES[_SYSTEM])}
+    if "covariance" not in name or len(declared.shape) != 2:
+        return {column: (unit, _plain(part)) for column, part in named(rows, name).items()}
+    sigmas = standard_deviations(values)
+    in_metres = SIGMAS_M if unit in ("m^2", "m and rad") else ()
+    shown = {column: ("m", _plain(sigmas[:, k])) for k, column in enumerate(in_metres)}
+    if isinstance(rows, ImageOrientations):
+        angles_deg = angle_sigmas_deg(rows, _SYSTEM)
+        return shown | {column: ("deg", _plain(part)) for column, part in angles_deg.items()}
+    return shown or {f"s{k + 1}": ("", _plain(sigmas[:, k])) for k in range(sigmas.shape[1])}
 
 
 def _plain(values: npt.NDArray[Any]) -> list[Any]:

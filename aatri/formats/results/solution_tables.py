@@ -13,14 +13,14 @@ the same bits. A text that a spreadsheet would take for a formula is prefixed by
 """
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import (
@@ -29,18 +29,23 @@ from aatri.artifacts.solution import (
     Residuals,
     Solution,
     Tests,
-    VarianceComponents,
 )
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
+from aatri.formats.results.column_names import (
+    ANGLES,
+    SIGMAS_M,
+    angle_sigmas_deg,
+    angles_deg,
+    named,
+    standard_deviations,
+)
 from aatri.formats.results.frame_tp import frame_tp
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
-from aatri.geometry.rotations import angle_covariance, angles_from_rotation
 from aatri.observations.poses import ADDITIONAL
-from aatri.tables.schema import columns_of, plain_columns
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -72,35 +77,30 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
         "exterior.csv": _exterior(solution),
         "points.csv": _points(solution, block),
         "cameras.csv": interior_columns(solution, block),
-        "residuals.csv": _residuals(solution),
+        "residuals.csv": _residuals(solution.residuals),
         "frame.csv": _frame(block),
     }
     if solution.tests is not None:
         tables["tests.csv"] = _tests(solution.residuals, solution.tests)
     if solution.variance_components is not None:
-        c = solution.variance_components
-        tables["variance_components.csv"] = {name: getattr(c, name) for name in columns_of(VarianceComponents)}
+        tables["variance_components.csv"] = named(solution.variance_components)
     if solution.uncontrolled is not None and len(solution.uncontrolled):
         u = solution.uncontrolled
-        tables["uncontrolled.csv"] = {
-            "kind": u.kind, "image": u.image, "point": u.point, "redundancy": u.redundancy,
-            **_split(("direction_x", "direction_y", "direction_z"), u.direction),
-        }  # fmt: skip
+        tables["uncontrolled.csv"] = named(u, "kind", "image", "point", "redundancy", "direction")
     if solution.proposed_numbers is not None and len(solution.proposed_numbers):
         n = solution.proposed_numbers
         tables["proposed_numbers.csv"] = {
-            "kind": n.kind, "image": n.image, "point": n.point, "proposed": n.proposed,
-            "exchanged": np.where(n.exchanged, "yes", "no"),
+            **named(n, "kind", "image", "point", "proposed"), "exchanged": np.where(n.exchanged, "yes", "no"),
         }  # fmt: skip
     if len(solution.suspects):
         tables["suspects.csv"] = _suspects(solution.suspects)
     if len(solution.transformations):
-        tables["transformations.csv"] = plain_columns(solution.transformations)
+        tables["transformations.csv"] = named(solution.transformations)
     tp = frame_tp(solution.transformations)
     if tp is not None:
         tables["points_tp.csv"] = {
             "point": solution.points.id,
-            **_split(("X_tp", "Y_tp", "Z_tp"), tp.from_ground(solution.points.xyz_m[:, [1, 0, 2]])),
+            **dict(zip(("X_tp", "Y_tp", "Z_tp"), tp.from_ground(solution.points.xyz_m[:, [1, 0, 2]]).T)),
         }
     if len(solution.parameters):
         tables["parameters.csv"] = _parameters(solution)
@@ -111,16 +111,13 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
 
 def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
     """Write figures.csv, differences.csv and, of stereo models, models.csv, set_ups.csv, pass_points.csv."""
-    figures, d = evaluation.figures, evaluation.differences
+    figures = evaluation.figures
     tables: dict[str, Columns] = {
         "figures.csv": {"name": figures.name, "value": figures.value},
-        "differences.csv": {
-            "point": d.point, "kind": d.kind, **_split(("dX_m", "dY_m", "dZ_m"), d.difference_m),
-            **_split(("sX_m", "sY_m", "sZ_m"), d.sigma_m), "rays": d.rays,
-        },
-    }  # fmt: skip
+        "differences.csv": named(evaluation.differences),
+    }
     more = (("models", evaluation.models), ("set_ups", evaluation.set_ups), ("pass_points", evaluation.pass_points))
-    tables |= {f"{name}.csv": plain_columns(rows) for name, rows in more if rows is not None}
+    tables |= {f"{name}.csv": named(rows) for name, rows in more if rows is not None}
     return write_tables(tables, folder)
 
 
@@ -134,42 +131,29 @@ def write_tables(tables: Mapping[str, Columns], folder: Path) -> list[Path]:
 
 
 def _exterior(solution: Solution) -> Columns:
-    images = solution.images
-    sigma = _sigmas(images.covariance)
-    return {
-        "image": images.id,
-        **_split(("X_m", "Y_m", "Z_m"), images.position_m),
-        **_angles(solution, "omega-phi-kappa", ("omega_deg", "phi_deg", "kappa_deg")),
-        **_angles(solution, "phi-omega-kappa", ("phi_pok_deg", "omega_pok_deg", "kappa_pok_deg")),
-        **_split(("sX_m", "sY_m", "sZ_m"), sigma[:, :3]),
-        **_angle_sigmas(solution, "omega-phi-kappa", ("somega_deg", "sphi_deg", "skappa_deg")),
-        **_angle_sigmas(solution, "phi-omega-kappa", ("sphi_pok_deg", "somega_pok_deg", "skappa_pok_deg")),
-        "image_points": images.image_points,
-    }
+    images, systems = solution.images, tuple(ANGLES)
+    shown = named(images, "id", "position_m")
+    for system in systems:
+        shown |= angles_deg(images, system)
+    shown |= dict(zip(SIGMAS_M, standard_deviations(images.covariance).T))
+    for system in systems:
+        shown |= angle_sigmas_deg(images, system)
+    return shown | named(images, "image_points")
 
 
 def _points(solution: Solution, block: Block) -> Columns:
     points = solution.points
     return {
-        "point": points.id,
-        **_split(("X_m", "Y_m", "Z_m"), points.xyz_m),
-        **_split(("sX_m", "sY_m", "sZ_m"), _sigmas(points.covariance_m2)),
+        **named(points, "id", "xyz_m"),
+        **dict(zip(SIGMAS_M, standard_deviations(points.covariance_m2).T)),
         "rays": points.rays,
         "role": point_roles(block),
     }
 
 
-def _residuals(solution: Solution) -> Columns:
-    residuals = solution.residuals
-    return {
-        "kind": residuals.kind,
-        "image": residuals.image,
-        "point": residuals.point,
-        **_split(("vx", "vy", "vz"), residuals.residual),
-        **_split(("sx", "sy", "sz"), residuals.sigma),
-        "unit": residuals.unit,
-        "active": np.where(residuals.active, "yes", "no"),
-    }
+def _residuals(residuals: Residuals) -> Columns:
+    active = np.where(residuals.active, "yes", "no")
+    return {**named(residuals, "kind", "image", "point", "residual", "sigma", "unit"), "active": active}
 
 
 def _parameters(solution: Solution) -> Columns:
@@ -200,25 +184,17 @@ def _covariances(p: Parameters, rows: ParameterCovariances) -> Columns:
 
 
 def _tests(residuals: Residuals, tests: Tests) -> Columns:
+    of = _residuals(residuals)
     return {
-        "kind": residuals.kind, "image": residuals.image, "point": residuals.point,
-        **_split(("redundancy_x", "redundancy_y", "redundancy_z"), tests.redundancy),
-        **_split(("wx", "wy", "wz"), tests.test),
-        **_split(("detectable_x", "detectable_y", "detectable_z"), tests.detectable),
-        **_split(("external_x", "external_y", "external_z"), tests.external),
-        **_split(("point_moved_x_m", "point_moved_y_m", "point_moved_z_m"), tests.point_moved_m),
-        **_split(("image_moved_x_m", "image_moved_y_m", "image_moved_z_m"), tests.image_moved_m),
-        **_split(("image_turned_x_rad", "image_turned_y_rad", "image_turned_z_rad"), tests.image_turned_rad),
-        "unit": residuals.unit, "active": np.where(residuals.active, "yes", "no"),
-    }  # fmt: skip
+        **{name: of[name] for name in ("kind", "image", "point")},
+        **named(tests),
+        "unit": of["unit"],
+        "active": of["active"],
+    }
 
 
 def _suspects(rows: Suspects) -> Columns:
-    return {
-        "kind": rows.kind, "image": rows.image, "point": rows.point, "stage": rows.stage, "size": rows.size,
-        "sigma": rows.sigma, "unit": rows.unit, "w": rows.test, "verdict": rows.verdict,
-        **_split(("x", "y", "z"), rows.error),
-    }  # fmt: skip
+    return named(rows, "kind", "image", "point", "stage", "size", "sigma", "unit", "test", "verdict", "error")
 
 
 def _frame(block: Block) -> Columns:
@@ -252,28 +228,6 @@ def _role_text(code: Int) -> str:
         if value != NO_ROLE:
             parts[_ROLES[value]] = parts.get(_ROLES[value], "") + axis
     return " ".join(f"{axes}:{role}" for role, axes in parts.items())
-
-
-def _angles(solution: Solution, system: str, names: Iterable[str]) -> Columns:
-    return _split(names, np.degrees(angles_from_rotation(solution.images.ground_from_image, system)))
-
-
-def _angle_sigmas(solution: Solution, system: str, names: Iterable[str]) -> Columns:
-    images = solution.images
-    sigma = np.full((len(images), 3), np.nan)
-    known = images.oriented & np.isfinite(images.covariance[:, 3:, 3:]).all(axis=(1, 2))
-    if known.any():
-        covariance = angle_covariance(images.ground_from_image[known], images.covariance[known, 3:, 3:], system)
-        sigma[known] = np.degrees(_sigmas(covariance))
-    return _split(names, sigma)
-
-
-def _sigmas(covariance: Float) -> Float:
-    return np.asarray(np.sqrt(np.einsum("nii->ni", covariance)))
-
-
-def _split(names: Iterable[str], values: npt.NDArray[Any]) -> Columns:
-    return {name: values[:, k] for k, name in enumerate(names)}
 
 
 def _write(path: Path, columns: Columns) -> Path:

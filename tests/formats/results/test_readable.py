@@ -96,12 +96,12 @@ def test_the_worst_comes_first_by_id_and_with_its_unit() -> None:
         ("image_point", "1-0", "mm"),
     ]
     tests = as_records(readable(solution, "tests"))
-    assert [(t["point"], t["test.x"], t["detectable.x"]) for t in tests] == [
+    assert [(t["point"], t["wx"], t["detectable_x"]) for t in tests] == [
         ("p10", 8.5, 0.029),
         ("p00", -0.9, 0.15),
         ("p00", 0.26, 0.027),
     ]
-    assert tests[0]["redundancy.x"] == 0.5
+    assert tests[0]["redundancy_x"] == 0.5
 
 
 def test_parameters_of_cameras_come_before_film_and_have_units() -> None:
@@ -125,7 +125,7 @@ def test_rows_of_other_tables_are_shown_by_id_and_rotations_as_angles() -> None:
     assert points[0]["image"] in block.images.id.tolist()
     assert points[0]["point"] in block.points.id.tolist()
     image = as_records(readable(made_solution(block), "images", most=1))[0]
-    assert image["omega"] == image["phi"] == image["kappa"] == 0.0
+    assert image["omega_deg"] == image["phi_deg"] == image["kappa_deg"] == 0.0
     assert "id" in image
 
 
@@ -174,3 +174,15 @@ def test_an_export_has_suspects_tests_correlations_and_empty_cells_for_what_was_
     assert _read(tmp_path / "frame.csv") == [
         {"frame": "map", "axes": "east,north,up", "crs": "EPSG:32650", "vertical": "EPSG:5773"}
     ]
+
+
+def test_a_column_has_one_name_in_show_and_in_files(tmp_path: Path) -> None:
+    solution = full_solution()
+    write_solution_tables(solution, made_block(), tmp_path)
+    tables = {"images": "exterior", "points": "points", "residuals": "residuals", "tests": "tests"}
+    tables |= {"suspects": "suspects", "parameters": "parameters"}
+    only_shown = {"images": {"oriented"}}
+    for table, name in tables.items():
+        with (tmp_path / f"{name}.csv").open(encoding="utf-8") as file:
+            written = set(next(csv.reader(file)))
+        assert set(readable(solution, table).head) - only_shown.get(table, set()) <= written, table
