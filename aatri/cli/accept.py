@@ -5,15 +5,24 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.arguments.completion import complete_run, complete_stage_or_all
 from aatri.cli.arguments.options import LocalPlugins
 from aatri.cli.terminal.console import reports_errors, say
 
 
 @reports_errors
 def accept(
-    stages: Annotated[list[str], typer.Argument(metavar="STAGE...", help="Stages, or `all` whose code has changed.")],
+    stages: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="STAGE...", autocompletion=complete_stage_or_all, help="Stages, or `all` whose code has changed."
+        ),
+    ],
     message: Annotated[str, typer.Option("--message", "-m", metavar="WHY", help="Why it does not matter.")],
-    run: Annotated[Path | None, typer.Option(help="Run folder or pipeline file; default ./pipeline.yaml.")] = None,
+    run: Annotated[
+        Path | None,
+        typer.Option(autocompletion=complete_run, help="Run folder or pipeline file; default ./pipeline.yaml."),
+    ] = None,
     local_plugins: LocalPlugins = False,
 ) -> None:
     """Let results stand in spite of changed code. Written down, with the reason; nothing is removed."""

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from aatri.cli.arguments.exporting import check_folder, complete_format, write_format
+from aatri.cli.arguments.completion import complete_path
+from aatri.cli.arguments.exporting import check_folder, complete_written, write_format
 from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
 from aatri.cli.terminal.console import NARRATED, reports_errors
 from aatri.errors import SpecError
@@ -13,9 +14,12 @@ from aatri.errors import SpecError
 
 @reports_errors
 def convert(
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files and folders of one block.")],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
-    to: Annotated[str, typer.Option("--to", autocompletion=complete_format, help="A format that is written.")],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="SOURCE...", autocompletion=complete_path, help="Files and folders of one block."),
+    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", autocompletion=complete_path, help="Folder to write to.")],
+    to: Annotated[str, typer.Option("--to", autocompletion=complete_written, help="A format that is written.")],
     crs: Annotated[str | None, typer.Option(help="Coordinate system of sources that state none.")] = None,
     overwrite: Overwrite = False,
     columns: ListColumns = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.options import Into
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
@@ -35,7 +36,11 @@ _COLUMNS = {
 @reports_errors
 def design(
     pipeline: Annotated[
-        Path, typer.Argument(help="A pipeline file with a stage of role design; its variants are the layouts.")
+        Path,
+        typer.Argument(
+            autocompletion=complete_run,
+            help="A pipeline file with a stage of role design; its variants are the layouts.",
+        ),
     ] = Path("pipeline.yaml"),
     into: Into = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the table.")] = False,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.completion import complete_path, complete_run, complete_stage, one_of_words
 from aatri.cli.terminal.console import reports_errors, say, say_table
 
 if TYPE_CHECKING:
@@ -24,11 +24,26 @@ def edit(
         typer.Argument(autocompletion=complete_run, help="Run folder or pipeline file; default ./pipeline.yaml."),
     ] = None,
     apply: Annotated[
-        str, typer.Option(metavar="WHICH", help="Proposals to write: `all`, or numbers: 1,3-5. Without: show them.")
+        str,
+        typer.Option(
+            metavar="WHICH",
+            autocompletion=one_of_words("all"),
+            help="Proposals to write: `all`, or numbers: 1,3-5. Without: show them.",
+        ),
     ] = "",
-    stage: Annotated[str, typer.Option(metavar="STAGE", help="Whose proposals; default the last adjustment.")] = "",
+    stage: Annotated[
+        str,
+        typer.Option(
+            metavar="STAGE", autocompletion=complete_stage, help="Whose proposals; default the last adjustment."
+        ),
+    ] = "",
     into: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The file of edits; default that which the block is read with.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            autocompletion=complete_path,
+            help="The file of edits; default that which the block is read with.",
+        ),
     ] = None,
 ) -> None:
     """Show what an adjustment proposes: switch off, renumber, exchange, reweight; with --apply, write it down.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run_stage
-from aatri.cli.arguments.exporting import check_folder, complete_format, write_format
+from aatri.cli.arguments.completion import complete_path, complete_run_stage
+from aatri.cli.arguments.exporting import check_folder, complete_written, write_format
 from aatri.cli.arguments.locate import LocatedRun, find_run, split_stage
 from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
 from aatri.cli.terminal.console import narrate, reports_errors, say
@@ -24,7 +24,7 @@ OTHERS = ("slurm",)
 
 
 def _complete(incomplete: str) -> list[str]:
-    return complete_format(incomplete) + [form for form in OTHERS if form.startswith(incomplete)]
+    return complete_written(incomplete) + [form for form in OTHERS if form.startswith(incomplete)]
 
 
 @reports_errors
@@ -39,7 +39,9 @@ def export(
         str,
         typer.Argument(metavar="FORMAT", autocompletion=_complete, help="tables, slurm, or a format that is written."),
     ],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; for slurm a file.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", autocompletion=complete_path, help="Folder to write to; for slurm a file.")
+    ],
     overwrite: Overwrite = False,
     measured: Annotated[
         bool, typer.Option("--measured", help="Image points as measured, with the distortion of the cameras.")

@@ -4,13 +4,16 @@ from typing import Annotated
 
 import typer
 
+from aatri.cli.arguments.completion import complete_format
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 
 
 @reports_errors
 def formats(
-    name: Annotated[str | None, typer.Argument(metavar="[FORMAT]", help="One format.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[FORMAT]", autocompletion=complete_format, help="One format.")
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """List the formats, or describe one: how it is recognised, what it carries and what not, what reads it."""

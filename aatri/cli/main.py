@@ -13,10 +13,12 @@ import typer
 from typer.core import TyperGroup
 
 from aatri import __version__
+from aatri.cli.examples import epilog
 from aatri.errors import ResourceError
 
 VERBS = {
     "run": "Bring a pipeline up to date and write its report",
+    "check": "Say what a run would refuse, before it runs",
     "status": "Show which stages are up to date, and why others are not",
     "dag": "Show how the stages hang together",
     "show": "Show what an artifact holds and where it comes from",
@@ -51,7 +53,7 @@ class Verbs(TyperGroup):
             return None
         module = importlib.import_module(f"aatri.cli.{cmd_name}")
         single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-        single.command(cmd_name)(getattr(module, "exec_" if cmd_name == "exec" else cmd_name))
+        single.command(cmd_name, epilog=epilog(cmd_name))(getattr(module, "exec_" if cmd_name == "exec" else cmd_name))
         return typer.main.get_command(single)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from aatri.cli.arguments.choice import complete, listed, one_of
+from aatri.cli.arguments.completion import complete_new_variant, complete_path
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
@@ -93,7 +94,7 @@ _LINES = {
 
 @reports_errors
 def new(
-    folder: Annotated[Path, typer.Argument(help="Folder to write to.")] = Path(),
+    folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
     block: Annotated[
         BlockSource,
         typer.Option(
@@ -106,11 +107,19 @@ def new(
     sources: Annotated[
         list[Path] | None,
         typer.Option(
-            "--from", metavar="PATH", help="Files or folders of another program, recognised by their content."
+            "--from",
+            metavar="PATH",
+            autocompletion=complete_path,
+            help="Files or folders of another program, recognised by their content.",
         ),
     ] = None,
     plugin: Annotated[
-        str | None, typer.Option(metavar="ROLE/NAME", help="Write a stage of your own and its test instead.")
+        str | None,
+        typer.Option(
+            metavar="ROLE/NAME",
+            autocompletion=complete_new_variant,
+            help="Write a stage of your own and its test instead.",
+        ),
     ] = None,
 ) -> None:
     """Write a pipeline.yaml to start from: the demo, or one for a block of your own; or a stage of your own."""

@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from aatri.cli.arguments.locate import find_run
-from aatri.cli.arguments.options import RunArgument
-from aatri.cli.terminal.console import reports_errors, say
+from aatri.cli.arguments.options import OpenReport, RunArgument
+from aatri.cli.terminal.console import reports_errors, say, show_in_browser
 
 
 @reports_errors
@@ -14,6 +14,7 @@ def report(
     run: RunArgument = None,
     pdf: Annotated[bool, typer.Option("--pdf", help="As PDF too, by the Chromium of this machine.")] = False,
     summary: Annotated[bool, typer.Option("--summary", help="A PDF of two pages.")] = False,
+    open_: OpenReport = False,
 ) -> None:
     """Write the report of a run, also of one that failed."""
     from aatri.errors import ArtifactError
@@ -23,7 +24,10 @@ def report(
     located = find_run(run)
     if not located.overview:
         raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
-    say(str(write_report(located.folder)))
+    page = write_report(located.folder)
+    say(str(page))
     for asked, short in ((pdf, False), (summary, True)):
         if asked:
             say(str(write_pdf(located.folder, summary=short)))
+    if open_:
+        show_in_browser(page)

@@ -10,15 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_stage
-from aatri.cli.arguments.options import Debug, Into, LocalPlugins, Methods, NoLock, Settings, Several, Variant, Verify
-from aatri.cli.terminal.console import narrate, reports_errors, say, say_json
+from aatri.cli.arguments.completion import complete_run, complete_stage, one_of_words
+from aatri.cli.arguments.options import (
+    Debug,
+    Into,
+    LocalPlugins,
+    Methods,
+    NoLock,
+    OpenReport,
+    Settings,
+    Several,
+    Variant,
+    Verify,
+)
+from aatri.cli.terminal.console import narrate, reports_errors, say_json, show_in_browser
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
     from aatri.errors import GateError
     from aatri.pipeline.plan.decisions import Selection
-    from aatri.pipeline.spec.gates import Verdict
 
 TERMINATED = 143
 
@@ -26,7 +36,11 @@ TERMINATED = 143
 @reports_errors
 def run(
     pipeline: Annotated[
-        Path, typer.Argument(help="The pipeline file; or the folder of a run, which is made again as it was.")
+        Path,
+        typer.Argument(
+            autocompletion=complete_run,
+            help="The pipeline file; or the folder of a run, which is made again as it was.",
+        ),
     ] = Path("pipeline.yaml"),
     into: Into = None,
     set_: Settings = None,
@@ -59,13 +73,20 @@ def run(
     ] = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
     cluster: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.")
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            autocompletion=one_of_words("local:", "tcp://"),
+            help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.",
+        ),
     ] = "",
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
     verify: Verify = False,
     no_lock: NoLock = False,
     local_plugins: LocalPlugins = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Tell what stages write to their logs too.")] = False,
+    open_: OpenReport = False,
     json: Annotated[bool, typer.Option("--json", help="The result as JSON.")] = False,
     debug: Debug = False,
 ) -> None:
@@ -114,7 +135,7 @@ def run(
     if cluster and jobs > 1:
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
     how = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
-    records, report = carry_out(opened, selection, how, quiet=quiet or json, debug=debug)
+    records, report = carry_out(opened, selection, how, quiet=quiet or json, verbose=verbose, debug=debug)
     verdicts = judge(opened.spec, records, selection.stages)
     if json:
         say_json(
@@ -126,50 +147,27 @@ def run(
             }
         )
     else:
-        _say_end(opened.spec.run, records, report, verdicts)
+        from aatri.cli.run_ending import say_end
+
+        say_end(opened.spec.run, records, report, verdicts)
+    if open_ and report is not None:
+        show_in_browser(report)
     failed = failure_of(verdicts)
     if all_variants:
         from aatri.cli.run_variants import run_variants
 
         def of_variant(one: Opened) -> GateError | None:
             chosen = select(one.nodes, start=start, until=until, only=only or (), force=())
-            made, _ = carry_out(one, chosen, how, quiet=quiet, debug=debug)
-            return failure_of(judge(one.spec, made, chosen.stages))
+            records, _ = carry_out(one, chosen, how, quiet=quiet, verbose=verbose, debug=debug)
+            return failure_of(judge(one.spec, records, chosen.stages))
 
         run_variants(opened, failed, of_variant)
     elif failed is not None:
         raise failed
 
 
-def _say_end(folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: tuple[Verdict, ...]) -> None:
-    """The result of a run and where it lies."""
-    from aatri.cli.calibration import say_calibration
-    from aatri.cli.terminal.figures import say_result
-
-    say_result(records)
-    say_calibration(folder, records)
-    say()
-    if verdicts:
-        say(f"gates   {sum(verdict.passed for verdict in verdicts)} of {len(verdicts)} passed")
-    say(f"run     {folder}")
-    say(f"report  {report}" if report else "report  not written, see the warning above")
-    if report is not None:
-        _say_judgement(report.with_suffix(".json"))
-
-
-def _say_judgement(path: Path) -> None:
-    """What the report says first."""
-    import json
-
-    try:
-        text = json.loads(path.read_text(encoding="utf-8"))["judgement"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return  # a report of an older version, or none
-    say(f"\n{text}")
-
-
 def carry_out(
-    opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool
+    opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool, verbose: bool = False
 ) -> tuple[list[dict[str, Any]], Path | None]:
     """Run; whatever ends it, write the report and say how to go on."""
     from aatri.cli.terminal.narrator import Narrator
@@ -183,7 +181,7 @@ def carry_out(
         selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled, **how
     )
     try:
-        with Narrator(quiet, opened.compilation) as narrator:
+        with Narrator(quiet, opened.compilation, verbose=verbose) as narrator:
             records = run_pipeline(opened.spec, opened.nodes, narrator, settings)
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.arguments.completion import complete_path
 from aatri.cli.arguments.options import LocalPlugins, local_stages
 from aatri.cli.terminal.console import reports_errors, say, say_json
 from aatri.errors import ResourceError, SpecError
@@ -27,7 +28,9 @@ def schema(
         bool, typer.Option("--pipeline", help="Of pipeline.yaml, with the options of every stage (default).")
     ] = False,
     artifacts: Annotated[bool, typer.Option("--artifacts", help="Of all kinds of artifact.")] = False,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", autocompletion=complete_path, help="Write to a file.")
+    ] = None,
     local_plugins: LocalPlugins = False,
 ) -> None:
     """Export JSON Schema of pipeline.yaml or of the artifacts."""

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run_stage
+from aatri.cli.arguments.completion import complete_run_stage, complete_table
 from aatri.cli.arguments.locate import find_run, split_stage
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json, say_table
@@ -24,7 +24,12 @@ def show(
             metavar="RUN:STAGE|FILE.h5", autocompletion=complete_run_stage, help="`:STAGE` means the default run."
         ),
     ],
-    table: Annotated[str, typer.Argument(metavar="[TABLE]", help="Print its values: suspects, residuals ...")] = "",
+    table: Annotated[
+        str,
+        typer.Argument(
+            metavar="[TABLE]", autocompletion=complete_table, help="Print its values: suspects, residuals ..."
+        ),
+    ] = "",
     json: AsJson = False,
     all_rows: Annotated[bool, typer.Option("--all", help="All rows of the table, not the first 20.")] = False,
 ) -> None:

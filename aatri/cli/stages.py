@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aatri.cli.arguments.completion import complete_role_or_variant
 from aatri.cli.arguments.options import AsJson, LocalPlugins, local_stages
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import PluginError
@@ -18,7 +19,12 @@ if TYPE_CHECKING:
 
 @reports_errors
 def stages(
-    name: Annotated[str | None, typer.Argument(metavar="[ROLE[/VARIANT]]", help="A role or a variant.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ROLE[/VARIANT]]", autocompletion=complete_role_or_variant, help="A role or a variant."
+        ),
+    ] = None,
     json: AsJson = False,
     local_plugins: LocalPlugins = False,
 ) -> None:

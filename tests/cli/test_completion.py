@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
-from aatri.cli.main import app
+from aatri.cli.main import VERBS, app
 
 PIPELINE = """\
 run: runs/first
@@ -52,6 +54,16 @@ def _completed(line: str) -> list[str]:
         ("aatri export :bu", [":bundle"]),
         ("aatri export runs/first ta", ["tables", "table"]),
         ("aatri new --block u", ["unordered"]),
+        ("aatri run --set bu", ["bundle."]),
+        ("aatri run --set bundle.relia", ["bundle.reliability="]),
+        ("aatri run --use bundle=bundle_adjustment/re", ["bundle=bundle_adjustment/resection"]),
+        ("aatri accept a", ["all"]),
+        ("aatri stages epochs/s", ["epochs/surveys"]),
+        ("aatri formats metash", ["metashape"]),
+        ("aatri show :bundle susp", ["suspects"]),
+        ("aatri convert x --to tables --angle g", ["gon"]),
+        ("aatri new --plugin epo", ["epochs/"]),
+        ("aatri schema --out pipe", ["pipeline.yaml"]),
     ],
 )
 def test_completion_knows_stages_variants_and_runs(line: str, offered: list[str]) -> None:
@@ -63,3 +75,16 @@ def test_a_pipeline_that_cannot_be_read_completes_nothing(tmp_path: Path) -> Non
     (tmp_path / "pipeline.yaml").write_text("stages: [")
     assert _completed("aatri run --until b") == []
     assert _completed("aatri show nowhere:") == []
+
+
+FREE = {("accept", "message"), ("convert", "crs")}
+"""Arguments that may be any text."""
+
+
+def test_every_argument_is_completed() -> None:
+    group: Any = typer.main.get_command(app)
+    for verb in VERBS:
+        for parameter in group.get_command(None, verb).params:
+            kind = parameter.type_descriptor.annotation
+            if kind not in (bool, int, float) and (verb, parameter.name) not in FREE:
+                assert parameter._custom_shell_complete is not None, (verb, parameter.name)

@@ -33,6 +33,9 @@ class Quiet:
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         self.begun.append(stage)
 
+    def logged(self, stage: str, message: str) -> None:
+        pass
+
     def warned(self, stage: str, message: str) -> None:
         pass
 

@@ -1,4 +1,4 @@
-"""What the shell completes: stages and variants of the pipeline, runs, and stages of a run (`RUN:STAGE`).
+"""What the shell completes: stages, options, variants of the pipeline, runs and their stages, tables, formats, paths.
 
 Nothing here may fail or be slow: what cannot be read completes nothing.
 """
@@ -6,7 +6,7 @@ Nothing here may fail or be slow: what cannot be read completes nothing.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,81 @@ def complete_stage(ctx: typer.Context, incomplete: str) -> list[str]:
     """Stages of the pipeline the command names, or of ./pipeline.yaml."""
     spec = _spec(ctx)
     return _starting(incomplete, spec.stages if spec else ())
+
+
+def complete_stage_or_all(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The same, and `all`."""
+    return [*complete_stage(ctx, incomplete), *_starting(incomplete, ("all",))]
+
+
+def complete_setting(ctx: typer.Context, incomplete: str) -> list[str]:
+    """`STAGE.`, and after it the options of its method."""
+    spec, (stage, dot, _) = _spec(ctx), incomplete.partition(".")
+    if not spec or not dot:
+        return _starting(incomplete, [f"{name}." for name in spec.stages] if spec else ())
+    from aatri.pipeline.methods.catalogue import Catalogue
+
+    with contextlib.suppress(Exception):
+        names = Catalogue().option_names(spec.stages[stage].use)
+        return _starting(incomplete, [f"{stage}.{name}=" for name in sorted(names)])
+    return []
+
+
+def complete_method(ctx: typer.Context, incomplete: str) -> list[str]:
+    """`STAGE=`, and after it the variants of its role."""
+    spec, (stage, sign, _) = _spec(ctx), incomplete.partition("=")
+    if not spec or not sign:
+        return _starting(incomplete, [f"{name}=" for name in spec.stages] if spec else ())
+    role = spec.stages[stage].use.partition("/")[0] if stage in spec.stages else ""
+    return _starting(incomplete, [f"{stage}={name}" for name in _variants() if name.startswith(f"{role}/")])
+
+
+def complete_role_or_variant(incomplete: str) -> list[str]:
+    """Roles and their variants."""
+    names = _variants()
+    return _starting(incomplete, sorted({*(name.partition("/")[0] for name in names), *names}))
+
+
+def complete_new_variant(incomplete: str) -> list[str]:
+    """Roles, for the name of a stage to be."""
+    return _starting(incomplete, sorted({f"{name.partition('/')[0]}/" for name in _variants()}))
+
+
+def complete_table(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Tables of all kinds of artifact."""
+    del ctx
+    from aatri.artifacts.kinds import KINDS
+    from aatri.tables.schema import tables_of
+
+    return _starting(incomplete, sorted({name for kind in KINDS.values() for name in tables_of(kind)}))
+
+
+def complete_format(incomplete: str) -> list[str]:
+    """All formats."""
+    from aatri.formats.registry.catalogue import FORMATS
+
+    return _starting(incomplete, [one.name for one in FORMATS])
+
+
+def complete_list_columns(incomplete: str) -> list[str]:
+    """Presets of lists."""
+    from aatri.formats.lists.list_columns import PRESETS
+
+    return _starting(incomplete, PRESETS)
+
+
+def one_of_words(*words: str) -> Callable[[str], list[str]]:
+    """Some words."""
+    return lambda incomplete: _starting(incomplete, words)
+
+
+def complete_path(incomplete: str) -> list[str]:
+    """Files and folders in the folder typed so far."""
+    typed = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
+    with contextlib.suppress(OSError):
+        entries = sorted(typed.iterdir())[:MOST]
+        return _starting(incomplete, [f"{entry}/" if entry.is_dir() else str(entry) for entry in entries])
+    return []
 
 
 def complete_variant(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -46,6 +121,14 @@ def complete_run_stage(incomplete: str) -> list[str]:
     with contextlib.suppress(Exception):
         located = find_run(Path(run) if run else None)
         return _starting(incomplete, [f"{run}:{entry['stage']}" for entry in located.stages])
+    return []
+
+
+def _variants() -> list[str]:
+    from aatri.pipeline.methods.registry import find_stages
+
+    with contextlib.suppress(Exception):
+        return sorted(find_stages().variants)
     return []
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from aatri.formats.results.oriented_block import OrientedBlock
 
 
-def complete_format(incomplete: str) -> list[str]:
+def complete_written(incomplete: str) -> list[str]:
     """Formats that are written, for the shell."""
     from aatri.formats.registry.export import written_formats
 

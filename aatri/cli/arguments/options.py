@@ -5,9 +5,18 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run, complete_variant
+from aatri.cli.arguments.completion import (
+    complete_list_columns,
+    complete_method,
+    complete_path,
+    complete_run,
+    complete_setting,
+    complete_variant,
+    one_of_words,
+)
 
 FOLDER = "stages"
+ROTATIONS = ("omega-phi-kappa", "phi-omega-kappa", "yaw-pitch-roll")
 
 LocalPlugins: TypeAlias = Annotated[
     bool,
@@ -22,26 +31,47 @@ RunArgument: TypeAlias = Annotated[
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="As JSON.")]
 Overwrite: TypeAlias = Annotated[bool, typer.Option(help="Write into a folder that is not empty.")]
 ListColumns: TypeAlias = Annotated[
-    str | None, typer.Option("--columns", help="Of lists: a preset (pix4d, metashape ...), or the columns in order.")
+    str | None,
+    typer.Option(
+        "--columns",
+        autocompletion=complete_list_columns,
+        help="Of lists: a preset (pix4d, metashape ...), or the columns in order.",
+    ),
 ]
-ListAngle: TypeAlias = Annotated[str | None, typer.Option("--angle", help="Of lists: deg, gon or rad.")]
+ListAngle: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--angle", autocompletion=one_of_words("deg", "gon", "rad"), help="Of lists: deg, gon or rad."),
+]
 ListRotation: TypeAlias = Annotated[
-    str | None, typer.Option("--rotation", help="Of lists: omega-phi-kappa, phi-omega-kappa or yaw-pitch-roll.")
+    str | None,
+    typer.Option(
+        "--rotation",
+        autocompletion=one_of_words(*ROTATIONS),
+        help="Of lists: omega-phi-kappa, phi-omega-kappa or yaw-pitch-roll.",
+    ),
 ]
 LensMisfit: TypeAlias = Annotated[
     float, typer.Option("--lens-misfit", min=0, help="Largest misfit, px, of a distortion that the target lacks.")
 ]
-Into: TypeAlias = Annotated[Path | None, typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR")]
+Into: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(help="Folder of the results instead of `run:`.", metavar="DIR", autocompletion=complete_path),
+]
 Several: TypeAlias = list[str] | None
 Settings: TypeAlias = Annotated[
-    Several, typer.Option("--set", metavar="STAGE.OPTION=VALUE", help="Set an option; may be repeated.")
+    Several,
+    typer.Option(
+        "--set", metavar="STAGE.OPTION=VALUE", autocompletion=complete_setting, help="Set an option; may be repeated."
+    ),
 ]
 Methods: TypeAlias = Annotated[
-    Several, typer.Option(metavar="STAGE=ROLE/VARIANT", help="Swap a method; may be repeated.")
+    Several,
+    typer.Option(metavar="STAGE=ROLE/VARIANT", autocompletion=complete_method, help="Swap a method; may be repeated."),
 ]
 Variant: TypeAlias = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=complete_variant, help="A variant of the pipeline file.")
 ]
+OpenReport: TypeAlias = Annotated[bool, typer.Option("--open", help="Open the report in the browser.")]
 NoLock: TypeAlias = Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")]
 Debug: TypeAlias = Annotated[bool, typer.Option(help="Show tracebacks.")]
 Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")]

@@ -76,9 +76,33 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     AatriError
         Whatever is wrong with the pipeline, its plugins and options.
     """
-    from aatri.cli.arguments.options import local_stages
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.run.task import StageSource
+
+    spec, local = read_request(request)
+    compilation = _compilation(spec, request, local, quiet=quiet)
+    if compilation is None:
+        spec, nodes, notes = wired(spec, request, local)
+    else:
+        spec, nodes, notes = without_compiler(wired, spec, request, local)
+        if quiet and not background:
+            compilation.wait()
+        elif not background:
+            wait_for(compilation, narrate, terminal=is_terminal())
+    for note in notes:
+        narrate(f"note: {note}")
+    return Opened(request, spec, nodes, StageSource(local=local, runs_code=request.local_plugins), compilation)
+
+
+def read_request(request: Request) -> tuple[Spec, Path | None]:
+    """The pipeline of a request as it is written, with its variant; and the folder of stages, if it is asked for.
+
+    Raises
+    ------
+    SpecError
+        Whatever is wrong with the file.
+    """
+    from aatri.cli.arguments.options import local_stages
     from aatri.pipeline.spec.overrides import with_variant
     from aatri.pipeline.spec.pipeline_file import load_spec
 
@@ -92,20 +116,7 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
         narrate(f"note: --local-plugins: there is no folder {local}")
         local = None
     spec = load_spec(path, Path(request.into) if request.into else None)
-    if request.variant:
-        spec = with_variant(spec, request.variant)
-    compilation = _compilation(spec, request, local, quiet=quiet)
-    if compilation is None:
-        spec, nodes, notes = wired(spec, request, local)
-    else:
-        spec, nodes, notes = without_compiler(wired, spec, request, local)
-        if quiet and not background:
-            compilation.wait()
-        elif not background:
-            wait_for(compilation, narrate, terminal=is_terminal())
-    for note in notes:
-        narrate(f"note: {note}")
-    return Opened(request, spec, nodes, StageSource(local=local, runs_code=request.local_plugins), compilation)
+    return (with_variant(spec, request.variant) if request.variant else spec), local
 
 
 def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...], list[str]]:

@@ -10,6 +10,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import typer
@@ -116,6 +117,14 @@ def say_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Seque
     for row in cells:
         aligned = [c.rjust(w) if name in numbers else c.ljust(w) for c, w, name in zip(row, widths, head)]
         typer.echo("  ".join(aligned).rstrip())
+
+
+def show_in_browser(page: Path) -> None:
+    """Open a page; where there is no browser, say so and where the page lies."""
+    import webbrowser
+
+    if not webbrowser.open(page.resolve().as_uri()):
+        narrate(f"no browser to open; the report is {page}")
 
 
 def is_terminal() -> bool:

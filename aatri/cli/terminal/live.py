@@ -1,7 +1,7 @@
 """The live part of the narration on a terminal: a bar for the run, one for each stage under way.
 
-    run       ━━━━━━━━━━━╸━━━━━━━━  4/11  0:00:21  about 40 s left
-    models    ━━━━━━━━━━━━━━━━━╸━━  211/244 models  0:00:09 of about 12 s
+    run       ━━━━━━━━━━━╸━━━━━━━━  34 %  4/11 stages  21 s, about 40 s left
+    models    ━━━━━━━━━━━━━━━━━╸━━  86 %  9 s of about 12 s  211/244 models
 
 rich draws it: colours as `NO_COLOR` and `FORCE_COLOR` say, as wide as the terminal.
 """
@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 UNKNOWN_S = 1.0
 """What a stage counts for in the bar of the run if nobody knows how long it takes."""
+
+MOST_SHARE = 0.99
+"""What is under way is not done."""
+
+BAR = "cyan"
+"""Colour of the bars: red is for what failed."""
 
 
 class Live:
@@ -36,7 +42,7 @@ class Live:
         self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=24, complete_style=BAR, finished_style=BAR, pulse_style=BAR),
             TextColumn("{task.fields[said]}", markup=False),
             console=self.console,
             transient=True,
@@ -99,9 +105,19 @@ class Live:
         for stage, (task, began, expected) in self._stages.items():
             about = f" of about {expected:.0f} s" if expected >= 1 else ""
             step = self._steps.get(stage, "")
-            self._progress.update(task, said=f"{now - began:.0f} s{about}  {step}".rstrip())
-            under_way += min(now - began, 0.99 * self._weights.get(stage, UNKNOWN_S))
+            at = self._progress.tasks[self._progress.task_ids.index(task)]
+            share = at.completed / at.total if at.total else (now - began) / expected if expected >= 1 else None
+            said = f"{_percent(share)}{now - began:.0f} s{about}  {step}"
+            self._progress.update(task, said=said.rstrip())
+            under_way += min(now - began, MOST_SHARE * self._weights.get(stage, UNKNOWN_S))
         left = sum(self._weights.values()) - self._done_weight - under_way
         about = f", about {left:.0f} s left" if self._known and left >= 1 else ""
-        said = f"{self._done}/{self._count} stages  {now - self._began:.0f} s{about}  {note}".rstrip()
+        share = (self._done_weight + under_way) / max(sum(self._weights.values()), 1e-9)
+        head = f"{_percent(share if self._known else None)}{self._done}/{self._count} stages"
+        said = f"{head}  {now - self._began:.0f} s{about}  {note}".rstrip()
         self._progress.update(self._run, completed=self._done_weight + under_way, said=said)
+
+
+def _percent(share: float | None) -> str:
+    """How much is done; nothing where that is not known, and never all before the end."""
+    return f"{min(share, MOST_SHARE):3.0%}  " if share is not None else ""

@@ -44,12 +44,14 @@ class Narrator:
     ----------
     quiet : bool
         Only warnings are told.
+    verbose : bool
+        What stages write to their logs is told too.
     compilation : Compilation, optional
         Told as long as it goes on.
     """
 
-    def __init__(self, quiet: bool, compilation: Compilation | None = None) -> None:
-        self._quiet, self._compilation = quiet, compilation
+    def __init__(self, quiet: bool, compilation: Compilation | None = None, *, verbose: bool = False) -> None:
+        self._quiet, self._compilation, self._verbose = quiet, compilation, verbose
         self._live: Live | None = None
         self._under_way: dict[str, _UnderWay] = {}
         self._heads: dict[str, str] = {}
@@ -92,6 +94,11 @@ class Narrator:
             self._under_way[stage] = _UnderWay(self._heads[stage], use, time.monotonic())
             if self._live is not None:
                 self._live.started(stage, self._heads[stage], self._expected.get(stage, 0.0))
+
+    def logged(self, stage: str, message: str) -> None:
+        """A line of a log, where they are asked for."""
+        if self._verbose:
+            self._say(f"{stage}: {message}", "dim")
 
     def warned(self, stage: str, message: str) -> None:
         """Warnings are shown even when quiet."""

@@ -27,7 +27,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _DIGEST_BYTES = 32
 
 Tell = Callable[..., None]
-"""Takes an event of a stage: `warned` with the message, `advanced` with done, total, what."""
+"""Takes an event of a stage: `logged` and `warned` with the message, `advanced` with done, total, what."""
 
 
 class LoggedContext:
@@ -40,6 +40,10 @@ class LoggedContext:
 
     def log(self, message: str) -> None:
         """Write a line to the log, with the seconds since the start."""
+        self._write(message)
+        self._tell("logged", utf8(message))
+
+    def _write(self, message: str) -> None:
         self._file.write(f"{time.perf_counter() - self._clock:9.3f}  {utf8(message)}\n")
         self._file.flush()
 
@@ -47,7 +51,7 @@ class LoggedContext:
         """Keep a warning."""
         message = utf8(message)
         self.warnings.append(message)
-        self.log(f"warning: {message}")
+        self._write(f"warning: {message}")
         self._tell("warned", message)
 
     def progress(self, done: int, total: int, what: str = "") -> None:

@@ -42,6 +42,9 @@ class Listener(Protocol):
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         """Take that a stage begins."""
 
+    def logged(self, stage: str, message: str) -> None:
+        """Take a line of the log of a stage."""
+
     def warned(self, stage: str, message: str) -> None:
         """Take a warning of a stage."""
 

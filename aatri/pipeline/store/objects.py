@@ -9,6 +9,7 @@ they belong to (`RUN/variants/NAME`), so that what is equal is made once.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -56,6 +57,7 @@ def commit_object(
     from aatri.tables import hdf5
 
     base, at = base_of(run), (OBJECTS, stage, key)
+    clock = time.perf_counter()
     with on_disk(base):
         folder = inside.make_folder(base, *at)
         inside.remove(base, *at, RECORD)
@@ -79,7 +81,8 @@ def commit_object(
         if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
             log = inside.path_of(run, "running", f"{stage}.log")
             log.replace(inside.path_of(base, *at, "stage.log"))
-        full = {"schema": SCHEMA, "stage": stage, "key": key, **record, "output": output}
+        seconds = round(float(record["seconds"]) + time.perf_counter() - clock, 3)  # of the method, and of writing
+        full = {"schema": SCHEMA, "stage": stage, "key": key, **record, "seconds": seconds, "output": output}
         full["seal"] = seal(full)
         write_json(full, base, *at, RECORD)
         inside.sync(folder.parent)

@@ -126,7 +126,7 @@ def test_rows_of_other_tables_are_shown_by_id_and_rotations_as_angles() -> None:
     assert points[0]["point"] in block.points.id.tolist()
     image = as_records(readable(made_solution(block), "images", most=1))[0]
     assert image["omega_deg"] == image["phi_deg"] == image["kappa_deg"] == 0.0
-    assert "id" in image
+    assert image["image"] == "1-0"
 
 
 def test_an_unknown_table_and_one_without_values_say_what_there_is() -> None:

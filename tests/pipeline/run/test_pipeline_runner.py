@@ -35,6 +35,9 @@ class Quiet:
     def started(self, stage: str, use: str, number: int, total: int) -> None:
         self.events.append(f"started {stage} {number}/{total}")
 
+    def logged(self, stage: str, message: str) -> None:
+        pass
+
     def warned(self, stage: str, message: str) -> None:
         self.events.append(f"warned {stage}")
 

@@ -1,0 +1,211 @@
+"""`aatri check`: what a run would refuse, before it runs."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.options import AsJson, Into, LocalPlugins, Methods, Settings, Variant
+from aatri.cli.terminal.console import report_error, reports_errors, say, say_json, say_table
+from aatri.errors import AatriError, Errors, ResourceError
+
+if TYPE_CHECKING:
+    from aatri.cli.arguments.planning import Request
+    from aatri.pipeline.plan.graph import StageNode
+    from aatri.pipeline.spec.pipeline_file import Spec
+
+RESULTS_PER_BLOCK = 2
+"""A result takes up to so many times the room of the block it is made of, and one is kept of each stage."""
+
+
+@dataclass
+class _Check:
+    """One thing that a run asks for."""
+
+    name: str
+    """What was looked at."""
+    detail: str = ""
+    """What there is."""
+    error: AatriError | None = None
+    """What a run would refuse."""
+    warnings: list[str] = field(default_factory=list)
+    """What a run would warn of."""
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        errors = self.error.errors if isinstance(self.error, Errors) else (self.error,) if self.error else ()
+        told = [{"what": e.what, "where": e.where, "remedy": e.remedy, "exit_code": e.exit_code} for e in errors]
+        return {"check": self.name, "detail": self.detail, "errors": told, "warnings": self.warnings}
+
+
+@reports_errors
+def check(
+    project: Annotated[
+        Path, typer.Argument(autocompletion=complete_run, help="The folder of a project, or a pipeline file.")
+    ] = Path(),
+    into: Into = None,
+    set_: Settings = None,
+    use: Methods = None,
+    variant: Variant = "",
+    local_plugins: LocalPlugins = False,
+    json: AsJson = False,
+) -> None:
+    """Say what a run would refuse, before it runs: pipeline, options, variants, packages, block tables, disk, lock.
+
+    The block is read, and compared with what the stages use and need. Nothing is written into the project. What only an
+    adjustment can see, the run itself says. The exit code is that of the first error.
+    """
+    from aatri.cli.arguments.locate import DEFAULT, in_folder
+    from aatri.cli.arguments.planning import Request
+
+    path = in_folder(project) if project != Path() else DEFAULT
+    request = Request(str(path), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+    checks = list(_checks(request))
+    errors = [one.error for one in checks if one.error is not None]
+    if json:
+        say_json({"pipeline": str(path), "ok": not errors, "checks": [one.plain() for one in checks]})
+    else:
+        say_table(("check", "", ""), [[c.name, "refused" if c.error else "ok", c.detail] for c in checks])
+        say()
+        for text in (text for one in checks for text in one.warnings):
+            say(f"warning: {text}")
+        for error in errors:
+            report_error(error)
+        say("a run would be refused" if errors else "nothing that a run would refuse")
+    if errors:
+        raise typer.Exit(errors[0].exit_code)
+
+
+def _checks(request: Request) -> Iterator[_Check]:
+    """Every check that can be made; a later one needs what an earlier one has read."""
+    from aatri.cli.arguments.planning import read_request
+    from aatri.pipeline.methods.compile_kernels import without_compiler
+
+    spec, local = read_request(request)
+    wired, pipeline = _tried("pipeline", lambda: without_compiler(_wired, spec, request, local))
+    if wired is not None:
+        pipeline.detail = f"{len(wired[1])} stages"
+    yield pipeline
+    if spec.variants and not request.variant:
+        yield without_compiler(_variants, spec, request, local)
+    if wired is not None:
+        _, packages = _tried("packages", lambda: _import(wired[1], local))
+        yield packages
+    sources = {name: stage for name, stage in spec.stages.items() if not stage.inputs}
+    if wired is None:  # then at least the block, where its own stage is in order
+        bare = replace(spec, stages=sources, gates={})
+        wired, _ = _tried("", lambda: without_compiler(_wired, bare, replace(request, set_=(), use=()), local))
+    size = 0
+    if wired is not None:
+        block, size = _read(wired[0], wired[1], frozenset(sources), local)
+        yield block
+    yield _disk(spec, size)
+    yield _tried("lock", lambda: _lock(spec.run))[1]
+
+
+def _tried(name: str, call: Callable[[], Any]) -> tuple[Any, _Check]:
+    """What a call gives, or None with what it refuses."""
+    try:
+        return call(), _Check(name)
+    except AatriError as error:
+        return None, _Check(name, error=error)
+
+
+def _wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...]]:
+    from aatri.cli.arguments.planning import wired
+
+    return wired(spec, request, local)[:2]
+
+
+def _variants(spec: Spec, request: Request, local: Path | None) -> _Check:
+    """Every variant of the file, wired."""
+    from aatri.pipeline.spec.overrides import with_variant
+
+    one = _Check("variants", ", ".join(spec.variants))
+    errors: list[AatriError] = []
+    for name in spec.variants:
+        _, tried = _tried(name, functools.partial(_wired, with_variant(spec, name), request, local))
+        if tried.error is not None:
+            errors += tried.error.errors if isinstance(tried.error, Errors) else (tried.error,)
+    one.error = Errors(errors) if errors else None
+    return one
+
+
+def _import(nodes: tuple[StageNode, ...], local: Path | None) -> None:
+    """Import every stage: a package that is missing shows here."""
+    from aatri.pipeline.methods.registry import find_stages
+
+    registry = find_stages(local) if local is not None else find_stages()
+    for node in nodes:
+        registry.card(node.method.name)
+
+
+def _read(spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], local: Path | None) -> tuple[_Check, int]:
+    """Read the block into a folder that is removed again, and compare it with what the stages use and need."""
+    from aatri.pipeline.plan.decisions import Selection
+    from aatri.pipeline.run.runner import RunSettings, run_pipeline
+    from aatri.pipeline.run.task import StageSource
+
+    listener = _Listener()
+    with tempfile.TemporaryDirectory() as folder:
+        elsewhere = replace(spec, run=Path(folder) / "run")
+        settings = RunSettings(Selection(sources), source=StageSource(local=local, runs_code=local is not None))
+        _, block = _tried("block", lambda: run_pipeline(elsewhere, nodes, listener, settings))
+    block.warnings = listener.warnings
+    figures = [listener.records[name]["metrics"] for name in sorted(sources) if name in listener.records]
+    names = ("images", "points", "image_points", "control_points", "check_points")
+    block.detail = "; ".join(", ".join(f"{m[n]} {n.replace('_', ' ')}" for n in names if m.get(n)) for m in figures)
+    return block, sum(int(record["output"]["size"]) for record in listener.records.values())
+
+
+class _Listener:
+    """Keeps warnings and records of what is read."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.records: dict[str, Any] = {}
+
+    def warned(self, stage: str, message: str) -> None:
+        """Take a warning."""
+        self.warnings.append(f"{stage}: {message}")
+
+    def finished(self, record: Any) -> None:
+        """Take a record."""
+        self.records[record["stage"]] = record
+
+    def planned(self, *_: object) -> None:
+        """Drop it, as all that follows."""
+
+    started = logged = advanced = failed = planned
+
+
+def _disk(spec: Spec, block_bytes: int) -> _Check:
+    """Whether the results may be written, and have room."""
+    there = next(folder for folder in (spec.run, *spec.run.absolute().parents) if folder.exists())
+    free, need = shutil.disk_usage(there).free, RESULTS_PER_BLOCK * block_bytes * len(spec.stages)
+    one = _Check("disk", f"{free / 1e9:.1f} GB free, about {max(need, 1e6) / 1e6:.0f} MB needed")
+    if not os.access(there, os.W_OK):
+        one.error = ResourceError("may not be written", where=str(there), remedy="another folder: --into DIR")
+    elif free < need:
+        one.error = ResourceError(
+            f"{free / 1e6:.0f} MB are free, about {need / 1e6:.0f} MB are needed", where=str(there), remedy="--into DIR"
+        )
+    return one
+
+
+def _lock(run: Path) -> None:
+    """See that no other run is at work in the folder."""
+    from aatri.pipeline.store.lock import locked
+
+    if run.is_dir():
+        with locked(run, "aatri check"):
+            pass

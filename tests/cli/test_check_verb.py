@@ -1,0 +1,66 @@
+"""`aatri check` says what a run would refuse, all of it at once, and writes nothing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from aatri.cli.main import app
+
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(TUTORIAL, tmp_path / "project"))
+
+
+def check(project: Path, *more: str) -> Result:
+    return CliRunner().invoke(app, ["check", str(project), *more])
+
+
+def replaced(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def test_a_project_in_order_is_read_and_left_alone(project: Path) -> None:
+    before = sorted(project.rglob("*"))
+    result = check(project)
+    assert result.exit_code == 0, result.output
+    assert "15 images, 67 points, 419 image points" in result.stdout
+    assert "nothing that a run would refuse" in result.stdout
+    assert sorted(project.rglob("*")) == before
+
+
+def test_what_is_wrong_in_pipeline_and_tables_is_told_together(project: Path) -> None:
+    replaced(project / "pipeline.yaml", "bundle_adjustment/bundle", "bundle_adjustment/bundl")
+    replaced(project / "quarry" / "image_points.csv", "0101,101,", "0199,101,")
+    result = check(project)
+    assert result.exit_code == 9
+    assert "did you mean 'bundle_adjustment/bundle'" in result.stderr
+    assert "image_points.csv:2" in result.stderr
+    assert "image '0199' is unknown" in result.stderr
+    assert "a run would be refused" in result.stdout
+
+
+def test_warnings_of_the_block_are_told(project: Path) -> None:
+    replaced(project / "pipeline.yaml", "seed: 1", "seed: 1\nignore: [geodetic]")
+    result = check(project)
+    assert result.exit_code == 0
+    assert "warning: block: pipeline.yaml, ignore: geodetic: there is nothing of that name" in result.stdout
+
+
+def test_options_of_variants_and_a_folder_that_may_not_be_written(project: Path) -> None:
+    path = project / "pipeline.yaml"
+    path.write_text(path.read_text(encoding="utf-8") + "variants:\n  odd: {bundle: {with: {datums: free}}}\n")
+    told = json.loads(check(project, "--json").stdout)
+    assert told["ok"] is False
+    (wrong,) = [one for one in told["checks"] if one["errors"]]
+    assert wrong["check"] == "variants"
+    assert "unknown option 'datums'" in wrong["errors"][0]["what"]
