@@ -6,7 +6,8 @@ there. `SILENT` is the default everywhere: it keeps nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
@@ -36,12 +37,59 @@ class Checkpoint(Protocol):
         """The arrays kept by an earlier attempt at the same result; None if there are none."""
 
 
+class Kept(Protocol):
+    """The result of an item of work: loaded when it is wanted, and only as long."""
+
+    @property
+    def digest(self) -> str:
+        """Stands for its content."""
+
+    def load(self) -> Any:
+        """The artifact."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One of many pieces of work of a stage: an image, a pair of images.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    files : tuple of str
+        Paths that the work reads; they count by what `arguments` say of their content, not by where they lie.
+    arguments : tuple
+        Texts, numbers, lists of them, and `Kept` results of other items: all that the result depends on.
+    """
+
+    name: str
+    files: tuple[str, ...]
+    arguments: tuple[Any, ...]
+
+
 class StageContext(Reporter, Protocol):
     """What a running stage talks to."""
 
     @property
     def checkpoint(self) -> Checkpoint:
         """Where it keeps how far it has come."""
+
+    def mapped(self, function: Callable[..., Any], items: Sequence[Item], kind: type[Any], what: str) -> Sequence[Kept]:
+        """The results of `function(*files, *arguments)` of many items, in their order.
+
+        Each is kept by its content and never made twice: a stage that was killed, or has one item more, makes what is
+        missing. They are made in several processes at once, so that the function is one of a module.
+
+        Parameters
+        ----------
+        function : callable
+            Gives an artifact.
+        items : sequence of Item
+        kind : type
+            Of the artifact.
+        what : str
+            What the items are, for messages: images, pairs.
+        """
 
 
 class NoCheckpoint:
@@ -58,6 +106,18 @@ class NoCheckpoint:
 NO_CHECKPOINT = NoCheckpoint()
 
 
+@dataclass(frozen=True)
+class InMemory:
+    """The result of an item that is kept nowhere."""
+
+    digest: str
+    artifact: Any
+
+    def load(self) -> Any:
+        """The artifact."""
+        return self.artifact
+
+
 class Silent:
     """A context that keeps nothing."""
 
@@ -71,6 +131,15 @@ class Silent:
 
     def progress(self, done: int, total: int, what: str = "") -> None:
         """Drop the figure."""
+
+    def mapped(self, function: Callable[..., Any], items: Sequence[Item], kind: type[Any], what: str) -> list[InMemory]:  # noqa: ARG002
+        """Make all of them, one after the other."""
+        return [InMemory(item.name, function(*item.files, *map(loaded, item.arguments))) for item in items]
+
+
+def loaded(argument: Any) -> Any:
+    """An argument of an item; the artifact of one that is kept."""
+    return argument.load() if hasattr(argument, "load") else argument
 
 
 SILENT = Silent()

@@ -1,6 +1,7 @@
 """Opening of a file to read: never a pipe that keeps its reader waiting, a device without end, or a folder."""
 
 import errno
+import hashlib
 import os
 import stat
 from io import BufferedReader
@@ -44,6 +45,18 @@ def read_regular(path: Path) -> bytes:
     """The content of a file, as `open_regular` opens it."""
     with open_regular(path) as file:
         return file.read()
+
+
+def content_of(*paths: str) -> str:
+    """SHA-256 of the contents of files, one after the other; empty if there is none of them; `""` is no file."""
+    digests = []
+    for path in filter(None, paths):
+        try:
+            with open_regular(Path(path)) as file:
+                digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError:
+            return ""
+    return hashlib.sha256(" ".join(digests).encode()).hexdigest() if len(digests) > 1 else "".join(digests)
 
 
 def is_of_the_machine(error: OSError) -> bool:

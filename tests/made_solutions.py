@@ -63,7 +63,7 @@ def made_block(
         "fiducials": b.Fiducials.empty(),
         "rig_members": b.RigMembers.empty(),
         "strips": b.StripIds(id=["1", "2"]),
-        "images": b.Images(
+        "images": b.Images.of(
             id=image_names,
             camera=np.zeros(n_images, int),
             strip=np.repeat([0, 1], columns),

@@ -118,7 +118,7 @@ class MadeBlock:
         )
         tables["strips"] = b.StripIds(id=[str(k + 1) for k in range(len(self.frames))])
         text = [""] * n_images
-        tables["images"] = b.Images(
+        tables["images"] = b.Images.of(
             id=[f"{i:03d}" for i in range(n_images)],
             camera=np.zeros(n_images, np.int32),
             strip=self.image_strip,

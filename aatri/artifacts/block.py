@@ -158,7 +158,7 @@ class Block(Artifact):
     """The project as given."""
 
     kind: ClassVar[str] = "Block"
-    schema_version: ClassVar[int] = 2
+    schema_version: ClassVar[int] = 3
 
     name: str = attribute(doc="name of the block")
     rotation: str = attribute(doc="system of exterior.angles_rad: omega-phi-kappa, phi-omega-kappa, roll-pitch-heading")

@@ -277,7 +277,8 @@ def _where(block: Block, table: str, rows: Bool) -> str:
         return f"camera {block.cameras.id[first if table == 'cameras' else rows_of_table.camera[first]]}"
     if not hasattr(rows_of_table, "file") or rows_of_table.file[first] < 0:
         return ""
-    return f"{block.files.path[rows_of_table.file[first]]}:{rows_of_table.line[first]}"
+    line = int(rows_of_table.line[first])
+    return str(block.files.path[rows_of_table.file[first]]) + (f":{line}" if line > 0 else "")
 
 
 def _joined(a: Text, b: Text | str) -> Text:

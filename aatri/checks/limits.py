@@ -170,6 +170,12 @@ CORRELATION_LISTED, MOST_PAIRS = 0.90, 60
 """Correlations told, and pairs of blocks looked at, of which each takes a solve. A warning comes from 0.95 on, where
 one of the two has three times the standard deviation it had alone (1 / sqrt(1 - rho^2))."""
 
+# --- as read: images
+
+FEWEST_CELLS = 0.3
+"""Share of the cells of an image with a tie point, below which it is named: of canopy and water a side stays empty
+while the number of points looks fine (8 x 8 cells)."""
+
 # --- after: groups, standard deviations of kinds, hidden distortion
 
 SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 5.0

@@ -1,5 +1,6 @@
 """`aatri new`: write a pipeline.yaml to start from; with `--plugin` a stage of one's own and its test."""
 
+import json
 import re
 from collections.abc import Mapping
 from enum import StrEnum
@@ -24,6 +25,7 @@ class BlockSource(StrEnum):
     dbat = "dbat"
     bal = "bal"
     colmap = "colmap"
+    photos = "photos"
 
 
 _HEAD = {
@@ -74,6 +76,20 @@ stages:
              with: {blunders: robust_snooping}}
   accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}
 """
+_PHOTOS = """\
+# Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
+# Without positions give the bundle `with: {{datum: free}}`; measured control goes into the block with `aatri measure`.
+run: runs/block
+seed: 1
+stages:
+  photos:   {{use: block/photos, with: {{path: {path}}}}}
+  block:    {{use: tie_points/sift, from: {{block: photos}}}}
+  interior: {{use: interior_orientation/calibrated, from: {{block}}}}
+  initial:  {{use: initial_orientation/graph, from: {{block, image_points: interior}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior, initial}},
+             with: {{blunders: robust_snooping}}}}
+  accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}
+"""
 _MINIMAL = ", with: {datum: minimal}"
 _WITH_START = {
     BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", ""),
@@ -95,6 +111,7 @@ _LINES = {
 @reports_errors
 def new(
     folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
+    path: Annotated[Path | None, typer.Argument(help="With --block photos: the folder of the photographs.")] = None,
     block: Annotated[
         BlockSource,
         typer.Option(
@@ -129,20 +146,22 @@ def new(
         _write(plugin_files(plugin, folder))
         narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
         return
-    path = folder / "pipeline.yaml"
+    if path is not None and block is not BlockSource.photos:
+        raise SpecError(f"a second path, {path}", remedy="it goes with --block photos")
+    written = folder / "pipeline.yaml"
     if sources:
         from aatri.cli.new_from import pipeline_from
 
         text = pipeline_from(sources, folder)
     else:
-        text = _text(block)
-    files = {path: text}
+        text = _text(block, folder, path)
+    files = {written: text}
     if not sources and block in (BlockSource.tables, BlockSource.unordered):
         from aatri.cli.new_block import block_templates
 
         files |= block_templates(folder / "block")
     _write(files)
-    narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {path}"))
+    narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {written}"))
 
 
 def _write(files: Mapping[Path, str]) -> None:
@@ -160,12 +179,16 @@ def _write(files: Mapping[Path, str]) -> None:
         say(str(path))
 
 
-def _text(block: BlockSource) -> str:
+def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     demo = demo_path().read_text(encoding="utf-8")
     if block is BlockSource.simulate:
         return demo
     if block is BlockSource.unordered:
         return _HEAD[block] + _UNORDERED
+    if block is BlockSource.photos:
+        from aatri.cli.new_from import path_from
+
+        return _PHOTOS.format(path=json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False))
     if block in _WITH_START:
         read, datum = _WITH_START[block]
         return _HEAD[block] + _BUNDLE_ONLY.format(block=read, datum=datum)

@@ -163,7 +163,7 @@ def _of_network(has_datum: bool) -> str:
 
 def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
     """The pipeline with the line that reads the block."""
-    named = [(s, json.dumps(_from(s.path, folder), ensure_ascii=False)) for s in sources]
+    named = [(s, json.dumps(path_from(s.path, folder), ensure_ascii=False)) for s in sources]
     if len(sources) == 1 and sources[0].format.stage:
         block = f"  block:    {{use: {sources[0].format.stage}, with: {{path: {named[0][1]}}}}}\n"
     else:
@@ -181,6 +181,6 @@ def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
     return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
 
 
-def _from(path: Path, folder: Path) -> str:
+def path_from(path: Path, folder: Path) -> str:
     """The path as the pipeline names it: relative to its folder."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

@@ -14,6 +14,7 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError
 from aatri.plugin import Options, StageCard
+from aatri.progress import Silent
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest, table_digest
 from aatri.tables.schema import Artifact, Table, attributes_of, columns_of, tables_of
@@ -33,7 +34,7 @@ class Outcome:
         return content_digest(self.artifact) if isinstance(self.artifact, Artifact) else ""
 
 
-class Recorder:
+class Recorder(Silent):
     """A context that notes what no context should be told."""
 
     def __init__(self) -> None:

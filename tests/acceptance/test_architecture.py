@@ -10,7 +10,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-SMALL = {"arrays", "codes", "errors", "ids", "units", "progress", "notes", "options", "regular_file", "strict_yaml"}
+SMALL = {
+    "arrays",
+    "codes",
+    "errors",
+    "ids",
+    "units",
+    "progress",
+    "notes",
+    "options",
+    "extras",
+    "regular_file",
+    "strict_yaml",
+}
 ROOMS = {
     row[0]: set(re.findall(r"`([\w/]+)`", row[2]))
     for row in re.findall(r"^\| `([\w/]+)` \| (.*) \| (.*) \|$", PAGE.split("## The way of the data")[0], re.M)

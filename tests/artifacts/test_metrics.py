@@ -49,7 +49,7 @@ def test_of_a_block() -> None:
 def test_a_block_counts_what_is_active_and_points_with_any_coordinate_of_a_role() -> None:
     block = made_block(columns=5, rows=4)
     ground = rows(b.GroundPoints, 4, role=[[1, 1, 2], [0, 0, 1], [2, 2, 0], [3, 3, 0]], point=[0, 1, 2, 3])
-    images = b.Images(
+    images = b.Images.of(
         **{name: getattr(block.images, name) for name in columns_of(b.Images)} | {"active": np.arange(10) > 0}
     )
     measured = b.MeasuredPoints(

@@ -47,7 +47,7 @@ READ_BY_EVERY_STAGE = {
         "angle_free",
     },  # by images.rig
     "strips": {"id"},
-    "images": {"id", "camera", "sequence", "time_s", "member", "active"},
+    "images": {"path", "mask", "content", "id", "camera", "sequence", "time_s", "member", "active"},
     "fiducial_points": {"image", "fiducial", "sigma_mm"},
     "points": {"id"},
     "image_points": {"image", "point", "sigma_mm", "active"},

@@ -52,6 +52,7 @@ LINKS = (
     "failed",
     "variants",
     "checkpoints",
+    "items",
     "accepted",
     "current/block.json",
     "current/block.h5",

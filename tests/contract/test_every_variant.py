@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import csv
+import shutil
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +17,14 @@ from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.builder import block_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.pipeline.methods.registry import find_stages
+from aatri.stages.block.photos import PhotosOptions, photos
 from aatri.stages.relative_orientation.connected import connected
 from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
 from tests.contract.made_files import colmap_model, model_file, pair_files, two_parts
+from tests.made_photographs import flown
 
 VARIANTS = sorted(find_stages().variants)
 MADE_FILES = {
@@ -26,6 +32,7 @@ MADE_FILES = {
     "block/colmap": colmap_model,
     "block/pairs": pair_files,
     "block/models": model_file,
+    "block/photos": lambda folder: flown(folder, strips=1, per_strip=2).folder,
 }
 REAL_FILES = {
     "block/bal": {"path": "bal/problem-49-7776-pre.txt"},
@@ -59,6 +66,8 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
     """Inputs of a variant that cannot take those of the usual chain."""
     if name == "model_adjustment/given_models":
         return {"block": models_of_a_block()}
+    if name.startswith("tie_points/"):
+        return {"block": photographed_block()}
     if name == "accuracy/plotter":  # it wants residuals of image points
         return example_inputs("epochs", find_stages().role("epochs"))
     if name != "strip_formation/connected":
@@ -70,6 +79,14 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
     assert isinstance(block, Block)
     assert isinstance(points, ImagePoints)
     return {**given, "models": connected(block, points)}
+
+
+@cache
+def photographed_block() -> Block:
+    """Two photographs, without image points."""
+    folder = Path(tempfile.mkdtemp(prefix="aatri-photographs-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return photos(options=PhotosOptions(path=flown(folder, strips=1, per_strip=2).folder))
 
 
 def models_of_a_block() -> Block:

@@ -72,7 +72,7 @@ def made_strips(n_images: int = 5, n_strips: int = 1, *, noise_mm: float = 0.0, 
     points = [f"p{k:04d}" for k in range(len(ground))]
     block = dataclasses.replace(
         base,
-        images=b.Images(**(images | changes)),
+        images=b.Images.of(**(images | changes)),
         strips=b.StripIds(id=[str(k + 1) for k in range(n_strips)]),
         points=b.Points(id=points),
         ground_points=b.GroundPoints.empty(),

@@ -1,1 +1,1 @@
-"""Lists of positions as receivers give them: DJI's MRK."""
+"""Positions as receivers and cameras give them: DJI's MRK, what is written in photographs (EXIF, XMP)."""

@@ -24,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
@@ -63,12 +64,12 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     if not path.exists():
         raise missing(path)
     listed = sorted(p for p in path.iterdir() if p.suffix.lower() in PHOTOGRAPHS) if path.is_dir() else [path]
-    found = [(p, packet) for p in listed if (packet := _packet(p)) is not None]
+    found = [(p, packet) for p in listed if (packet := drone_packet(p)) is not None]
     if not found:
         what = f"no XMP packet of a drone in {'any of its files' if path.is_dir() else 'it'}"
         raise InputError(what, where=str(path), remedy="give the photographs as the drone wrote them")
     files = [p for p, _ in found]
-    stated = [_stated(packet) for _, packet in found]
+    stated = [_with_position(packet) for _, packet in found]
     names = _names(files)
     sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in stated])
     if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
@@ -88,7 +89,7 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         "position_m": place,
         "sigma_m": np.where(observed[:, None], sigma, np.nan),
         "position_use": np.where(observed, OBSERVED_VALUE, APPROXIMATE_VALUE),
-        "ground_from_image": ENU_FROM_NED @ rotation_from_angles(angles, "roll-pitch-heading") @ BODY_FROM_CAMERA,
+        "ground_from_image": of_gimbal(angles),
         **at,
     }
     parts.notes = _notes(names, [t.get("RtkFlag") for t in stated], observed.tolist())
@@ -97,6 +98,11 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
                            f"{shown([p.name for p in listed if p not in files])}")  # fmt: skip
     reporter.log(f"{path}: {len(found)} packets")
     return parts
+
+
+def of_gimbal(angles_rad: Float) -> Float:
+    """Rotations (n, 3, 3) to east, north and up by roll, pitch and yaw (n, 3) of the gimbal."""
+    return np.asarray(ENU_FROM_NED @ rotation_from_angles(angles_rad, "roll-pitch-heading") @ BODY_FROM_CAMERA)
 
 
 def _notes(names: Sequence[str], flags: Sequence[float | None], observed: Sequence[bool]) -> list[str]:
@@ -111,7 +117,7 @@ def _notes(names: Sequence[str], flags: Sequence[float | None], observed: Sequen
     return notes
 
 
-def _packet(path: Path) -> XmlElement | None:
+def drone_packet(path: Path) -> XmlElement | None:
     """The packet of a file with anything of DJI in it, its lines counted in the file; None if it has none."""
     try:
         with open_regular(path) as file:
@@ -130,22 +136,26 @@ def _packet(path: Path) -> XmlElement | None:
     return read_xml(path, ("xmpmeta",), "an XMP packet", text)
 
 
-def _stated(packet: XmlElement) -> dict[str, float]:
-    """Numbers of DJI, written as attributes or as elements."""
-    of: dict[str, float] = {}
-    stated = 0
-    for description in packet.within("Description"):
-        for key, text in description.attributes.items():
-            if key.startswith(SPACE):
-                stated += 1
-                _put(of, description, key.removeprefix(SPACE), text)
-        for child in description.children:
-            _put(of, child, child.tag, child.text)
+def _with_position(packet: XmlElement) -> dict[str, float]:
+    """Numbers of a packet that must have a position."""
+    of = drone_numbers(packet)
     absent = [key for key in ("GpsLatitude", "GpsLongitude", "AbsoluteAltitude") if key not in of]
     if absent:
         raise packet.error(
             f"the packet has no {', '.join(absent)} of DJI", "give the photographs as the drone wrote them"
         )
+    return of
+
+
+def drone_numbers(packet: XmlElement) -> dict[str, float]:
+    """Numbers of DJI by their keys, written as attributes or as elements."""
+    of: dict[str, float] = {}
+    for description in packet.within("Description"):
+        for key, text in description.attributes.items():
+            if key.startswith(SPACE):
+                _put(of, description, key.removeprefix(SPACE), text)
+        for child in description.children:
+            _put(of, child, child.tag, child.text)
     return of
 
 

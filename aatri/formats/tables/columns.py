@@ -56,7 +56,7 @@ IMAGES = {
     "strip": Stated(OPTIONAL_ID, "strip"),
     "sequence": Stated(NUMBER, "sequence"),
     "time": Stated(NUMBER, "time_s", unit="time_s"),
-    **{name: Stated(TEXT, name) for name in ("flight", "session", "rig", "member")},
+    **{name: Stated(TEXT, name) for name in ("flight", "session", "rig", "member", "path", "mask")},
 }
 IMAGE_POINTS = {
     "image": Stated(ID, "image"),

@@ -12,6 +12,7 @@ from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable
 from aatri.ids import canonical, clipped, did_you_mean, shown
+from aatri.regular_file import content_of
 
 
 def image_columns(source: Source, cameras: Cameras) -> dict[str, Any]:
@@ -31,7 +32,15 @@ def image_columns(source: Source, cameras: Cameras) -> dict[str, Any]:
         source.reporter.warn(f"{table.path}: no image of camera {', '.join(unused)}")
     _in_order_of_time(source, table)
     _places_in_strips(source, table)
-    return source.columns(table, IMAGES)
+    return _with_files(source, source.columns(table, IMAGES))
+
+
+def _with_files(source: Source, columns: dict[str, Any]) -> dict[str, Any]:
+    """Paths of photographs and masks from the block folder, and the digest of what is there."""
+    for name in ("path", "mask"):
+        columns[name] = [str(source.folder / path) if path else "" for path in columns[name]]
+    columns["content"] = [content_of(path, mask) for path, mask in zip(columns["path"], columns["mask"])]
+    return columns
 
 
 def _in_order_of_time(source: Source, table: CsvTable) -> None:

@@ -50,7 +50,7 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "block.yaml").write_text(settings_text(block), encoding="utf-8", newline="\n")
-        for name, columns in _tables(block).items():
+        for name, columns in _tables(block, folder).items():
             _write_csv(folder / name, columns)
         if len(block.relative_control):
             write_relative_control(block, folder / RELATIVE_CONTROL, _axis_names(block))
@@ -61,10 +61,10 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
     reporter.log(f"wrote block {block.name} to {folder}")
 
 
-def _tables(block: Block) -> dict[str, dict[str, Cells]]:
+def _tables(block: Block, folder: Path) -> dict[str, dict[str, Cells]]:
     """The tables that have rows (images and image points always), as cells."""
     made = {
-        "images.csv": (block.images, {}),
+        "images.csv": (block.images, _of_images(block, folder)),
         "image_points.csv": (block.image_points, _of_image_points(block)),
         "fiducials.csv": (block.fiducial_points, {}),
         "ground_points.csv": (block.ground_points, _of_ground_points(block)),
@@ -130,6 +130,19 @@ def _quoted(text: str) -> str:
     if text.startswith("#") or any(sign in text for sign in ',"'):
         return '"' + text.replace('"', '""') + '"'
     return text
+
+
+def _of_images(block: Block, folder: Path) -> dict[str, Cells]:
+    """Photographs and masks below the folder by their way from there, others by their whole path."""
+    top = folder.resolve()
+    files = {
+        name: [Path(path).resolve() if path else None for path in getattr(block.images, name).tolist()]
+        for name in ("path", "mask")
+    }
+    return {
+        name: _text("" if p is None else p.relative_to(top) if p.is_relative_to(top) else p for p in paths)
+        for name, paths in files.items()
+    }
 
 
 def _of_image_points(block: Block) -> dict[str, Cells]:

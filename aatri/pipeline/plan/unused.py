@@ -1,7 +1,8 @@
 """What a result offers and no stage of the pipeline uses, or one needs and it does not offer: an error, at once.
 
 A stage that takes the result states by name what it uses of it. An offer counts as used if one stage of the pipeline
-uses it; which of them are selected to run does not matter. It is left alone where the pipeline makes nothing that it
+uses it; which of them are selected to run does not matter. What a stage takes of the kind that it makes itself it hands
+on: its own result offers it again. An offer is left alone where the pipeline makes nothing that it
 bears upon: control points in a pipeline that ends with models. Unused groupings and checks, and what pipeline.yaml
 names under `ignore`, are warnings; so is everything where a stage does not state what it uses. Of what several stages
 need the first is told.
@@ -56,6 +57,8 @@ def unused(
         used = {name for node in takers for name in node.uses or ()}
         silent = sorted({node.method.name for node in takers if node.uses is None})
         offers = [offer_from_plain(plain) for plain in record.get("offers") or ()]
+        if any(node.method.kind == record.get("output", {}).get("kind") for node in takers):
+            continue
         if sum(node.method.kind == record.get("output", {}).get("kind") for node in nodes) == 1:
             warnings += [
                 (source, _of_nothing(name)) for name in ignore if not any(covers(name, o.name) for o in offers)

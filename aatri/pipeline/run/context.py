@@ -12,7 +12,7 @@ import hashlib
 import io
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -20,8 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.ids import utf8
+from aatri.pipeline.run.items import ItemStore, KeptItem
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.objects import base_of
+from aatri.progress import Item
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _DIGEST_BYTES = 32
@@ -37,6 +39,7 @@ class LoggedContext:
         self._file, self._tell, self._clock = log, tell, time.perf_counter()
         self.warnings: list[str] = []
         self.checkpoint = FileCheckpoint(self, base_of(run), "checkpoints", stage, key)
+        self._items = ItemStore(base_of(run), stage)
 
     def log(self, message: str) -> None:
         """Write a line to the log, with the seconds since the start."""
@@ -57,6 +60,10 @@ class LoggedContext:
     def progress(self, done: int, total: int, what: str = "") -> None:
         """Pass on how far the stage is."""
         self._tell("advanced", int(done), int(total), what)
+
+    def mapped(self, function: Callable[..., Any], items: Sequence[Item], kind: type[Any], what: str) -> list[KeptItem]:
+        """The results of many items of work, kept one by one."""
+        return self._items.results(function, items, kind, what, self)
 
 
 class FileCheckpoint:

@@ -74,6 +74,11 @@ def share_cores(jobs: int) -> None:
     os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
 
 
+def processes_of_a_stage() -> int:
+    """How many processes one stage may have: its share of the cores."""
+    return int(os.environ.get(_KERNELS) or os.cpu_count() or 1)
+
+
 def _take_buffers() -> None:
     """Let OpenBLAS take its buffer while there is memory: later, without any, it would try for ever."""
     if _memory_limit() < float("inf"):
@@ -149,7 +154,7 @@ class _Processes:
 
         method, self.jobs = multiprocessing.get_context("spawn"), jobs
         self._events = method.SimpleQueue()
-        self._executor = ProcessPoolExecutor(jobs, method, _begin, (self._events, os.getpid()))
+        self._executor = ProcessPoolExecutor(jobs, method, begin_worker, (self._events, os.getpid()))
         self._listening = threading.Thread(target=self._listen, args=(tell,), daemon=True)
 
     def __enter__(self) -> _Processes:
@@ -194,7 +199,7 @@ class _Processes:
             tell(*event)
 
 
-def _begin(queue: Any, parent: int) -> None:
+def begin_worker(queue: Any, parent: int) -> None:
     """A worker process starts: interrupts are its parent's business, and it does not outlive the parent."""
     global _queue
     _queue = queue

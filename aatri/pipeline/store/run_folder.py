@@ -8,6 +8,7 @@
     RUN/failed/STAGE/error.json, stage.log        why a stage failed; up to three earlier attempts in `earlier/`
     RUN/running/STAGE.log, STAGE.json             the stage under way
     RUN/checkpoints/STAGE/KEY/                    how far a long stage has come
+    RUN/items/STAGE/KEY.h5                        results of single images and pairs, see `run.items`
 
 A stage that is to be made again loses its place in `current` before it starts, so that no stale result is shown.
 """
@@ -37,7 +38,7 @@ A = TypeVar("A", bound="Artifact")
 KEPT_ATTEMPTS = 3
 _FOLDERS = ("current", "previous", "failed", "running")
 _FILES = (".lock", "run.json", "events.jsonl", "report.html")
-_NAMES = {*_FOLDERS, *_FILES, "objects", "variants", "checkpoints", "accepted"}
+_NAMES = {*_FOLDERS, *_FILES, "objects", "variants", "checkpoints", "items", "accepted"}
 
 
 def begin(run: Path, overview: Mapping[str, Any]) -> None:

@@ -36,7 +36,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.errors import AatriError
-from aatri.progress import NO_CHECKPOINT, Checkpoint
+from aatri.progress import Silent
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.accuracy.evaluation import evaluation
 from aatri.stages.block.tables import TablesOptions, tables
@@ -65,11 +65,10 @@ BAD = ("INTERNAL", "LOST", "OPEN", "WRONG", "REJECTED")
 
 
 @dataclass
-class Ear:
+class Ear(Silent):
     """A context that keeps the warnings."""
 
     warnings: list[str] = field(default_factory=list)
-    checkpoint: Checkpoint = NO_CHECKPOINT
     stage: str = ""
 
     def log(self, message: str) -> None:

@@ -1,0 +1,115 @@
+"""Image points that were found in pixels, put into a Block, and rays of pixels before they are in one."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aatri.adapters.interior.photo_coordinates import calibrated_interior
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.block import Block, MeasuredPoints, Points
+from aatri.artifacts.builder import image_point_order
+from aatri.camera.pixels import mm_from_pixel
+from aatri.tables.schema import Table, columns_of, tables_of
+
+CELLS = 8
+"""Cells along each side of an image in which its points are counted."""
+
+
+def covered_cells(block: Block) -> Float:
+    """Share of the cells of each image with an active image point, (n_images,)."""
+    points = block.image_points.take(np.flatnonzero(block.image_points.active))
+    first = from_first_pixel(block)
+    pixel = np.einsum("nij,nj->ni", np.linalg.inv(first[:, :, :2])[points.image], points.xy - first[points.image, :, 2])
+    cell = np.clip(pixel / block.cameras.format[block.images.camera[points.image]] * CELLS, 0, CELLS - 1).astype(int)
+    seen = np.unique(np.column_stack([points.image, cell]), axis=0)
+    return np.bincount(seen[:, 0], minlength=len(block.images)) / CELLS**2
+
+
+def pixel_matrices(block: Block) -> Float:
+    """Matrices (n_images, 2, 3) from pixels, counted from the centre of the first, to mm from the principal point.
+
+    Raises
+    ------
+    InputError
+        If the camera of an image does not say how large its pixels are, or how many there are.
+    """
+    interior = calibrated_interior(block, np.arange(len(block.images)))
+    camera = block.images.camera
+    matrix = np.full((len(block.images), 2, 3), np.nan)
+    matrix[interior.image] = interior.matrix
+    own = from_first_pixel(block)
+    matrix[:, :, 2] += (
+        np.einsum("nij,nj->ni", matrix[:, :, :2], own[:, :, 2]) - block.cameras.principal_point_mm[camera]
+    )
+    matrix[:, :, :2] = matrix[:, :, :2] @ own[:, :, :2]
+    return matrix
+
+
+def from_first_pixel(block: Block) -> Float:
+    """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first."""
+    cameras = block.cameras
+    made = np.full((len(cameras), 2, 3), np.nan)
+    for k, (origin, y) in enumerate(zip(cameras.pixel_origin.tolist(), cameras.pixel_y.tolist())):
+        to_centre = mm_from_pixel(np.ones(2), "top-left-centre", "down", cameras.format[k])
+        own = mm_from_pixel(np.ones(2), origin or "top-left-corner", y or "down", cameras.format[k])
+        inverse = np.linalg.inv(own[:, :2])
+        made[k] = np.column_stack([inverse @ to_centre[:, :2], inverse @ (to_centre[:, 2] - own[:, 2])])
+    return np.asarray(made[block.images.camera])
+
+
+def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma_px: Float) -> Block:
+    """The block with further image points.
+
+    Parameters
+    ----------
+    image : (n,) int
+        Rows in images.
+    point : (n,) str
+        Ids.
+    xy_px : (n, 2) float64, px
+        From the centre of the first pixel.
+    sigma_px : (n,) float64, px
+    """
+    ids = np.unique(np.concatenate([block.points.id, point]))
+    at = np.searchsorted(ids, block.points.id).astype(np.int32)
+    tables: dict[str, Any] = {
+        name: _renumbered(rows, at) for name in tables_of(Block) if (rows := getattr(block, name)) is not None
+    }
+    matrix = from_first_pixel(block)[image]
+    size_mm = block.cameras.pixel_size_mm[block.images.camera[image]]
+    further = MeasuredPoints.of(
+        image=image,
+        point=np.searchsorted(ids, point),
+        xy=np.einsum("nij,nj->ni", matrix[:, :, :2], xy_px) + matrix[:, :, 2],
+        sigma_mm=sigma_px[:, None] * size_mm,
+    )
+    rows = joined_rows(tables["image_points"], further)
+    tables |= {"points": Points(id=ids), "image_points": rows.take(image_point_order(rows))}
+    return replace(block, **tables)
+
+
+def without_image_points(block: Block, which: Bool) -> Block:
+    """The block without some of its image points, and without points that nothing names any more."""
+    tables: dict[str, Any] = {name: rows for name in tables_of(Block) if (rows := getattr(block, name)) is not None}
+    tables["image_points"] = block.image_points.take(~which)
+    named = np.zeros(len(block.points), dtype=bool)
+    for rows in tables.values():
+        for name, declared in columns_of(type(rows)).items():
+            if declared.refers == "points":
+                named[getattr(rows, name)] = True
+    at = (np.cumsum(named) - 1).astype(np.int32)
+    tables = {name: _renumbered(rows, at) for name, rows in tables.items()}
+    return replace(block, **(tables | {"points": Points(id=block.points.id[named])}))
+
+
+def joined_rows(first: MeasuredPoints, second: MeasuredPoints) -> MeasuredPoints:
+    """Two tables of image points one below the other."""
+    names = columns_of(MeasuredPoints)
+    return MeasuredPoints(**{n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names})
+
+
+def _renumbered(rows: Table, at: Int) -> Table:
+    """A table with its rows in points counted anew."""
+    moved = {name: at[getattr(rows, name)] for name, c in columns_of(type(rows)).items() if c.refers == "points"}
+    return replace(rows, **moved) if moved else rows

@@ -1,0 +1,46 @@
+"""Features and Matches: what is found in the pixels of one image, and what agrees between two."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from aatri.arrays import Float, Int
+from aatri.tables.schema import Artifact, Table, column, table
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints(Table):
+    """Places of an image that look the same in others."""
+
+    xy_px: Float = column("f8", 2, unit="px", doc="from the centre of the first pixel, x right, y down")
+    size_px: Float = column("f8", unit="px", doc="diameter of what was looked at")
+    angle_rad: Float = column("f8", unit="rad", doc="orientation, clockwise from x")
+    response: Float = column("f8", doc="contrast")
+    descriptor: Int = column("i1", 128, doc="histograms of gradients, minus 128")
+
+
+@dataclass(frozen=True, eq=False)
+class Features(Artifact):
+    """Features of one image."""
+
+    kind: ClassVar[str] = "Features"
+    schema_version: ClassVar[int] = 1
+
+    keypoints: Keypoints = table()
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedKeypoints(Table):
+    """Features of two images that agree."""
+
+    left: Int = column("i4", doc="row in the keypoints of the left image")
+    right: Int = column("i4", doc="row in the keypoints of the right image")
+
+
+@dataclass(frozen=True, eq=False)
+class Matches(Artifact):
+    """Matches of one pair of images."""
+
+    kind: ClassVar[str] = "Matches"
+    schema_version: ClassVar[int] = 1
+
+    pairs: MatchedKeypoints = table()

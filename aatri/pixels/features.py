@@ -1,0 +1,125 @@
+"""Scale-invariant features of one image, spread over its cells and over scales.
+
+    D = G(k sigma) * I - G(sigma) * I,   extrema in x, y and sigma, refined by a parabola
+
+The image is doubled before the first octave, its pixels about their centres (`enable_precise_upscale`): by OpenCV's
+default way every point lies 0.25 px off to the right and below, which between strips flown to and fro looks like a
+principal point. Of the orientations of a place the strongest stays, so that no place becomes two points.
+
+Of each cell the features are taken in turn from large, middle and small scales, those of most contrast first: large
+ones find pairs, small ones measure.
+
+Source: Lowe 2004, IJCV 60, 91; OpenCV issue 23123 (the shift); Arandjelovic & Zisserman 2012 (root of the histograms).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.features import Features, Keypoints
+from aatri.errors import InputError
+from aatri.extras import of_extra
+from aatri.pixels.reading import Grey, grey_image
+from aatri.regular_file import content_of
+
+CONTRAST, EDGE, SIGMA, OCTAVE_LAYERS = 0.02, 10.0, 1.6, 3
+"""Of Lowe, with half his threshold of contrast: the spreading chooses."""
+SCALE_CLASSES = (4.0, 8.0)
+"""Diameters in px that part small, middle and large features."""
+
+
+def features_of(path: str, mask: str, content: str, most: int, cells: int) -> Features:
+    """Features of a file.
+
+    Parameters
+    ----------
+    path, mask : str
+        Files; a mask is 0 where no feature is to be, `""` is none.
+    content : str
+        SHA-256 that the block has of the files.
+    most : int
+        Features at most.
+    cells : int
+        Cells along the longer side.
+
+    Raises
+    ------
+    InputError
+        If the files are not those that the block was made with.
+    """
+    found = content_of(path, mask)
+    if not found or found != content:
+        what = "has changed since the block was read" if found else "is not there"
+        raise InputError(what, where=path, remedy="run the stage again that names it: aatri run --redo STAGE")
+    seen = None if not mask else np.asarray(grey_image(mask) > 0)
+    grey = grey_image(path)
+    if seen is not None and seen.shape != grey.shape:
+        what = f"has {seen.shape[1]} x {seen.shape[0]} pixels, its image {grey.shape[1]} x {grey.shape[0]}"
+        raise InputError(what, where=mask, remedy="a mask has the size of its image")
+    return Features(keypoints=keypoints_of(grey, most, cells, seen))
+
+
+def keypoints_of(grey: Grey, most: int, cells: int = 16, seen: Bool | None = None) -> Keypoints:
+    """Features of an image (height, width).
+
+    Parameters
+    ----------
+    most, cells : int
+        As of `features_of`.
+    seen : (height, width) bool, optional
+        Where features may be.
+    """
+    cv2 = of_extra("cv2", "images")
+    cv2.setNumThreads(1)
+    sift = cv2.SIFT_create(0, OCTAVE_LAYERS, CONTRAST, EDGE, SIGMA, enable_precise_upscale=True)
+    points = sift.detect(grey, None if seen is None else seen.astype(np.uint8) * 255)
+    if not points:
+        return Keypoints.empty()
+    table = np.array([(*p.pt, p.size, p.angle, p.response) for p in points])
+    kept = _one_per_place(table)
+    kept = kept[spread(table[kept, :2], table[kept, 2], table[kept, 4], (grey.shape[1], grey.shape[0]), most, cells)]
+    kept_points, descriptors = sift.compute(grey, [points[k] for k in np.sort(kept)])
+    table = np.array([(*p.pt, p.size, p.angle, p.response) for p in kept_points])
+    return Keypoints(
+        xy_px=table[:, :2],
+        size_px=table[:, 2],
+        angle_rad=np.radians(table[:, 3]),
+        response=table[:, 4],
+        descriptor=(descriptors - 128.0).astype(np.int8),
+    )
+
+
+def _one_per_place(table: Float) -> Int:
+    """Of features at one place and scale the first: further orientations are no further points."""
+    _, first = np.unique(np.round(table[:, :2], 2), axis=0, return_index=True)
+    return np.sort(first)
+
+
+def spread(xy_px: Float, size_px: Float, response: Float, format_px: tuple[int, int], most: int, cells: int) -> Int:
+    """Rows of at most `most` features, taken from all cells in turn, and in each from all scales in turn.
+
+    Parameters
+    ----------
+    xy_px : (n, 2) float64, px
+    size_px, response : (n,) float64
+    format_px : (int, int)
+        Width and height.
+    most, cells : int
+        As of `features_of`.
+    """
+    side = max(format_px) / cells
+    cell = (xy_px[:, 1] // side).astype(np.int64) * cells + (xy_px[:, 0] // side).astype(np.int64)
+    scale = np.searchsorted(SCALE_CLASSES, size_px)
+    in_class = rank_in(cell * 3 + scale, -response)
+    in_cell = rank_in(cell, in_class * 3 + scale)
+    return np.lexsort((-response, in_cell))[:most]
+
+
+def rank_in(group: Int, key: Float | Int) -> Int:
+    """Place of each row in its group, by ascending key, (n,)."""
+    order = np.lexsort((key, group))
+    first = np.searchsorted(group[order], group[order])
+    rank = np.empty(len(group), dtype=np.int64)
+    rank[order] = np.arange(len(group)) - first
+    return rank

@@ -1,0 +1,97 @@
+"""Matches of the features of two images: mutual nearest neighbours that are clearly nearer than the second.
+
+    d^2 = 2 - 2 a'b,   d_1 < 0.8 d_2,   a, b roots of the histograms, of length 1
+
+One matrix product finds all distances: for some thousand features no search tree is faster.
+
+Source: Lowe 2004 (ratio); Arandjelovic & Zisserman 2012 (roots).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.features import Features, Keypoints, MatchedKeypoints, Matches
+
+RATIO = 0.8
+COARSE = 500
+"""Largest features of each image that find pairs."""
+COARSE_MATCHES = 12
+"""Matches of them that make two images a pair; by chance 5 were met."""
+
+
+def matches_of(left: Features, right: Features, ratio: float = RATIO) -> Matches:
+    """Matches of two images."""
+    rows = matched(rooted(left.keypoints), rooted(right.keypoints), ratio)
+    return Matches(pairs=MatchedKeypoints(left=rows[:, 0], right=rows[:, 1]))
+
+
+def rooted(keypoints: Keypoints) -> Float:
+    """Descriptors (n, 128) of length 1, the roots of the histograms, single precision."""
+    histogram = keypoints.descriptor.astype(np.float32) + 128.0
+    return np.asarray(np.sqrt(histogram / np.maximum(histogram.sum(axis=1, keepdims=True), 1e-9)))
+
+
+def matched(left: Float, right: Float, ratio: float = RATIO) -> Int:
+    """Rows (m, 2) of descriptors that match.
+
+    Parameters
+    ----------
+    left, right : (n, 128) float32
+        Of length 1.
+    ratio : float
+        Largest ratio of the distance to that of the second.
+    """
+    if min(len(left), len(right)) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    likeness = left @ right.T
+    to_right, to_left, rows = likeness.argmax(axis=1), likeness.argmax(axis=0), np.arange(len(left))
+    best = likeness[rows, to_right]
+    likeness[rows, to_right] = -1.0
+    second = likeness.max(axis=1)
+    clear = np.sqrt(np.maximum(2 - 2 * best, 0)) < ratio * np.sqrt(np.maximum(2 - 2 * second, 0))
+    kept = np.flatnonzero(clear & (to_left[to_right] == rows))
+    return np.column_stack([kept, to_right[kept]])
+
+
+def largest(keypoints: Keypoints) -> Float:
+    """Descriptors of the largest features of an image."""
+    rows = np.argsort(-keypoints.size_px, kind="stable")[:COARSE]
+    return rooted(keypoints.take(rows))
+
+
+def coarse_pairs(largest_of: list[Float]) -> Int:
+    """Pairs (m, 2) of images whose largest features match; all against all."""
+    n = len(largest_of)
+    pairs = [
+        (i, j) for i in range(n) for j in range(i + 1, n)
+        if len(matched(largest_of[i], largest_of[j])) >= COARSE_MATCHES
+    ]  # fmt: skip
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def near_pairs(position_m: Float, neighbours: int) -> Int:
+    """Pairs (m, 2) of images taken near each other in plan: of each the next `neighbours`.
+
+    Parameters
+    ----------
+    position_m : (n, 2) or (n, 3) float64, m
+        NaN where not known: such images pair with none.
+    """
+    known = np.flatnonzero(np.isfinite(position_m[:, :2]).all(axis=1))
+    apart = np.linalg.norm(position_m[known, None, :2] - position_m[None, known, :2], axis=2)
+    order = np.argsort(apart, axis=1, kind="stable")[:, 1 : neighbours + 1]
+    pairs = np.column_stack([np.repeat(known, order.shape[1]), known[order.ravel()]])
+    return np.unique(np.sort(pairs, axis=1), axis=0).reshape(-1, 2)
+
+
+def consecutive_pairs(order: Int, neighbours: int) -> Int:
+    """Pairs (m, 2) of images that follow each other within `neighbours` places."""
+    steps = [np.column_stack([order[:-k], order[k:]]) for k in range(1, min(neighbours, len(order) - 1) + 1)]
+    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *steps]), axis=1), axis=0)
+
+
+def all_pairs(n: int) -> Int:
+    """All pairs (m, 2) of n images."""
+    return np.column_stack(np.triu_indices(n, 1))

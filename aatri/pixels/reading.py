@@ -1,0 +1,151 @@
+"""Pixels of a file as grey values of 8 bits: as they lie there, whatever viewers are to turn.
+
+More than 8 bits are stretched between the 0.5th and the 99.5th percentile (12 bits in 16 fill a sixteenth of the
+range, in which no feature is found); CMYK and colours become the brightness of ITU-R BT.601. Of TIFF files a window is
+read by the strips or tiles that it touches, so that a scan of 370 million pixels is never whole in memory.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from aatri.errors import InputError
+from aatri.extras import of_extra
+from aatri.ids import printable
+
+Grey = npt.NDArray[np.uint8]
+Samples = npt.NDArray[Any]
+
+PERCENTILES = (0.5, 99.5)
+SAMPLED = 1_000_000
+"""So many pixels tell the percentiles."""
+BT601 = np.array([0.299, 0.587, 0.114])
+TIFF = (".tif", ".tiff")
+
+
+def grey_image(path: str) -> Grey:
+    """The whole image (height, width).
+
+    Raises
+    ------
+    InputError
+        If it is not there, is no picture or ends before its time.
+    """
+    return stretched(whole_image(path))
+
+
+def whole_image(path: str) -> Samples:
+    """The whole image (height, width) in its own depth, colours as brightness."""
+    if Path(path).suffix.lower() in TIFF:
+        width, height = size_px(path)
+        return window(path, 0, 0, width, height)
+    Image = of_extra("PIL.Image", "images")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+            try:
+                with Image.open(path) as picture:
+                    if picture.format == "JPEG" and picture.mode != "CMYK":
+                        picture.draft("L", None)  # brightness alone is decoded
+                    deep = picture.mode.startswith(("I", "F"))
+                    return np.asarray(picture if deep else picture.convert("L"))
+            finally:
+                Image.MAX_IMAGE_PIXELS = limit
+    except (OSError, SyntaxError, ValueError) as error:
+        raise _unreadable(path, error) from error
+
+
+def size_px(path: str) -> tuple[int, int]:
+    """Width and height of a TIFF file."""
+    with _tiff(path) as file:
+        page = file.pages[0]
+        return int(page.imagewidth), int(page.imagelength)
+
+
+def window(path: str, column: int, row: int, width: int, height: int) -> Samples:
+    """A window (height, width) of a TIFF file in its own depth; only the strips or tiles that it touches are read.
+
+    Parameters
+    ----------
+    column, row : int
+        First pixel; the window lies within the image.
+    """
+    with _tiff(path) as file:
+        page = file.pages[0]
+        made: Samples | None = None
+        deep, down = (page.tilewidth, page.tilelength) if page.is_tiled else (page.imagewidth, page.rowsperstrip)
+        across = -(-page.imagewidth // deep)
+        try:
+            for k, (offset, count) in enumerate(zip(page.dataoffsets, page.databytecounts)):
+                x, y = k % across * deep, k // across * down
+                if x >= column + width or x + deep <= column or y >= row + height or y + down <= row:
+                    continue
+                file.filehandle.seek(offset)
+                segment = page.decode(file.filehandle.read(count), k)[0]
+                part = _brightness(np.asarray(segment)[0], page)
+                if made is None:
+                    made = np.zeros((height, width), part.dtype)
+                top, left = max(y, row), max(x, column)
+                bottom, right = min(y + part.shape[0], row + height), min(x + part.shape[1], column + width)
+                made[top - row : bottom - row, left - column : right - column] = part[
+                    top - y : bottom - y, left - x : right - x
+                ]
+        except (ValueError, IndexError, TypeError, RuntimeError, OSError) as error:
+            raise _unreadable(path, error) from error
+    if made is None:
+        what = f"no pixels at column {column}, row {row}"
+        raise InputError(what, where=path, remedy="copy the file anew")
+    return made
+
+
+def stretched(samples: Samples) -> Grey:
+    """Samples of any depth as 8 bits: as they are, or between two percentiles."""
+    if samples.dtype == np.uint8:
+        return samples
+    step = max(1, int((samples.size / SAMPLED) ** 0.5))
+    low, high = np.percentile(samples[::step, ::step], PERCENTILES)
+    made: Grey = np.empty(samples.shape, np.uint8)
+    for first in range(0, len(samples), 256):  # by rows: no second image in floating point
+        part = (samples[first : first + 256].astype(np.float32) - low) * (255.0 / max(high - low, 1e-9))
+        made[first : first + 256] = np.clip(part, 0, 255)
+    return made
+
+
+def _brightness(segment: Samples, page: Any) -> Samples:
+    """Samples (rows, columns) of a segment (rows, columns, bands)."""
+    photometric = int(page.photometric)
+    if segment.shape[2] == 1 or photometric in (0, 1):
+        return segment[:, :, 0] if photometric != 0 else np.iinfo(segment.dtype).max - segment[:, :, 0]
+    bands = segment[:, :, :4].astype(np.float32)
+    if photometric == 5:  # CMYK: ink takes light away
+        full = float(np.iinfo(segment.dtype).max)
+        bands = (full - bands[:, :, :3]) * (1.0 - bands[:, :, 3:4] / full)
+    return np.asarray((bands[:, :, :3] @ BT601).round()).astype(segment.dtype)
+
+
+def _tiff(path: str) -> Any:
+    tifffile = of_extra("tifffile", "images")
+    try:
+        file = tifffile.TiffFile(path)
+    except (OSError, tifffile.TiffFileError) as error:
+        raise _unreadable(path, error) from error
+    try:
+        _ = file.pages[0]
+    except IndexError as error:
+        file.close()
+        raise _unreadable(path, error) from error
+    return file
+
+
+def _unreadable(path: str, error: Exception) -> InputError:
+    if not Path(path).exists():
+        remedy = "put it back, or run the stage that names it again (aatri run --redo)"
+        return InputError("is not there", where=path, remedy=remedy)
+    what = f"cannot be read as a picture: {printable(str(error))[:200]}"
+    return InputError(what, where=path, remedy="copy it anew from its source")

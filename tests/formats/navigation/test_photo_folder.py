@@ -1,0 +1,107 @@
+"""Heads of photographs: cameras, positions, and what can be wrong with them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
+from aatri.errors import InputError
+from aatri.formats.navigation.photo_folder import read_photographs
+from tests.made_photographs import F_PX, HEIGHT, WIDTH, exif_of
+
+Image = pytest.importorskip("PIL.Image")
+
+
+def _save(folder: Path, name: str, size: tuple[int, int] = (WIDTH, HEIGHT), **tags: Any) -> Path:
+    folder.mkdir(exist_ok=True)
+    seed = sum(map(ord, name))
+    exif = exif_of(np.array([float(seed), 2.0, 100.0]), seed % 60, **tags)
+    path = folder / name
+    Image.fromarray(np.random.default_rng([seed, ord(name[0])]).integers(0, 255, size[::-1], dtype=np.uint8)).save(
+        path, exif=exif
+    )
+    return path
+
+
+def test_camera_position_and_time(tmp_path: Path) -> None:
+    for name in ("a.jpg", "b.jpg"):
+        _save(tmp_path, name)
+    parts = read_photographs(tmp_path)
+    assert parts.notes == []
+    assert parts.cameras["id"] == [f"Made-Up-{WIDTH}x{HEIGHT}"]
+    c_mm, size_mm = parts.cameras["principal_distance_mm"][0], parts.cameras["pixel_size_mm"][0, 0]
+    assert c_mm / size_mm == pytest.approx(1.12 * F_PX, rel=1e-6)
+    of = dict(zip(parts.camera_parameters["name"], parts.camera_parameters["sigma"]))
+    assert of["principal_distance"] == pytest.approx(0.3 * c_mm)
+    assert (parts.exterior["position_use"] == OBSERVED_VALUE).all()
+    assert parts.exterior["sigma_m"].tolist() == [[3.0, 3.0, 10.0]] * 2
+    assert parts.images["time_s"][1] - parts.images["time_s"][0] == 1.0
+
+
+@pytest.mark.parametrize("orientation", [3, 6, 8])
+def test_an_orientation_for_viewers_is_told_and_changes_no_size(tmp_path: Path, orientation: int) -> None:
+    _save(tmp_path, "a.jpg", orientation=orientation)
+    parts = read_photographs(tmp_path)
+    assert parts.cameras["format"] == [(WIDTH, HEIGHT)]
+    assert "marked as turned" in parts.notes[0]
+
+
+def test_one_file_under_two_names_counts_once(tmp_path: Path) -> None:
+    shutil.copy(_save(tmp_path, "a.jpg"), tmp_path / "b.jpg")
+    parts = read_photographs(tmp_path)
+    assert parts.images["id"] == ["a"]
+    assert "b.jpg is the same file as a.jpg" in parts.notes[0]
+
+
+def test_an_upright_photograph_is_another_camera(tmp_path: Path) -> None:
+    _save(tmp_path, "a.jpg")
+    _save(tmp_path, "b.jpg", size=(HEIGHT, WIDTH))
+    parts = read_photographs(tmp_path)
+    assert len(parts.cameras["id"]) == 2
+    assert "lie upright and across" in parts.notes[0]
+
+
+def test_another_focal_length_is_another_camera(tmp_path: Path) -> None:
+    _save(tmp_path, "a.jpg")
+    _save(tmp_path, "b.jpg", focal_mm=9.0)
+    assert len(read_photographs(tmp_path).cameras["id"]) == 2
+
+
+def test_no_focal_length_is_told_and_taken_by_the_format(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    Image.fromarray(np.zeros((HEIGHT, WIDTH), np.uint8)).save(path)
+    parts = read_photographs(tmp_path)
+    assert "say no focal length, or 0" in parts.notes[0]
+    assert parts.cameras["principal_distance_mm"][0] == pytest.approx(1.2 * WIDTH * 0.001)
+    assert not parts.exterior
+
+
+def test_missing_and_equal_positions_are_no_observations(tmp_path: Path) -> None:
+    for name in ("ab.jpg", "ba.jpg", "c.jpg"):  # the first two stand at one place
+        _save(tmp_path, name)
+    _save(tmp_path, "d.jpg", position=False)
+    parts = read_photographs(tmp_path)
+    assert parts.exterior["image"] == ["ab", "ba", "c"]
+    assert parts.exterior["position_use"].tolist() == [APPROXIMATE_VALUE, APPROXIMATE_VALUE, OBSERVED_VALUE]
+    assert "1 of 4 photographs say no position: d" in parts.notes[0]
+    assert "2 of 4 photographs have the position of another one" in parts.notes[1]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9])
+def test_a_truncated_file_is_refused_by_name(tmp_path: Path, share: float) -> None:
+    path = _save(tmp_path, "a.jpg")
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(InputError, match="truncated") as caught:
+        read_photographs(tmp_path)
+    assert "a.jpg" in str(caught.value)
+
+
+def test_a_folder_without_photographs_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no photograph"):
+        read_photographs(tmp_path)

@@ -1,0 +1,57 @@
+"""Items of a stage: each made once, kept by its content, made again where it is damaged; errors name the item."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.features import MatchedKeypoints, Matches
+from aatri.errors import InputError
+from aatri.pipeline.run.items import ItemStore
+from aatri.progress import SILENT, Item
+
+MADE = "made.txt"
+
+
+def squares(log: str, number: int) -> Matches:
+    """An artifact of one row; it says in a file that it was made."""
+    with Path(log).open("a") as file:
+        file.write(f"{number}\n")
+    if number < 0:
+        raise InputError("below zero", where="")
+    return Matches(pairs=MatchedKeypoints(left=np.array([number]), right=np.array([number**2])))
+
+
+def total(log: str, left: Matches, right: Matches) -> Matches:
+    """Of the results of two other items."""
+    return squares(log, int(left.pairs.right[0] + right.pairs.right[0]))
+
+
+def _items(log: Path, numbers: list[int]) -> list[Item]:
+    return [Item(f"number {n}", (str(log),), (n,)) for n in numbers]
+
+
+@pytest.mark.parametrize("processes", ["1", "2"])
+def test_items_are_made_once_and_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: str) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", processes)
+    log, store = tmp_path / MADE, ItemStore(tmp_path / "run", "block")
+    kept = store.results(squares, _items(log, [3, 4]), Matches, "numbers", SILENT)
+    assert [k.load().pairs.right[0] for k in kept] == [9, 16]
+    more = store.results(squares, _items(log, [5, 3, 4]), Matches, "numbers", SILENT)
+    assert [k.load().pairs.right[0] for k in more] == [25, 9, 16]
+    assert sorted(log.read_text().split()) == ["3", "4", "5"]
+    pair = store.results(total, [Item("3 and 5", (str(log),), (more[1], more[0]))], Matches, "pairs", SILENT)
+    assert pair[0].load().pairs.left[0] == 34
+
+
+def test_a_damaged_item_is_made_again_and_an_error_names_its_item(tmp_path: Path) -> None:
+    log, store = tmp_path / MADE, ItemStore(tmp_path / "run", "block")
+    kept = store.results(squares, _items(log, [3]), Matches, "numbers", SILENT)[0]
+    path = tmp_path / "run" / Path(*kept.names)
+    path.write_bytes(path.read_bytes()[:100])
+    assert store.results(squares, _items(log, [3]), Matches, "numbers", SILENT)[0].load().pairs.right[0] == 9
+    with pytest.raises(InputError, match="below zero") as caught:
+        store.results(squares, _items(log, [-1]), Matches, "numbers", SILENT)
+    assert "number -1" in str(caught.value)

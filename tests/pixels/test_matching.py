@@ -1,0 +1,50 @@
+"""Matches, pairs and tracks, on descriptors and graphs that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.pixels.matching import all_pairs, coarse_pairs, consecutive_pairs, matched, near_pairs
+from aatri.pixels.tracks import tracks_of
+
+
+def _unit(values: np.ndarray) -> np.ndarray:
+    return (values / np.linalg.norm(values, axis=1, keepdims=True)).astype(np.float32)
+
+
+def test_matches_are_mutual_and_clear() -> None:
+    rng = np.random.default_rng(3)
+    left = _unit(rng.random((40, 128)))
+    order = rng.permutation(40)
+    right = _unit(left[order] + rng.normal(0, 0.01, (40, 128)))
+    rows = matched(left, right)
+    assert (order[rows[:, 1]] == rows[:, 0]).all()
+    assert len(rows) == 40
+    twice = np.concatenate([right, right])  # a repeated pattern: no match is clear
+    assert len(matched(left, twice)) == 0
+    assert matched(left[:1], right).shape == (0, 2)
+
+
+def test_pairs_by_positions_sequence_and_largest_features() -> None:
+    position = np.array([[0.0, 0], [10, 0], [20, 0], [np.nan, 0], [0, 1]])
+    assert near_pairs(position, 1).tolist() == [[0, 4], [0, 1], [1, 2]] or sorted(near_pairs(position, 1).tolist()) == [
+        [0, 1], [0, 4], [1, 2]
+    ]  # fmt: skip
+    assert consecutive_pairs(np.array([4, 2, 0]), 2).tolist() == [[0, 2], [0, 4], [2, 4]]
+    assert consecutive_pairs(np.array([4]), 2).shape == (0, 2)
+    assert len(all_pairs(5)) == 10
+    rng = np.random.default_rng(4)
+    a, b = _unit(rng.random((50, 128))), _unit(rng.random((50, 128)))
+    assert coarse_pairs([a, b, a]).tolist() == [[0, 2]]
+
+
+def test_tracks_join_matches_and_refuse_two_places_of_one_image() -> None:
+    first = np.array([0, 3, 6, 9])  # three images of three features
+    tracks = tracks_of(np.array([0, 3, 1]), np.array([3, 6, 4]), first)
+    assert tracks.track.tolist() == [0, 0, 0, 1, 1]
+    assert tracks.image.tolist() == [0, 1, 2, 0, 1]
+    assert tracks.keypoint.tolist() == [0, 0, 0, 1, 1]
+    assert tracks.refused == 0
+    torn = tracks_of(np.array([0, 3, 6]), np.array([3, 6, 1]), first)  # features 0 and 1 of the first image
+    assert torn.refused == 1
+    assert not len(torn.track)
