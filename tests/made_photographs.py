@@ -61,14 +61,30 @@ def photograph(ground: Array, position_m: Array, R: Array, noise: float = 2.0, s
     return np.clip(grey + np.random.default_rng(seed).normal(0, noise, grey.shape), 0, 255).round().astype(np.uint8)
 
 
+def rtk_packet(position_m: Array, rng: np.random.Generator) -> bytes:
+    """XMP of a drone with an RTK fix, its errors as it says."""
+    sigma = np.array([0.02, 0.02, 0.04])
+    lon, lat, h = _degrees(position_m + rng.normal(0, sigma))
+    stated = {"GpsLatitude": lat, "GpsLongitude": lon, "AbsoluteAltitude": h, "RtkFlag": 50}
+    stated |= {f"RtkStd{axis}": s for axis, s in zip(("Lon", "Lat", "Hgt"), sigma)}
+    text = " ".join(f'drone-dji:{key}="{value!r}"' for key, value in ((k, float(v)) for k, v in stated.items()))
+    rdf = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+    spaces = f'xmlns:rdf="{rdf}" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"'
+    return (f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF {spaces}><rdf:Description {text}/></rdf:RDF>'
+            "</x:xmpmeta>").encode()  # fmt: skip
+
+
+def _degrees(position_m: Array) -> tuple[float, float, float]:
+    from pyproj import Transformer
+
+    to_degrees = Transformer.from_crs("EPSG:32632", "EPSG:4979", always_xy=True)
+    return to_degrees.transform(EAST_M + position_m[0], NORTH_M + position_m[1], position_m[2])
+
+
 def exif_of(position_m: Array, time_s: float = 0.0, focal_mm: float = 0.0, **tags: Any) -> Any:
     """EXIF with the position of a photograph, and a focal length that is 12 % too large."""
     Image = pytest.importorskip("PIL.Image")
-    from pyproj import Transformer
-
-    lon, lat, h = Transformer.from_crs("EPSG:32632", "EPSG:4979", always_xy=True).transform(
-        EAST_M + position_m[0], NORTH_M + position_m[1], position_m[2]
-    )
+    lon, lat, h = _degrees(position_m)
     exif = Image.Exif()
     exif[271], exif[272] = "Made", tags.pop("model", "Up")
     exif[274] = tags.pop("orientation", 1)
@@ -95,11 +111,12 @@ def flown(folder: Path, strips: int = 2, per_strip: int = 3) -> Photographed:
         for k in range(per_strip):
             along = k if strip % 2 == 0 else per_strip - 1 - k
             position = np.array([42.0 * along, 38.0 * strip, FLOWN_M]) + rng.normal(0, 1.5, 3)
-            omega, phi, kappa = rng.normal(0, 0.03, 3) + [0, 0, np.pi * (strip % 2)]
+            omega, phi, kappa = rng.normal(0, 0.03, 3) + np.array([0, 0, np.pi * (strip % 2)])
             R = _about(0, omega) @ _about(1, phi) @ _about(2, kappa)
             name = f"P{len(names):02d}"
             picture = Image.fromarray(photograph(ground, position, R, seed=len(names)))
-            picture.save(folder / f"{name}.jpg", quality=97, exif=exif_of(position, 5.0 * len(names)))
+            exif, xmp = exif_of(position, 5.0 * len(names)), rtk_packet(position, rng)
+            picture.save(folder / f"{name}.jpg", quality=97, exif=exif, xmp=xmp)
             names.append(name)
             positions.append(position)
             rotations.append(R)

@@ -128,11 +128,12 @@ def unlike_its_file(artifact: Artifact) -> str:
 
 
 def anonymous(artifact: Artifact) -> Artifact:
-    """The artifact with its provenance (columns that are not content) wiped."""
+    """The artifact with its provenance (columns that are not content) wiped; files whose content counts stay named."""
     wiped = {}
     for name, cls in tables_of(type(artifact)).items():
         rows: Table | None = getattr(artifact, name)
-        columns = [c for c, declared in columns_of(cls).items() if not declared.digest]
+        named = ("path", "mask") if "content" in columns_of(cls) else ()
+        columns = [c for c, declared in columns_of(cls).items() if not declared.digest and c not in named]
         if rows is not None and columns:
             wiped[name] = replace(rows, **{c: _wiped(getattr(rows, c)) for c in columns})
     return replace(artifact, **wiped) if wiped else artifact
@@ -143,7 +144,12 @@ def _wiped(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 def other_rows(block: Block, artifact: Artifact) -> str:
-    """Which ids or image points of an artifact are not those of the Block, row by row; empty if all are."""
+    """Which ids or image points of an artifact are not those of the Block, row by row; empty if all are.
+
+    A stage that makes another Block of it may give it other points.
+    """
+    if isinstance(artifact, Block):
+        return ""
     tables = tables_of(type(artifact))
     wrong: list[str] = [
         name

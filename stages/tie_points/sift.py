@@ -51,7 +51,7 @@ class SiftOptions(Options):
     pairs_file: InputPath | None = Field(None, description="file of pairs, `image image` a line, instead")
     min_matches: int = Field(15, ge=8, description="a pair with fewer matches that pass the check is left out")
     snooping_limit: float = Field(4.0, gt=0, description="a match is rejected beyond this test statistic of its pair")
-    sigma_px: float = Field(0.3, gt=0, description="standard deviation of the smallest features, px")
+    sigma_px: float = Field(0.25, gt=0, description="standard deviation of the smallest features, px")
     prefix: str = Field("t", description="what the ids of tie points begin with")
 
 
