@@ -102,7 +102,7 @@ def _dms(degrees: float) -> tuple[float, float, float]:
 
 
 def flown(folder: Path, strips: int = 2, per_strip: int = 3) -> Photographed:
-    """Strips to and fro, 60 % of overlap along and 55 % across, tilted by some degrees."""
+    """Strips to and fro, 70 % of overlap along and 60 % across, tilted by some degrees, each 20 m lower than the last."""
     Image = pytest.importorskip("PIL.Image")
     rng, ground = np.random.default_rng(7), texture()
     folder.mkdir(parents=True, exist_ok=True)
@@ -110,7 +110,7 @@ def flown(folder: Path, strips: int = 2, per_strip: int = 3) -> Photographed:
     for strip in range(strips):
         for k in range(per_strip):
             along = k if strip % 2 == 0 else per_strip - 1 - k
-            position = np.array([42.0 * along, 38.0 * strip, FLOWN_M]) + rng.normal(0, 1.5, 3)
+            position = np.array([32.0 * along, 32.0 * strip, FLOWN_M - 20 * strip]) + rng.normal(0, 1.5, 3)
             omega, phi, kappa = rng.normal(0, 0.03, 3) + np.array([0, 0, np.pi * (strip % 2)])
             R = _about(0, omega) @ _about(1, phi) @ _about(2, kappa)
             name = f"P{len(names):02d}"
