@@ -102,7 +102,7 @@ def _dms(degrees: float) -> tuple[float, float, float]:
 
 
 def flown(folder: Path, strips: int = 2, per_strip: int = 3) -> Photographed:
-    """Strips to and fro, 70 % of overlap along and 60 % across, tilted by some degrees, each 20 m lower than the last."""
+    """Strips to and fro, 70 % of overlap along, 60 % across, tilted by some degrees, each 20 m below the last."""
     Image = pytest.importorskip("PIL.Image")
     rng, ground = np.random.default_rng(7), texture()
     folder.mkdir(parents=True, exist_ok=True)
