@@ -4,7 +4,8 @@
 
 Each seed is a block of film and one of a UAV, each spoilt in many ways, one at a time (`WAYS`), after it was oriented;
 `clean` is the block as it is. Named is what a warning says that names the group and the cause, `right` the observations
-that are rejected though they are right. A line ends with what is not as it should be.
+that are rejected though they are right, `others` the groups that are named beside it. A line ends with what is not as
+it should be.
 """
 
 from __future__ import annotations
@@ -227,6 +228,48 @@ def exchanged_control(chain: Chain, rng: np.random.Generator) -> Spoilt:
     return Spoilt(block, chain.refined, words, {"control": rows})
 
 
+def _with_two_cameras(block: Block) -> tuple[Block, np.ndarray]:
+    """The middle strip flown with another camera of the same kind, and the images of it."""
+    cameras, images = block.cameras, block.images
+    other = np.flatnonzero(block.strips.id[images.strip] == block.strips.id[1])
+    camera = images.camera.copy()
+    camera[other] = len(cameras)
+    both = cameras.take(np.zeros(2, dtype=np.int64))
+    both = replace(both, id=np.array([*cameras.id.tolist(), "other"]))
+    return replace(block, cameras=both, images=replace(images, camera=camera)), other
+
+
+def camera_of_two(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """The principal distance of one of two cameras wrong by 5 or 29 %."""
+    block, _ = _with_two_cameras(chain.block)
+    c = block.cameras.principal_distance_mm * [1.0, rng.choice([0.95, 1.05, 1.29])]
+    block = replace(block, cameras=replace(block.cameras, principal_distance_mm=c))
+    return Spoilt(block, chain.refined, ("of camera other ask for a principal distance of",), {})
+
+
+def sigma_of_two(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Image points of one of two cameras three times worse than stated."""
+    block, images = _with_two_cameras(chain.block)
+    m = chain.refined.measurements
+    rows = np.flatnonzero(np.isin(m.image, images))
+    xy = m.xy_mm.copy()
+    xy[rows] += np.sqrt(8.0) * m.sigma_mm[rows] * rng.standard_normal((len(rows), 2))
+    points = replace(chain.refined, measurements=replace(m, xy_mm=xy))
+    return Spoilt(block, points, ("standard deviations do not fit the residuals", "other 2.|other 3."), {})
+
+
+def flight_drift(chain: Chain, rng: np.random.Generator) -> Spoilt:
+    """Positions of a flight of two strips that drift, to twenty standard deviations at its ends."""
+    block, e = chain.block, chain.block.exterior
+    first = np.isin(block.strips.id[block.images.strip], block.strips.id[:2])
+    images = replace(block.images, flight=np.where(first, "first", "second"))
+    rows = np.flatnonzero(first[e.image])
+    time = images.time_s[e.image[rows]] - images.time_s[e.image[rows]].mean()
+    by = (time / np.abs(time).max())[:, None] * _direction(rng, 20 * _position_sigma(chain))
+    spoilt = _moved(chain, rows, by, "positions of flight first are off together")
+    return replace(spoilt, block=replace(spoilt.block, images=images))
+
+
 def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
     """Nothing is wrong."""
     return Spoilt(chain.block, chain.refined, (), {})
@@ -235,16 +278,17 @@ def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
 WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
     clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
     strip_camera, strip_affinity, image_affinity, neighbourhood, attitude_strip, boresight, exchanged_images,
-    exchanged_control,
+    exchanged_control, camera_of_two, sigma_of_two, flight_drift,
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a spoilt block: whether the group was named, right observations rejected, all that was told."""
+    """What became of a spoilt block: whether the group was named, right observations rejected, other groups named."""
 
     named: bool
     right: int
+    others: int
     told: tuple[str, ...]
     bad: tuple[str, ...]
 
@@ -260,11 +304,16 @@ def judged(chain: Chain, spoilt: Spoilt) -> Outcome:
             right += len(np.setdiff1d(rows, spoilt.wrong.get(kind, [])))
     except AatriError as error:
         failed = str(error)
-    named = any(all(any(w in text for w in word.split("|")) for word in spoilt.words) for text in told.warnings)
+    fits = [
+        bool(spoilt.words) and all(any(w in text for w in word.split("|")) for word in spoilt.words)
+        for text in told.warnings
+    ]
+    of_group = ["nothing is rejected in their stead" in text or "are left out;" in text for text in told.warnings]
+    named, others = any(fits), sum(group and not fit for group, fit in zip(of_group, fits))
     wanted = named if spoilt.words else not told.warnings
     many = right > max(1, MOST_RIGHT * len(spoilt.points.measurements)) and "heights" not in spoilt.words
-    judgements = (("not named", not wanted), ("right ones rejected", many), (failed, failed))
-    return Outcome(named, right, tuple(told.warnings), tuple(w for w, is_bad in judgements if is_bad))
+    judgements = (("not named", not wanted), ("right ones rejected", many), ("others named", others), (failed, failed))
+    return Outcome(named, right, others, tuple(told.warnings), tuple(w for w, is_bad in judgements if is_bad))
 
 
 def outcomes(seed: int, only: list[str]) -> Iterator[tuple[str, str, Outcome]]:
@@ -288,7 +337,8 @@ def main() -> None:
             of[way] += 1
             named[way] += not found.bad
             named_or_not = "named" if found.named else "not named"
-            text = f"seed {seed}, {block}, {way}: {named_or_not}, {found.right} right ones rejected"
+            counts = f"{found.right} right ones rejected, {found.others} others named"
+            text = f"seed {seed}, {block}, {way}: {named_or_not}, {counts}"
             sys.stdout.write(f"{text}{'  NOT GOOD: ' + ', '.join(found.bad) if found.bad else ''}\n")
             sys.stdout.write("".join(f"        {line[:300]}\n" for line in (found.told if found.bad else ())))
             sys.stdout.flush()
