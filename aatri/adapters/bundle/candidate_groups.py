@@ -49,9 +49,9 @@ FEWEST = 3
 """Observations of a unit: fewer are single ones."""
 
 
-def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candidates]:
+def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candidates]:
     """What is to be tested of a block, kind by kind."""
-    if given.images is None:
+    if block.images is None:
         return
     for place, found in enumerate(result.observations):
         rows, o = np.flatnonzero(found.used), found.observed
@@ -59,20 +59,20 @@ def candidate_groups(given: BundleInput, result: BundleResult) -> Iterator[Candi
             continue
         groups = [group for group, _ in o.records.touches]
         if o.kind == POSITION and groups[0] == POSE:
-            yield from _of_positions(given.images, result, place, found, rows)
+            yield from _of_positions(block.images, result, place, found, rows)
         elif o.kind == ATTITUDE and groups[:2] == [POSE, BORESIGHT]:
-            yield from _of_attitudes(given.images, result, place, found, rows)
-        elif o.kind == IMAGE_POINT and given.rays is not None:
+            yield from _of_attitudes(block.images, result, place, found, rows)
+        elif o.kind == IMAGE_POINT and block.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
-            carried = any(p.group != FILM and p.free.any() for p in given.parameters)
-            image, residuals_mm = given.rays.image[rows], v / o.records.whitener[rows]
-            corner_mm = _corner_mm(given.images, given.rays)[given.images.camera[image]]
-            H = _by_camera(given.rays.xy_mm[rows] + residuals_mm, given.rays.c_mm[rows], corner_mm)
-            yield from _of_image_points(given.images, place, rows, image, H, cameras=not carried)
-            yield from _of_images(given.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
-            yield from moved_together(given, place, rows, v)
+            carried = any(p.group != FILM and p.free.any() for p in block.parameters)
+            image, residuals_mm = block.rays.image[rows], v / o.records.whitener[rows]
+            corner_mm = _corner_mm(block.images, block.rays)[block.images.camera[image]]
+            H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm)
+            yield from _of_image_points(block.images, place, rows, image, H, cameras=not carried)
+            yield from _of_images(block.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
+            yield from moved_together(block, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
-            a, b = (result.adjusted.state[POINT][block[rows]] for _, block in o.records.touches)
+            a, b = (result.adjusted.state[POINT][ends[rows]] for _, ends in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
         elif o.kind == CONTROL and groups == [POINT] and o.records.rows == 3:
             yield from _of_relief(result, place, found, rows)

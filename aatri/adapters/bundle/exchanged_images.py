@@ -17,23 +17,23 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput, start_of
 
 
-def without_exchanged_images(given: BundleInput) -> BundleInput:
+def without_exchanged_images(block: BundleInput) -> BundleInput:
     """The block without positions and attitudes of exchanged images, as if an earlier stage had rejected them."""
-    at_start, seen = np.full((2, len(given.image_ids), 3), np.nan)
-    state = start_of(given)
-    for o in given.observed:
+    at_start, seen = np.full((2, len(block.image_ids), 3), np.nan)
+    state = start_of(block)
+    for o in block.observed:
         image = dict(o.records.touches).get(POSE)
         if o.kind == POSITION and image is not None and o.records.rows == 3:
             rows = np.flatnonzero(o.records.active & o.records.observed_components().all(axis=1))
             v, (by_pose, *_) = o.records.evaluate(state, rows)
-            at_start[image[rows]] = given.poses.position_m[image[rows]]
+            at_start[image[rows]] = block.poses.position_m[image[rows]]
             seen[image[rows]] = at_start[image[rows]] - np.linalg.solve(by_pose[:, :, :3], v[:, :, None])[:, :, 0]
-    exchanged = np.zeros(len(given.image_ids), dtype=bool)
+    exchanged = np.zeros(len(block.image_ids), dtype=bool)
     for pair in exchanged_at_start(at_start, seen):
         exchanged[[pair.first, pair.second]] = True
     if not exchanged.any():
-        return given
-    return replace(given, observed=tuple(_without(o, exchanged) for o in given.observed))
+        return block
+    return replace(block, observed=tuple(_without(o, exchanged) for o in block.observed))
 
 
 def _without(o: Observed, images: Bool) -> Observed:

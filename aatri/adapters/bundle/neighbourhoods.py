@@ -38,12 +38,12 @@ MOST_IMAGES = 12
 """Images in which the test is made, those with the largest bounds."""
 
 
-def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Candidates]:
+def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Candidates]:
     """Neighbourhoods of image points, to be tested for a common shift; v (n, 2), the whitened residuals of the rows."""
-    assert given.rays is not None
-    image, point, xy_mm = given.rays.image[rows], given.rays.point[rows], given.rays.xy_mm[rows]
+    assert block.rays is not None
+    image, point, xy_mm = block.rays.image[rows], block.rays.point[rows], block.rays.xy_mm[rows]
     large: Bool = np.asarray((np.abs(v) > LARGE).any(axis=1))
-    order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(given.image_ids))
+    order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(block.image_ids))
     last = np.cumsum(count)
     searched = [
         order[last[k] - count[k] : last[k]]
@@ -59,7 +59,7 @@ def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Itera
     worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES]
     if not worst:
         return
-    seen = np.isin(np.arange(len(given.point_ids)), point[np.concatenate([some for _, some in worst])])[point]
+    seen = np.isin(np.arange(len(block.point_ids)), point[np.concatenate([some for _, some in worst])])[point]
     candidates = np.flatnonzero(seen)
     windows = [
         (j, there, size)
@@ -69,7 +69,7 @@ def moved_together(given: BundleInput, place: int, rows: Int, v: Float) -> Itera
         for j, there in _elsewhere(image, point, candidates, some[:size])
     ]
     chosen = rows[np.concatenate([some for _, some, _ in windows])]
-    names = [f"point {given.point_ids[point[some[0]]]} in image {given.image_ids[k]}" for k, some, _ in windows]
+    names = [f"point {block.point_ids[point[some[0]]]} in image {block.image_ids[k]}" for k, some, _ in windows]
     unit = np.repeat(np.arange(len(windows)), [len(some) for _, some, _ in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     tests = sum(len(some) * _most(len(some)) for some in searched)

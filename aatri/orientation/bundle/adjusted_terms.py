@@ -28,8 +28,9 @@ from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
-FITS = 3.0
-"""Median of |v| / sigma up to which the coordinates computed from a start are adjusted ones."""
+NEAR = 3.0
+"""Median of |v| / sigma up to which the coordinates computed from a start are adjusted ones: a lens whose correction
+changes by 3 % of a distance (1 mm at 100 mm, with the third power) has terms there that are 0.1 sigma off."""
 
 SAME, IDEAL_MM = 1e-4, 1e-6
 """Change of a parameter, in its standard deviations, and of a correction at ideal coordinates, that is none."""
@@ -39,24 +40,24 @@ MOST_ROUNDS = 10
 Adjust = Callable[[BundleInput], BundleResult]
 
 
-def adjusted_with_terms(given: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:
+def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:
     """Adjust a block with terms at coordinates that are adjusted.
 
     Parameters
     ----------
-    given : BundleInput
+    block : BundleInput
     adjust : callable
         With the terms as they are.
     roughly : callable
         The same without standard deviations, where the start does not fit.
     """
-    if not _has_terms(given):
-        return adjust(given)
-    formed = _formed(given, start_of(given), FITS)
+    if not _has_terms(block):
+        return adjust(block)
+    formed = _formed(block, start_of(block), NEAR)
     if formed is None:
-        first = roughly(given)
-        formed = _formed(from_result(given, first), first.adjusted.state)
-    return adjust(given if formed is None else formed)
+        first = roughly(block)
+        formed = _formed(from_result(block, first), first.adjusted.state)
+    return adjust(block if formed is None else formed)
 
 
 def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> AdjustedBlock:
@@ -73,48 +74,48 @@ def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> 
     """
     if not _has_terms(done.given):
         return done
-    given, result = done.given, done.result
+    block, result = done.given, done.result
     sigma = {p.given.group: np.sqrt(np.einsum("nii->ni", p.covariance)) for p in result.parameters}
     last = result
     for _ in range(0 if result.adjusted.down_weighted else MOST_ROUNDS):
-        again = _formed(from_result(given, last), last.adjusted.state)
+        again = _formed(from_result(block, last), last.adjusted.state)
         if again is None or _settled(last, again, sigma):
             break
-        given, last = again, roughly(again)
+        block, last = again, roughly(again)
     if last is not result:
-        given = from_result(given, last)
-        result = adjust(given)
+        block = from_result(block, last)
+        result = adjust(block)
     terms = {p.given.group: p.given for p in result.parameters}
-    return replace(done, given=_with_parameters(given, tuple(terms[p.group] for p in given.parameters)), result=result)
+    return replace(done, given=_with_parameters(block, tuple(terms[p.group] for p in block.parameters)), result=result)
 
 
-def _has_terms(given: BundleInput) -> bool:
-    return given.rays is not None and any(p.terms is not None for p in given.parameters)
+def _has_terms(block: BundleInput) -> bool:
+    return block.rays is not None and any(p.terms is not None for p in block.parameters)
 
 
-def _formed(given: BundleInput, state: State, fits: float = np.inf) -> BundleInput | None:
+def _formed(block: BundleInput, state: State, most: float = np.inf) -> BundleInput | None:
     """The block with the terms at the coordinates of a state; None where it does not fit."""
-    assert given.rays is not None
-    o = _image_points(given)
-    v = np.zeros(given.rays.xy_mm.shape)
-    rows = np.flatnonzero(np.isfinite(given.rays.xy_mm).all(axis=1))
+    assert block.rays is not None
+    o = _image_points(block)
+    v = np.zeros(block.rays.xy_mm.shape)
+    rows = np.flatnonzero(np.isfinite(block.rays.xy_mm).all(axis=1))
     v[rows] = residuals(o.records, state, rows)
     used = o.records.active & np.isfinite(v).all(axis=1)
     size = np.abs(v[used]) / o.records.sigmas()[used]
-    if 2 * used.sum() < o.records.active.sum() or not size.size or np.median(size) > fits:
+    if 2 * used.sum() < o.records.active.sum() or not size.size or np.median(size) > most:
         return None
-    xy_mm = np.where(np.isfinite(given.rays.xy_mm + v), given.rays.xy_mm + v, 0.0)
+    xy_mm = np.where(np.isfinite(block.rays.xy_mm + v), block.rays.xy_mm + v, 0.0)
     correction = np.zeros_like(xy_mm)
-    for p in given.parameters:
+    for p in block.parameters:
         if p.ideal and p.basis is not None:
             correction += np.einsum("nij,nj->ni", p.basis, state[p.group][p.block])
     parameters = [
         p
         if p.terms is None
         else replace(p, basis=p.terms(xy_mm + correction if p.ideal else xy_mm), formed_by=state[p.group].copy())
-        for p in given.parameters
+        for p in block.parameters
     ]
-    return _with_parameters(given, tuple(parameters))
+    return _with_parameters(block, tuple(parameters))
 
 
 def _settled(result: BundleResult, again: BundleInput, sigmas: Mapping[str, Float]) -> bool:
@@ -138,20 +139,20 @@ def _settled(result: BundleResult, again: BundleInput, sigmas: Mapping[str, Floa
     return True
 
 
-def _image_points(given: BundleInput) -> Observed:
-    return next(o for o in given.observed if o.kind == IMAGE_POINT)
+def _image_points(block: BundleInput) -> Observed:
+    return next(o for o in block.observed if o.kind == IMAGE_POINT)
 
 
-def _with_parameters(given: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+def _with_parameters(block: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
     """The block with other terms; weights, rejections and start values stay."""
-    assert given.rays is not None
-    o = _image_points(given)
-    rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
+    assert block.rays is not None
+    o = _image_points(block)
+    rays = observed_image_points(block.rays, parameters, o.names, o.group)[0]
 
     def of(before: Observed) -> Observed:
         records = replace(rays.records, whitener=before.records.whitener, active=before.records.active)
         return replace(before, records=records, whole=None if before.whole is None else of(before.whole))
 
     return replace(
-        given, observed=tuple(of(other) if other is o else other for other in given.observed), parameters=parameters
+        block, observed=tuple(of(other) if other is o else other for other in block.observed), parameters=parameters
     )

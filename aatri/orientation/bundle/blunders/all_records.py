@@ -53,14 +53,14 @@ class AllRecords:
     coordinates: Bool
 
     @classmethod
-    def of(cls, given: BundleInput) -> AllRecords:
+    def of(cls, block: BundleInput) -> AllRecords:
         """The records of a block."""
-        observed = tuple(o.again() for o in given.observed)
+        observed = tuple(o.again() for o in block.observed)
         native, point, image, alone = [], [], [], []
         for o in observed:
             own = not (o.components or o.exact)
-            touched = [block for group, block in o.records.touches if group == POINT]
-            poses = [block.astype(np.int64) for group, block in o.records.touches if group == POSE]
+            touched = [of for group, of in o.records.touches if group == POINT]
+            poses = [of.astype(np.int64) for group, of in o.records.touches if group == POSE]
             native.append(o.records.active & own)
             one = len(touched) == 1 and own
             alone.append(np.full(len(o), one and len(o.records.touches) == 1))
@@ -120,9 +120,9 @@ class AllRecords:
         of_class = np.append(factor, 1.0)
         return np.concatenate([np.zeros(0), *(of_class[n].min(axis=1) for n in number if n.shape[1])])
 
-    def rejected_in(self, given: BundleInput) -> Bool:
+    def rejected_in(self, block: BundleInput) -> Bool:
         """What earlier stages have rejected, (n,)."""
-        parts = [np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected for o in given.observed]
+        parts = [np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected for o in block.observed]
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def without(self, observed: Sequence[Observed], active: Bool) -> tuple[Observed, ...]:

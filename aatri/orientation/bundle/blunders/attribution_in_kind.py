@@ -159,12 +159,12 @@ class _Attribution:
         )
 
     def _adjusted(self, use: Bool, soft: dict[int, float]) -> TestedBlock:
-        given: BundleInput = from_result(self.tried.given, self.tried.result)
-        observed = list(self.records.without(given.observed, use))
+        block: BundleInput = from_result(self.tried.block, self.tried.result)
+        observed = list(self.records.without(block.observed, use))
         for place, sigma in soft.items():
             observed[place] = _softened(observed[place], sigma)
-        given = replace(given, observed=tuple(observed))
-        return replace(self.tried, given=given, result=self.adjust(given, AdjustOptions()), active=use)
+        block = replace(block, observed=tuple(observed))
+        return replace(self.tried, block=block, result=self.adjust(block, AdjustOptions()), active=use)
 
     def _place(self, places: list[int], row: int) -> tuple[int, int]:
         """Place of a record's observations, and its row there."""

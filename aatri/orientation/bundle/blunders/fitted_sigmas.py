@@ -41,9 +41,9 @@ class FittedSigmas(Rejections):
         Of each class, by the last adjustment.
     """
 
-    def __init__(self, given: BundleInput, adjust: Adjust, options: SearchOptions) -> None:
-        super().__init__(given, options)
-        self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(given)
+    def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions) -> None:
+        super().__init__(block, options)
+        self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(block)
         self.tails: tuple[Tail, ...] = ()
 
     def _with_fitting_sigmas(self, tried: TestedBlock) -> TestedBlock:
@@ -55,38 +55,38 @@ class FittedSigmas(Rejections):
             scaling, by = self.scaling.after(asked)
             if self._harmful(tried, tried.active, self._of_classes(by)):
                 break
-            self._rescale(scaling, by, from_result(self.given, tried.result))
+            self._rescale(scaling, by, from_result(self.block, tried.result))
             if (by == 1.0).all():
                 break
-            self.given = replace(self.given, observed=self.all.without(self.given.observed, tried.active))
-            tried = self._tested(self.adjust(self.given, AdjustOptions(coarse=True)), tried.active)
+            self.block = replace(self.block, observed=self.all.without(self.block.observed, tried.active))
+            tried = self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tried.active)
         return tried
 
     def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
         self.scaling = scaling
         if (by != 1.0).any():
-            self.given = replace(start, observed=scaling.classes.with_factors(start.observed, by))
-            self.all = replace(self.all, observed=tuple(o.again() for o in self.given.observed))
+            self.block = replace(start, observed=scaling.classes.with_factors(start.observed, by))
+            self.all = replace(self.all, observed=tuple(o.again() for o in self.block.observed))
 
     def _with_sigmas_of_the_result(self, tried: TestedBlock) -> tuple[BundleInput, BundleResult]:
         """The block adjusted with those of the search, or as given where these were for the tests alone."""
         if self.options.sigmas == "estimated" or not self.scaling.changed.any():
-            return tried.given, tried.result
-        start = from_result(tried.given, tried.result)
+            return tried.block, tried.result
+        start = from_result(tried.block, tried.result)
         observed = tuple(replace(o, start=now.start) for o, now in zip(self.as_given, start.observed))
-        given = replace(start, observed=self.all.without(observed, tried.active))
-        return given, self.adjust(given, AdjustOptions())
+        block = replace(start, observed=self.all.without(observed, tried.active))
+        return block, self.adjust(block, AdjustOptions())
 
     def _first(self, active: Bool) -> tuple[TestedBlock | None, Exception | None]:
         """Least squares with everything; None where that fails."""
         try:
-            return self._tested(self.adjust(self.given, AdjustOptions(coarse=True)), active), None
+            return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), active), None
         except (ConvergenceError, GeometryError) as error:
             return None, error
 
     def _tested(self, result: BundleResult, active: Bool) -> TestedBlock:
         """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
-        return TestedBlock(self.given, result, active, self.options, np.ones(len(active)))
+        return TestedBlock(self.block, result, active, self.options, np.ones(len(active)))
 
     def _of_classes(self, factor: Float) -> Float:
         return self.all.smallest(self.scaling.classes.number, factor)

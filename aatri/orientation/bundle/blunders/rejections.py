@@ -29,7 +29,7 @@ class Rejections:
 
     Attributes
     ----------
-    given : BundleInput
+    block : BundleInput
         Where the next adjustment starts.
     all : AllRecords
     options : SearchOptions
@@ -45,16 +45,16 @@ class Rejections:
         Records of which one is wrong there.
     """
 
-    def __init__(self, given: BundleInput, options: SearchOptions) -> None:
-        self.given, self.all = given, AllRecords.of(given)
+    def __init__(self, block: BundleInput, options: SearchOptions) -> None:
+        self.block, self.all = block, AllRecords.of(block)
         self.options = options = options.for_tests(self.all.tests)
         observed = [o.records for o in self.all.observed]
         self.snooping = Snooping(options.limit, (POINT,), ("", 1.0), CLEAR[options.method], 1.0)
         pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
         self.pool: Pool = replace(pool, counted=self.all.native)
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
-        self.attributions = np.zeros(len(given.point_ids), dtype=np.int64)
-        self.doubtful = np.zeros(len(given.point_ids), dtype=bool)
+        self.attributions = np.zeros(len(block.point_ids), dtype=np.int64)
+        self.doubtful = np.zeros(len(block.point_ids), dtype=bool)
         self.kept = np.zeros(len(self.all.native), dtype=bool)
 
     def next_rejections(self, tried: TestedBlock, use: Bool) -> Bool:
@@ -118,9 +118,9 @@ class Rejections:
         wrong[rows[found.out & surely]] = True
         self.undecided[rows], self.kept[rows] = found.undecided & surely, found.undecided & ~surely
         if move:
-            xyz = self.given.xyz_m.copy()
+            xyz = self.block.xyz_m.copy()
             xyz[points] = found.xyz_m
-            self.given = replace(self.given, xyz_m=xyz)
+            self.block = replace(self.block, xyz_m=xyz)
         return wrong
 
     def within_room(self, wrong: Bool, active: Bool, test: Float) -> Bool:

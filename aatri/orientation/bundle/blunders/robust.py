@@ -54,22 +54,22 @@ class AdjustOptions:
 Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]
 
 
-def robustly(given: BundleInput, adjust: Adjust, options: SearchOptions) -> AdjustedBlock:
+def robustly(block: BundleInput, adjust: Adjust, options: SearchOptions) -> AdjustedBlock:
     """A robust adjustment for its own sake: nothing is rejected, and there are no statistics."""
-    squares = adjust(given, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
-    start = given if squares is None else from_result(given, squares)
-    done = with_readmission(start, lambda block: robust(block, adjust, options, squares, coarse=False))
+    squares = adjust(block, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
+    start = block if squares is None else from_result(block, squares)
+    done = with_readmission(start, lambda again: robust(again, adjust, options, squares, coarse=False))
     return replace(done, notes=(*done.notes, *_down_weighted(done.result, options.weights, options.k)))
 
 
 def robust(
-    given: BundleInput, adjust: Adjust, options: SearchOptions, squares: BundleResult | None, *, coarse: bool
+    block: BundleInput, adjust: Adjust, options: SearchOptions, squares: BundleResult | None, *, coarse: bool
 ) -> BundleResult:
     """Adjust robustly.
 
     Parameters
     ----------
-    given : BundleInput
+    block : BundleInput
     adjust : callable
     options : SearchOptions
     squares : BundleResult or None
@@ -79,15 +79,15 @@ def robust(
         It need not converge to the end.
     """
     if options.weights == "huber":
-        return adjust(given, AdjustOptions(huber=options.k, coarse=coarse))
-    result = adjust(given, AdjustOptions(huber=options.k, coarse=True))
+        return adjust(block, AdjustOptions(huber=options.k, coarse=coarse))
+    result = adjust(block, AdjustOptions(huber=options.k, coarse=True))
     before: tuple[Float, ...] = ()
     for _ in range(ROUNDS):
         now = tuple(_weights(o, result, options, squares, i) for i, o in enumerate(result.observations))
         settled = bool(before) and all(
             (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(now, before)
         )
-        result = adjust(from_result(given, result), AdjustOptions(weights=now, coarse=coarse or not settled))
+        result = adjust(from_result(block, result), AdjustOptions(weights=now, coarse=coarse or not settled))
         if settled:
             break
         before = now

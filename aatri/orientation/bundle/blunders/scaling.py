@@ -57,17 +57,17 @@ class Classes:
     number: tuple[Int, ...]
 
     @classmethod
-    def of(cls, given: BundleInput) -> Classes:
+    def of(cls, block: BundleInput) -> Classes:
         """The classes of a block."""
         names: list[str] = []
         kinds: list[int] = []
         numbers: dict[str, int] = {}
         number: list[Int] = []
-        for o in given.observed:
+        for o in block.observed:
             if o.exact or o.components or not len(o):
                 number.append(np.broadcast_to(np.int64(-1), (len(o), o.records.rows)))
                 continue
-            classes, of_components = classes_of(o, *_labels(o, given.images))
+            classes, of_components = classes_of(o, *_labels(o, block.images))
             number.append(len(names) + of_components)
             names += classes
             kinds += [numbers.setdefault(o.kind, len(numbers))] * len(classes)
@@ -199,9 +199,9 @@ class Scaling:
     without_errors: Bool | None = None
 
     @classmethod
-    def of(cls, given: BundleInput) -> Scaling:
+    def of(cls, block: BundleInput) -> Scaling:
         """Standard deviations as given."""
-        classes = Classes.of(given)
+        classes = Classes.of(block)
         return cls(classes, np.ones(len(classes.names)))
 
     def after(self, asked: ClassScales) -> tuple[Scaling, Float]:

@@ -52,7 +52,7 @@ UNTESTED = (
 
 
 def search(
-    given: BundleInput,
+    block: BundleInput,
     adjust: Adjust,
     options: SearchOptions,
     tolerance: float = 1e-3,
@@ -62,7 +62,7 @@ def search(
 
     Parameters
     ----------
-    given : BundleInput
+    block : BundleInput
         What earlier stages have rejected is not active, and may come back.
     adjust : callable
     options : SearchOptions
@@ -76,30 +76,30 @@ def search(
     GeometryError, ConvergenceError
         If the block cannot be adjusted, robustly neither.
     """
-    return _Search(given, adjust, options, tolerance).run(squares)
+    return _Search(block, adjust, options, tolerance).run(squares)
 
 
 class _Search(FittedSigmas):
     """The steps of a search."""
 
-    def __init__(self, given: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
-        super().__init__(given, adjust, options)
+    def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
+        super().__init__(block, adjust, options)
         self.tolerance = tolerance
         self.whole = np.zeros(len(self.all.native), dtype=bool)
 
     def run(self, squares: BundleResult | None) -> AdjustedBlock:
         """Search."""
-        active = self.began = self.all.native & ~self.all.rejected_in(self.given)
+        active = self.began = self.all.native & ~self.all.rejected_in(self.block)
         first, failure = (self._tested(squares, active), None) if squares else self._first(active)
         if first is not None and not np.isfinite(first.test).any():
-            plain = with_readmission(self.given, lambda block: self.adjust(block, AdjustOptions()))
+            plain = with_readmission(self.block, lambda block: self.adjust(block, AdjustOptions()))
             return replace(plain, notes=(*plain.notes, Note("warning", UNTESTED)))
         redundancy, count = self.all.redundancy(None if first is None else first.result)
         self.pool = replace(self.pool, room=room_of(redundancy, count, self.options.max_share))
         start = None if first is None else self._with_fitting_sigmas(first)
         if (again := self._rejected_with_smaller_sigmas(active)).any():
             active = self.began = active | again
-            self.given = replace(self.given, observed=self.all.without(self.given.observed, active))
+            self.block = replace(self.block, observed=self.all.without(self.block.observed, active))
             start, failure = self._first(active)
             start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or (self._harmful(start, active) and not start.small)
@@ -116,7 +116,7 @@ class _Search(FittedSigmas):
         tried, use = turn.tried, turn.tried.active
         gone = self.all.native & ~use
         undecided = gone & (self.undecided | turn.undecided | self._lost(tried.result, gone))
-        asked = (tried.result, self.given.rays, self.all.split(gone), self.options.limit)
+        asked = (tried.result, self.block.rays, self.all.split(gone), self.options.limit)
         renumbered = tuple(other_numbers(*asked, swapped))
         above = use & ((tried.plain if tried.small else tried.test) > self.options.limit)
         doubtful = above & self.at_doubtful
@@ -126,7 +126,7 @@ class _Search(FittedSigmas):
         notes = (
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
             *self._tail_notes(),
-            *findings(tried.given, self.all, told, self.options),
+            *findings(tried.block, self.all, told, self.options),
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
@@ -155,7 +155,7 @@ class _Search(FittedSigmas):
             found = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
             tried, use = found.solved, found.active
             gone = self.all.split(self.all.native & ~use)
-            swapped = tuple(swaps(tried.result, self.given.rays, gone, self.options.limit))
+            swapped = tuple(swaps(tried.result, self.block.rays, gone, self.options.limit))
             explained = self._rows_of(swapped) & self.pool.counted
             above = use & (tried.test > self.options.limit)
             if explained.any() and above.any():
@@ -178,7 +178,7 @@ class _Search(FittedSigmas):
 
     def _at_lost_points(self, tried: TestedBlock, use: Bool) -> Bool:
         """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
-        out, rays, result = self.all.native & self.all.at_points & ~use, self.given.rays, tried.result
+        out, rays, result = self.all.native & self.all.at_points & ~use, self.block.rays, tried.result
         points = np.unique(self.all.point[out])
         points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
         if rays is None or not len(points):
@@ -191,7 +191,7 @@ class _Search(FittedSigmas):
 
     def _where_most_meet(self, result: BundleResult, points: Int) -> Float:
         """The points of a result, some of them where most of their rays meet: a wrong ray may have drawn them away."""
-        xyz, rays = result.adjusted.state[POINT].copy(), self.given.rays
+        xyz, rays = result.adjusted.state[POINT].copy(), self.block.rays
         if rays is not None:
             rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
             met = where_most_meet(rays, result.adjusted.state[POSE], points, len(xyz))
@@ -207,16 +207,16 @@ class _Search(FittedSigmas):
     def _from_robust(self, active: Bool, first: TestedBlock | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
         squares = None if first is None else first.result
-        self.given = self.given if first is None else self._moved_by(first, active)
-        result = robust(self.given, self.adjust, self.options, squares, coarse=True)
+        self.block = self.block if first is None else self._moved_by(first, active)
+        result = robust(self.block, self.adjust, self.options, squares, coarse=True)
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scaling, by = self.scaling.after(self.scaling.classes.scales(result, squares))
-            self._rescale(scaling, by, from_result(self.given, result))
+            self._rescale(scaling, by, from_result(self.block, result))
             if (by == 1.0).all():
                 break
             again, _ = self._first(active)
             squares = None if again is None else again.result
-            result = robust(self.given, self.adjust, self.options, squares, coarse=True)
+            result = robust(self.block, self.adjust, self.options, squares, coarse=True)
         state = result.adjusted.state
         tests = [
             tests_of(replace(o, covariance=known_covariance(o, squares, i)), state)
@@ -225,12 +225,12 @@ class _Search(FittedSigmas):
         tails = self._tails(result, squares)
         test = np.concatenate(tests) / tails
         above = active & (test > self.options.limit)
-        self.given = from_result(self.given, result)
+        self.block = from_result(self.block, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
         xyz, nothing = self._where_most_meet(result, points), np.zeros(len(points), dtype=bool)
         out = self.wrong_at_points(result, points, nothing, active, test, tails, move=True, xyz_m=xyz)
-        exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.given.xyz_m)
+        exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.block.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)
         whole = self._whole_kind(wrong, active)
@@ -271,18 +271,18 @@ class _Search(FittedSigmas):
         """The block from where least squares has moved it; points with something above the limit may have run away."""
         above = active & self.all.at_points & ~(first.test <= self.options.limit)
         points = np.unique(self.all.point[above])
-        moved = from_result(self.given, first.result)
+        moved = from_result(self.block, first.result)
         xyz = moved.xyz_m.copy()
-        xyz[points] = self.given.xyz_m[points]
+        xyz[points] = self.block.xyz_m[points]
         return replace(moved, xyz_m=xyz)
 
     def _solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
         if before is not None and (use == before.active).all() and self._converged(before.result):
             return before
-        given = self.given if before is None else from_result(self.given, before.result)
-        given = replace(given, observed=self.all.without(given.observed, use))
-        result = self.adjust(given, AdjustOptions())
-        return TestedBlock(given, result, use, self.options, self._tails(result))
+        block = self.block if before is None else from_result(self.block, before.result)
+        block = replace(block, observed=self.all.without(block.observed, use))
+        result = self.adjust(block, AdjustOptions())
+        return TestedBlock(block, result, use, self.options, self._tails(result))
 
     def _converged(self, result: BundleResult) -> bool:
         return result.adjusted.history[-1].decrement <= self.tolerance

@@ -56,7 +56,7 @@ class SearchOutcome:
     whole: Bool | None = None
 
 
-def findings(given: BundleInput, records: AllRecords, found: SearchOutcome, options: SearchOptions) -> list[Note]:
+def findings(block: BundleInput, records: AllRecords, found: SearchOutcome, options: SearchOptions) -> list[Note]:
     """Notes on what was rejected, why, and on what could not be."""
     notes = []
     gone = records.native & ~found.active
@@ -90,10 +90,10 @@ def findings(given: BundleInput, records: AllRecords, found: SearchOutcome, opti
         ]
         notes.append(Note("warning", text, tuple(names)))
     if found.renumbered:
-        ids = tuple(_renumbering(given, one) for one in found.renumbered)
+        ids = tuple(_renumbering(block, one) for one in found.renumbered)
         what = "these fit under another number, which may be theirs"
         notes.append(Note("warning", f"image_point: {len(ids)} rejected, {what}", ids))
-    notes += _whole(given, records, gone)
+    notes += _whole(block, records, gone)
     return [*notes, *_by_chance(records, found)]
 
 
@@ -107,27 +107,27 @@ def _by_chance(records: AllRecords, found: SearchOutcome) -> list[Note]:
     return [Note("note", f"{text}single test; chance explains some {expected:.0f}")] if beyond else []
 
 
-def _renumbering(given: BundleInput, one: OtherNumber) -> str:
-    assert given.rays is not None
-    points = given.point_ids
-    image, own = given.image_ids[given.rays.image[one.row]], points[given.rays.point[one.row]]
+def _renumbering(block: BundleInput, one: OtherNumber) -> str:
+    assert block.rays is not None
+    points = block.point_ids
+    image, own = block.image_ids[block.rays.image[one.row]], points[block.rays.point[one.row]]
     return f"{image}/{own} (fits {points[one.point]})"
 
 
-def _whole(given: BundleInput, records: AllRecords, gone: Bool) -> list[Note]:
+def _whole(block: BundleInput, records: AllRecords, gone: Bool) -> list[Note]:
     """Images and points most of whose observations are rejected."""
     notes = []
     for group, ids, share, what in (
         (
             POSE,
-            given.image_ids,
+            block.image_ids,
             WHOLE_SHARE,
             "images of which {} and more of the image points are rejected: their "
             "number, interior orientation or camera may be wrong",
         ),
         (
             POINT,
-            given.point_ids,
+            block.point_ids,
             0.5,
             "points half of whose rays and more are rejected: more than one object may carry the number",
         ),

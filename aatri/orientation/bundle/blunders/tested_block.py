@@ -30,7 +30,7 @@ STANDS_OUT = 3.29
 class TestedBlock:
     """A block adjusted without some of its records, and the tests of all of them."""
 
-    given: BundleInput
+    block: BundleInput
     result: BundleResult
     active: Bool
     options: SearchOptions

@@ -20,11 +20,11 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.group import Group
 
 
-def with_groups(given: BundleInput, groups: Sequence[Group]) -> BundleInput:
+def with_groups(block: BundleInput, groups: Sequence[Group]) -> BundleInput:
     """The block with what is wrong with some groups as unknowns."""
     for number, group in enumerate(groups):
-        given = _with_group(given, group, name_of(number))
-    return given
+        block = _with_group(block, group, name_of(number))
+    return block
 
 
 def name_of(number: int) -> str:
@@ -32,10 +32,10 @@ def name_of(number: int) -> str:
     return f"group {number + 1}"
 
 
-def without_groups(given: BundleInput, groups: Sequence[Group], done: BundleInput) -> BundleInput:
+def without_groups(block: BundleInput, groups: Sequence[Group], done: BundleInput) -> BundleInput:
     """The block as it was given, with the start, the rejections and the scales of the one with groups."""
     observed = []
-    for o, c, d in zip(given.observed, with_groups(given, groups).observed, done.observed, strict=True):
+    for o, c, d in zip(block.observed, with_groups(block, groups).observed, done.observed, strict=True):
         whole = o.again()
         whitener = whole.records.whitener * _scale(c.again().records, d.again().records)
         whole = replace(
@@ -44,7 +44,7 @@ def without_groups(given: BundleInput, groups: Sequence[Group], done: BundleInpu
             start={name: d.start.get(name, value) for name, value in o.start.items()},
         )
         observed.append(whole if d.rejected is None else whole.without(d.rejected))
-    return replace(done, observed=tuple(observed), parameters=given.parameters)
+    return replace(done, observed=tuple(observed), parameters=block.parameters)
 
 
 def _scale(carried: Records, done: Records) -> Float:
@@ -53,27 +53,27 @@ def _scale(carried: Records, done: Records) -> Float:
     return np.divide(done.whitener, carried.whitener, out=one, where=carried.whitener != 0)
 
 
-def _with_group(given: BundleInput, group: Group, name: str) -> BundleInput:
-    observed = list(given.observed)
+def _with_group(block: BundleInput, group: Group, name: str) -> BundleInput:
+    observed = list(block.observed)
     o, k = observed[group.place], len(group.value)
     H = np.zeros((len(o), o.records.rows, k))
     H[group.rows] = group.H
     labels = tuple(f"{name} {j + 1}" for j in range(k))
     start, free = np.array([group.value, np.zeros(k)]), np.array([group.sigma > 0, [False] * k])
-    if o.kind != IMAGE_POINT or given.rays is None:
+    if o.kind != IMAGE_POINT or block.rays is None:
         unknowns = Unknowns(name, free[:1], labels, [name], add_step)
         observed[group.place] = _carrying(o, unknowns, H, start)
-        return replace(given, observed=tuple(observed))
+        return replace(block, observed=tuple(observed))
     other = np.ones(len(o), dtype=np.int64)
     other[group.rows] = 0
     more = ParameterRows(
         name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False, other, -H
     )
-    parameters = (*given.parameters, more)
-    rays = observed_image_points(given.rays, parameters, o.names, o.group)[0]
+    parameters = (*block.parameters, more)
+    rays = observed_image_points(block.rays, parameters, o.names, o.group)[0]
     rays = replace(rays, start={**rays.start, **o.start})
     observed[group.place] = rays if o.rejected is None else rays.without(o.rejected)
-    return replace(given, observed=tuple(observed), parameters=parameters)
+    return replace(block, observed=tuple(observed), parameters=parameters)
 
 
 def _carrying(o: Observed, unknowns: Unknowns, H: Float, start: Float) -> Observed:

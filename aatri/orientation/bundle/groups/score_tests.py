@@ -61,7 +61,7 @@ class _Significant:
 
 
 def significant_groups(
-    given: BundleInput,
+    block: BundleInput,
     result: BundleResult,
     candidates_of: CandidatesOf,
     single: float = 0.0,
@@ -71,7 +71,7 @@ def significant_groups(
 
     Parameters
     ----------
-    given : BundleInput
+    block : BundleInput
     result : BundleResult
         Of least squares.
     candidates_of : callable
@@ -85,7 +85,7 @@ def significant_groups(
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
         return []
     adjusted = with_factor(adjusted)
-    candidates = list(candidates_of(given, result))
+    candidates = list(candidates_of(block, result))
     left = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
     groups: list[Group] = []
     while left and len(groups) < MOST_TRIED:
@@ -93,17 +93,17 @@ def significant_groups(
         if groups and most < EXPLAINS * groups[0].gain:
             break
         as_good = [t for t in left if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
-        best = min(as_good, key=lambda t: (*_group(given, adjusted, result, t).complexity, -t.gain))
-        group = _confirmed(given, adjusted, result, best, single, known)
+        best = min(as_good, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
+        group = _confirmed(block, adjusted, result, best, single, known)
         if group is not None:
             groups.append(_with_alternatives(group, [t for t in as_good if t is not best]))
         left = [t for t in left if t is not best]
     return groups
 
 
-def at_result(given: BundleInput, candidates_of: CandidatesOf, group: Group, result: BundleResult) -> Group:
+def at_result(block: BundleInput, candidates_of: CandidatesOf, group: Group, result: BundleResult) -> Group:
     """The group with the derivatives of its residuals at another result; as it is, where that does not offer it."""
-    for c in candidates_of(given, result):
+    for c in candidates_of(block, result):
         if (c.place, c.per) != (group.place, group.per):
             continue
         for unit in np.flatnonzero(c.units == group.unit):
@@ -144,14 +144,14 @@ def _dispersion(candidates: Candidates, gain: Float, rank: Int) -> Float:
     return np.full(len(gain), common)
 
 
-def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant) -> Group:
+def _group(block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant) -> Group:
     c, variance = t.candidates, float(_variance(adjusted, np.array(t.joint.gain), np.array(t.joint.rank)))
     of_unit = np.flatnonzero(c.unit == t.unit)
     sigma = np.sqrt(np.diagonal(t.joint.covariance) * variance)
     kind = result.observations[c.place].observed.kind
     H, c_mm = c.H[of_unit][:, :, list(t.cause.columns)], float("nan")
-    if kind == IMAGE_POINT and given.rays is not None:
-        c_mm = float(np.median(given.rays.c_mm[t.rows]))
+    if kind == IMAGE_POINT and block.rays is not None:
+        c_mm = float(np.median(block.rays.c_mm[t.rows]))
     return Group(
         c.place,
         kind,
@@ -170,14 +170,14 @@ def _group(given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Sig
 
 
 def _confirmed(
-    given: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant, single: float, known: Sequence[Key]
+    block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant, single: float, known: Sequence[Key]
 ) -> Group | None:
     """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
-    group = _group(given, adjusted, result, t)
+    group = _group(block, adjusted, result, t)
     if group.key in known or (single and t.joint.gain < single**2 + SEPARABLE):
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
-    group = _with_harm(given, result, group, change)
+    group = _with_harm(block, result, group, change)
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
@@ -219,9 +219,9 @@ def _whitened_effect(whitener: Float, effect: Float) -> Float:
     return whitener * effect if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, effect)
 
 
-def _with_harm(given: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
+def _with_harm(block: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
     """What the group does to coordinates, those of points first."""
-    for name, ids, what in ((POINT, given.point_ids, "point"), (POSE, given.image_ids, "projection centre of image")):
+    for name, ids, what in ((POINT, block.point_ids, "point"), (POSE, block.image_ids, "projection centre of image")):
         if name not in change or not len(change[name]):
             continue
         sigma = group.sigma0 * np.sqrt(np.einsum("nii->ni", result.covariances[name])[:, :3])

@@ -61,13 +61,13 @@ class AcceptedGroup:
 
 
 def search_with_groups(
-    given: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, options: SearchOptions
+    block: BundleInput, adjust: Adjust, single: Single, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """Adjust a block, find groups that are wrong together, and leave out single gross errors.
 
     Parameters
     ----------
-    given : BundleInput
+    block : BundleInput
     adjust : callable
     single : callable
         (block, least squares of it or None) -> the block adjusted by `options`, searching for single gross errors.
@@ -81,24 +81,24 @@ def search_with_groups(
     GeometryError, ConvergenceError
         If the block cannot be adjusted.
     """
-    options = options.for_tests(AllRecords.of(given).tests)
+    options = options.for_tests(AllRecords.of(block).tests)
     groups, squares = list[Group](), None
     if options.method != "none":
-        whole = _with_rejected_together(given)
+        whole = _with_rejected_together(block)
         if whole is not None:
             groups, squares = _before_single_ones(whole, adjust, candidates_of, options)
         if whole is not None and groups:
-            given = whole
+            block = whole
         else:
-            groups, squares = _before_single_ones(given, adjust, candidates_of, options)
-    done = _carried(given, groups, single, squares)
+            groups, squares = _before_single_ones(block, adjust, candidates_of, options)
+    done = _carried(block, groups, single, squares)
     if done is None:
-        groups, done = [], single(given, None)
+        groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
         single_test = float(_tests(done.result).max())
         above = single_test if single_test > options.limit else 0.0
-        more = significant_groups(given, done.result, candidates_of, above, [g.key for g in groups])
-        trials = ((group, _carried(given, [*groups, group], single)) for group in more)
+        more = significant_groups(block, done.result, candidates_of, above, [g.key for g in groups])
+        trials = ((group, _carried(block, [*groups, group], single)) for group in more)
         accepted = next(((group, again) for group, again in trials if again is not None), None)
         if accepted is None:
             break
@@ -106,10 +106,10 @@ def search_with_groups(
         done = accepted[1]
     if not groups:
         return done, ()
-    return _as_given(given, done, groups, adjust, options)
+    return _as_given(block, done, groups, adjust, options)
 
 
-def _with_rejected_together(given: BundleInput) -> BundleInput | None:
+def _with_rejected_together(block: BundleInput) -> BundleInput | None:
     """The block with positions and attitudes of which an earlier stage has rejected several, if there are any.
 
     One by one they are rejected, too, where something else is wrong with a strip: the principal distance of its camera.
@@ -119,17 +119,17 @@ def _with_rejected_together(given: BundleInput) -> BundleInput | None:
         groups = {group for group, _ in o.records.touches}
         return o.rejected is not None and POSE in groups and POINT not in groups and int(o.rejected.sum()) >= SEVERAL
 
-    if not any(map(several, given.observed)):
+    if not any(map(several, block.observed)):
         return None
-    return replace(given, observed=tuple(o.again() if several(o) else o for o in given.observed))
+    return replace(block, observed=tuple(o.again() if several(o) else o for o in block.observed))
 
 
 def _carried(
-    given: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
+    block: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
 ) -> AdjustedBlock | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
     try:
-        return single(with_groups(given, groups), squares)
+        return single(with_groups(block, groups), squares)
     except (ConvergenceError, GeometryError):
         if not groups:
             raise
@@ -137,17 +137,17 @@ def _carried(
 
 
 def _before_single_ones(
-    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
+    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
     groups: list[Group] = []
-    result = _squares(given, adjust)
+    result = _squares(block, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
         single = float(_tests(result).max())
         if single <= options.limit:
             break
-        more = significant_groups(given, result, candidates_of, single, [g.key for g in groups])
-        trials = [_adjusted_with(given, adjust, candidates_of, groups, g) for g in more]
+        more = significant_groups(block, result, candidates_of, single, [g.key for g in groups])
+        trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in more]
         most = SMALLER * _misfit(result, options.limit)
         fits = [(g, r) for g, r in trials if r is not None and _misfit(r, options.limit) <= most]
         if not fits:
@@ -161,26 +161,26 @@ def _before_single_ones(
 
 
 def _adjusted_with(
-    given: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, groups: list[Group], group: Group
+    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, groups: list[Group], group: Group
 ) -> tuple[Group, BundleResult | None]:
     """Least squares with one more group, whose effect is taken where the adjustment with it leads, until it stays."""
-    result = _squares(with_groups(given, [*groups, group]), adjust)
+    result = _squares(with_groups(block, [*groups, group]), adjust)
     for _ in range(MOST_LINEARISED if group.kind == IMAGE_POINT and not group.removable else 0):
         if result is None:
             break
-        value, sigma = result.adjusted.state[name_of(len(groups))][0], given.observed[group.place].sigmas()[group.rows]
-        before, group = group, replace(at_result(given, candidates_of, group, result), value=value)
+        value, sigma = result.adjusted.state[name_of(len(groups))][0], block.observed[group.place].sigmas()[group.rows]
+        before, group = group, replace(at_result(block, candidates_of, group, result), value=value)
         moved = np.abs((group.H - before.H) @ value) / sigma
-        result = _squares(with_groups(from_result(given, result), [*groups, group]), adjust)
+        result = _squares(with_groups(from_result(block, result), [*groups, group]), adjust)
         if np.nanmax(moved, initial=0.0) <= LINEAR:
             break
     return group, result
 
 
-def _squares(given: BundleInput, adjust: Adjust) -> BundleResult | None:
+def _squares(block: BundleInput, adjust: Adjust) -> BundleResult | None:
     """Least squares with everything; None where that fails."""
     try:
-        return adjust(given, AdjustOptions(coarse=True))
+        return adjust(block, AdjustOptions(coarse=True))
     except (ConvergenceError, GeometryError):
         return None
 
@@ -198,24 +198,24 @@ def _misfit(result: BundleResult, limit: float) -> float:
 
 
 def _as_given(
-    given: BundleInput, done: AdjustedBlock, groups: list[Group], adjust: Adjust, options: SearchOptions
+    block: BundleInput, done: AdjustedBlock, groups: list[Group], adjust: Adjust, options: SearchOptions
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
-    plain = without_groups(given, groups, done.given)
+    plain = without_groups(block, groups, done.given)
     left_out = options.method != "none"
     limit = options.limit * max(1.0, done.result.adjusted.sigma0)
-    far = [g for g in groups if left_out and g.removable and _beyond(g, given, limit)]
+    far = [g for g in groups if left_out and g.removable and _beyond(g, block, limit)]
     for out in (far, []):
-        block = _without(plain, out)
+        fewer = _without(plain, out)
         try:
-            result = adjust(block, AdjustOptions())
+            result = adjust(fewer, AdjustOptions())
         except GeometryError:
             if not out:
                 raise
             continue
         break
     accepted = [AcceptedGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups)]
-    return replace(done, given=block, result=result), tuple(accepted)
+    return replace(done, given=fewer, result=result), tuple(accepted)
 
 
 def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
@@ -225,19 +225,19 @@ def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
     return replace(group, value=result.adjusted.state[name][0], sigma=sigma, sigma0=result.adjusted.sigma0)
 
 
-def _beyond(group: Group, given: BundleInput, limit: float) -> bool:
+def _beyond(group: Group, block: BundleInput, limit: float) -> bool:
     """Whether a single observation with this error would be rejected, and as few would go beside it undecided."""
     if len(group.undecided) > len(group.rows):
         return False
-    sigma = given.observed[group.place].sigmas()[group.rows]
+    sigma = block.observed[group.place].sigmas()[group.rows]
     return bool((np.isfinite(sigma) & (np.abs(group.effect) > limit * sigma)).any())
 
 
-def _without(given: BundleInput, groups: list[Group]) -> BundleInput:
-    observed = list(given.observed)
+def _without(block: BundleInput, groups: list[Group]) -> BundleInput:
+    observed = list(block.observed)
     for g in groups:
         o = observed[g.place]
         rejected = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected.copy()
         rejected[np.concatenate([g.rows, g.undecided])] = True  # where nothing tells which it is, all go
         observed[g.place] = o.again().without(rejected)
-    return replace(given, observed=tuple(observed))
+    return replace(block, observed=tuple(observed))
