@@ -12,7 +12,8 @@ from aatri.errors import ConvergenceError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.campaigns.groups import Spoilt, image_affinity, judged, strip_affinity
+from tests.campaigns.groups import judged
+from tests.campaigns.wrong_groups import Spoilt, image_affinity, strip_affinity
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
 
