@@ -30,6 +30,13 @@ class Reporter(Protocol):
 class Checkpoint(Protocol):
     """Keeps arrays of a method under way, until its result is there."""
 
+    @property
+    def every_s(self) -> float:
+        """Seconds of work that are worth keeping."""
+
+    def numbered(self, name: str) -> str:
+        """The name with a number: the same calls in the same order get the same again."""
+
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Keep arrays under a name, in place of those kept before; whole or not at all."""
 
@@ -94,6 +101,12 @@ class StageContext(Reporter, Protocol):
 
 class NoCheckpoint:
     """A checkpoint that keeps nothing."""
+
+    every_s = float("inf")
+
+    def numbered(self, name: str) -> str:
+        """The name."""
+        return name
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Drop the arrays."""

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from aatri.progress import NO_CHECKPOINT, Checkpoint
+
 Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
 Solver = Literal["auto", "direct", "conjugate_gradients"]
@@ -28,3 +30,5 @@ class SolverSettings:
     """`auto`, or one of `direct` and `conjugate_gradients` whatever the forecast; see `forecast`."""
     demands: str = ""
     """What was asked for that only a factor gives, in words: without the memory for it nothing is solved."""
+    checkpoint: Checkpoint = NO_CHECKPOINT
+    """Where long iterations are kept."""

@@ -36,6 +36,7 @@ from aatri.adjustment.stepping.iteration import (
     refuse_unusable,
     with_runaways_slowed,
 )
+from aatri.adjustment.stepping.kept_iterations import KeptIterations
 from aatri.adjustment.stepping.linearity import LINEAR, after_step
 from aatri.adjustment.stepping.robust import down_weighted, settled, with_curvature
 from aatri.adjustment.stepping.runaways import Veto, steadied
@@ -101,9 +102,13 @@ def adjust_large(
     if not factored.factor.whole:
         refuse_singular(problem, start)
     linear = factored.factor.whole and all(r.linear and r.loss is None for r in problem.records)
-    here, history = IterationState(problem, dict(start), factored), []
+    here, kept = IterationState(problem, dict(start), factored), KeptIterations(settings.checkpoint, start)
+    history = list[Step]()
+    if (latest := kept.latest(here)) is not None:
+        factored.factor.clear()
+        here, history, notes = latest
     redundancy = counts(problem)[2]
-    for iteration in range(1, max_iterations + 1):
+    for iteration in range(len(history) + 1, max_iterations + 1):
         problem, factored = here.problem, here.factored
         step = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
@@ -134,6 +139,7 @@ def adjust_large(
         history[-1] = replace(history[-1], strayed=here.strayed)
         notes += more
         refuse_unusable(here)
+        kept.keep(here, history, notes)
     refuse_nearly_singular(here.problem, here.state, max_iterations)
     raise ConvergenceError(_failure(records, here.state, max_iterations, history[-1]), remedy=advice_after(history))
 

@@ -12,6 +12,7 @@ import hashlib
 import io
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
@@ -69,8 +70,15 @@ class LoggedContext:
 class FileCheckpoint:
     """Arrays in files of one folder of a run."""
 
+    every_s = 60.0
+
     def __init__(self, context: LoggedContext, base: Path, *names: str) -> None:
-        self._context, self._base, self._names = context, base, names
+        self._context, self._base, self._names, self._numbers = context, base, names, Counter[str]()
+
+    def numbered(self, name: str) -> str:
+        """The name with how often it was asked for."""
+        self._numbers[name] += 1
+        return f"{name}-{self._numbers[name]}"
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Keep arrays under a name, in place of those kept before; whole or not at all."""
