@@ -91,12 +91,16 @@ class FittedSigmas(Rejections):
     def _of_classes(self, factor: Float) -> Float:
         return self.all.smallest(self.scaling.classes.number, factor)
 
-    def _tails(self, result: BundleResult, squares: BundleResult | None = None) -> Float:
-        """Limit of each record over that of normal errors; a limit that the user has stated obeys."""
+    def _tails(self, result: BundleResult, squares: BundleResult | None = None, *, anew: bool = True) -> Float:
+        """Limit of each record over that of normal errors; a limit that the user has stated obeys.
+
+        Not `anew`, no tail grows longer than it was: gross errors that come back smear, and would bring more back.
+        """
         limit, classes = self.options.limit, self.scaling.classes
         if not self.options.counts:
             return np.ones(len(self.all.native))
-        self.tails = classes.tails(result, squares, limit)
+        tails = classes.tails(result, squares, limit)
+        self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
         return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
 
     def _tail_notes(self) -> list[Note]:

@@ -282,7 +282,7 @@ class _Search(FittedSigmas):
         block = self.block if before is None else from_result(self.block, before.result)
         block = replace(block, observed=self.all.without(block.observed, use))
         result = self.adjust(block, AdjustOptions())
-        return TestedBlock(block, result, use, self.options, self._tails(result))
+        return TestedBlock(block, result, use, self.options, self._tails(result, anew=before is None))
 
     def _converged(self, result: BundleResult) -> bool:
         return result.adjusted.history[-1].decrement <= self.tolerance
