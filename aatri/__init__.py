@@ -1,13 +1,20 @@
 """aatri: analytical aerial triangulation as a pipeline of swappable stages.
 
-`aatri.run(PIPELINE)` brings a pipeline up to date, `aatri.open(RUN)` opens what was made; see `aatri.api`.
+`aatri.run(PIPELINE)` brings a pipeline up to date, `aatri.open(RUN)` opens what was made, `aatri.block(...)` makes a
+Block of arrays, `aatri.stage(NAME)` a method to be called, `aatri.to_dataframe(ARTIFACT, TABLE)` a DataFrame.
 """
 
 from typing import Any
 
 __version__ = "0.1.0"
 
-_PUBLIC = {"run": "run_pipeline", "open": "open_run"}
+_PUBLIC = {
+    "run": "run_pipeline",
+    "open": "open_run",
+    "block": "block_from",
+    "stage": "stage_call",
+    "to_dataframe": "to_dataframe",
+}
 
 
 def __getattr__(name: str) -> Any:

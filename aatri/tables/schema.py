@@ -15,6 +15,7 @@ number -1 does. Infinities are never allowed.
 
 import dataclasses
 from dataclasses import dataclass
+from html import escape
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -156,6 +157,14 @@ class Artifact:
         tables = {name: getattr(self, name) for name in tables_of(type(self))}
         counts = [f"{len(rows)} {name}" for name, rows in tables.items() if rows is not None and len(rows)]
         return f"<{self.kind}: {', '.join([*scalars, *counts])}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: attributes, and tables with their rows."""
+        values = {name: getattr(self, name) for name in attributes_of(type(self))}
+        tables = {name: getattr(self, name) for name in tables_of(type(self))}
+        values |= {name: f"{len(rows)} rows" for name, rows in tables.items() if rows is not None and len(rows)}
+        lines = "".join(f"<tr><th>{name}</th><td>{escape(str(value))}</td></tr>" for name, value in values.items())
+        return f"<table><caption>{self.kind}</caption>{lines}</table>"
 
     def __post_init__(self) -> None:
         for name in attributes_of(type(self)):

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
+import numpy as np
 import pytest
 
 import aatri
@@ -40,7 +41,7 @@ def opened(tmp_path: Path) -> aatri.api.Run:  # type: ignore[name-defined]
 def test_importing_aatri_loads_nothing() -> None:
     code = "import sys, aatri; print([m for m in ('numpy', 'h5py', 'typer') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
-    assert {"run", "open"} <= set(dir(aatri))
+    assert {"run", "open", "block", "stage", "to_dataframe"} <= set(dir(aatri))
     with pytest.raises(AttributeError):
         aatri.nothing  # noqa: B018
 
@@ -54,6 +55,9 @@ def test_a_run_shows_its_stages_metrics_and_typed_artifacts(opened: aatri.api.Ru
     assert "bundle: bundle_adjustment/bundle, Solution" in repr(opened)
     assert "later: accuracy/evaluation, not run" in repr(opened)
     with pytest.raises(SpecError, match="did you mean 'bundle'"):
+        opened["bundel"]
+    assert opened.get("bundel") is None  # as of any mapping
+    with pytest.raises(KeyError):
         opened["bundel"]
     with pytest.raises(ArtifactError, match="has no result"):
         opened["later"].metrics  # noqa: B018
@@ -83,3 +87,72 @@ def test_a_pipeline_is_run_and_opened(tmp_path: Path, monkeypatch: pytest.Monkey
     assert list(run) == ["a", "s"]
     assert run["s"].record is not None
     assert list(aatri.open("pipeline.yaml")) == ["a", "s"]
+
+
+SETTINGS = {
+    "name": "two",
+    "frames": {"local": {"axes": ["x", "y", "z"], "crs": "local"}},
+    "units": {"ground": "m", "sigma_image": "mm", "sigma_ground": "m"},
+    "sigma": {"image": 0.005, "control": 0.01},
+    "earth_curvature": "ignore",
+    "cameras": {"c": {"kind": "digital", "image_coordinates": "photo", "principal_distance": 50.0, "format": [36, 24]}},
+}
+TABLES = {
+    "images": {"image": ["1", "2"], "camera": ["c", "c"]},
+    "image_points": {"image": [*"111222"], "point": [*"ABCABC"], "x": np.arange(6.0), "y": [3, 4, -5, 3, -4, 5.5]},
+    "ground_points": {"point": ["A"], "X": [1.0], "Y": [2.0], "Z": [None], "role": ["XY:control"]},
+}
+XY = [[0.0, 3.0], [1.0, 4.0], [2.0, -5.0], [3.0, 3.0], [4.0, -4.0], [5.0, 5.5]]
+
+
+def test_a_block_of_arrays_is_what_a_folder_with_the_same_tables_is() -> None:
+    block = aatri.block(SETTINGS, **TABLES)
+    assert block.images.id.tolist() == ["1", "2"]
+    assert block.image_points.xy.tolist() == XY
+    assert np.isnan(block.ground_points.xyz_m[0, 2])
+    assert "<caption>Block</caption>" in block._repr_html_()
+
+
+def test_mistakes_in_arrays_are_told_by_table_and_row() -> None:
+    points = {**TABLES["image_points"], "image": [*"113222"]}
+    with pytest.raises(InputError, match=r"^image_points.csv:4:1: image '3' is unknown"):
+        aatri.block(SETTINGS, **{**TABLES, "image_points": points})
+    with pytest.raises(SpecError, match="no table 'image' - did you mean 'images'"):
+        aatri.block(SETTINGS, image={})
+    with pytest.raises(ValueError, match="shorter"):
+        aatri.block(SETTINGS, **{**TABLES, "images": {"image": ["1", "2"], "camera": ["c"]}})
+
+
+def test_a_stage_is_called_in_memory_and_refuses_what_it_does_not_know() -> None:
+    block = aatri.block(SETTINGS, **TABLES)
+    calibrated = aatri.stage("interior_orientation/calibrated")
+    assert calibrated(block).measurements.xy_mm.tolist() == XY
+    assert calibrated(block=block).kind == "ImagePoints"
+    bundle = aatri.stage("bundle_adjustment/bundle")
+    assert bundle.ports["initial"] == "Solution"
+    assert "datum" in bundle.options
+    assert "bundle_adjustment/bundle" in bundle._repr_html_()
+    with pytest.raises(SpecError, match="needs block, a Block"):
+        bundle()
+    with pytest.raises(SpecError, match="unknown option 'datun' - did you mean 'datum'"):
+        bundle(block, datun="free")
+    with pytest.raises(SpecError, match="block is a ImagePoints, not a Block"):
+        bundle(calibrated(block))
+
+
+def test_a_pipeline_of_a_dict_is_written_for_the_command_line_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    stages = {
+        "block": aatri.block(SETTINGS, **TABLES),
+        "interior": {"use": "interior_orientation/calibrated", "from": {"block": "block"}},
+    }
+    run = aatri.run({"run": "runs/two", "stages": stages, "gates": "none", "ignore": ["ground_points"]})
+    assert list(run) == ["block", "interior"]
+    assert "<caption>Run runs/two</caption>" in run._repr_html_()
+    assert "figure" in run["interior"]._repr_html_()
+    assert run["block"].tables[:2] == ("files", "frames")
+    assert list(aatri.open("runs/two.yaml")) == ["block", "interior"]
+    with pytest.raises(SpecError, match="needs `run`"):
+        aatri.run({"stages": {}})

@@ -80,7 +80,7 @@ def say(text: str = "") -> None:
 def narrate(text: str) -> None:
     """Print what is not data; where it has no place to go, as after `2>&1 | head` or on a full disk, work goes on."""
     try:
-        typer.echo(_escaped(text), err=True)
+        typer.echo(_escaped(text), err=not in_notebook())  # what goes to stderr is red in a notebook
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
@@ -125,6 +125,11 @@ def show_in_browser(page: Path) -> None:
 
     if not webbrowser.open(page.resolve().as_uri()):
         narrate(f"no browser to open; the report is {page}")
+
+
+def in_notebook() -> bool:
+    """Whether this process computes the cells of a notebook."""
+    return "ipykernel" in sys.modules
 
 
 def is_terminal() -> bool:

@@ -36,10 +36,9 @@ class Live:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn
 
-        self.console = console or Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = console or self._screen()
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24, complete_style=BAR, finished_style=BAR, pulse_style=BAR),
@@ -55,6 +54,11 @@ class Live:
         self._weights: dict[str, float] = {}
         self._done_weight, self._done, self._count, self._began = 0.0, 0, 0, time.monotonic()
         self._known = False
+
+    def _screen(self) -> Console:
+        from rich.console import Console
+
+        return Console(stderr=True, highlight=False, soft_wrap=True)
 
     def __enter__(self) -> Live:
         self._progress.start()

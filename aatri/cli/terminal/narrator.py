@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.terminal.console import is_terminal, narrate
+from aatri.cli.terminal.console import in_notebook, is_terminal, narrate
 from aatri.cli.terminal.figures import highlights
 
 if TYPE_CHECKING:
@@ -62,7 +62,11 @@ class Narrator:
 
     def __enter__(self) -> Narrator:
         if not self._quiet:
-            if is_terminal() and os.environ.get("TERM") != "dumb":
+            if in_notebook():
+                from aatri.cli.terminal.notebook import NotebookBars
+
+                self._live = NotebookBars().__enter__()
+            elif is_terminal() and os.environ.get("TERM") != "dumb":
                 from aatri.cli.terminal.live import Live
 
                 self._live = Live().__enter__()

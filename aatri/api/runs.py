@@ -1,20 +1,15 @@
-"""aatri from Python: run a pipeline, open a run, look at its artifacts.
-
-import aatri
-run = aatri.run("pipeline.yaml", set=["bundle.max_iterations=9"])
-run["bundle"].metrics["sigma0"]
-run["bundle"].artifact.points.xyz_m
-run["bundle"].to_dataframe("residuals")
-"""
+"""Runs: a pipeline brought up to date, the stages of a run, their artifacts and figures."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
-from aatri.errors import ArtifactError, InputError, SpecError
+from aatri.api.frames import html_table, number, to_dataframe
+from aatri.errors import ArtifactError, SpecError
 from aatri.ids import did_you_mean
-from aatri.tables.schema import Artifact
+from aatri.tables.schema import Artifact, tables_of
 
 
 @dataclass(frozen=True)
@@ -60,36 +55,16 @@ class Stage:
 
         return store.load(self.folder, self.name, KINDS[self._made()["output"]["kind"]])
 
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables of its result that have rows."""
+        artifact = self.artifact
+        names = tables_of(type(artifact))
+        return tuple(name for name in names if (rows := getattr(artifact, name)) is not None and len(rows))
+
     def to_dataframe(self, table: str) -> Any:
-        """A table of the result as a DataFrame of pandas, or of polars where there is no pandas.
-
-        Rows are told by ids; `suspects`, `residuals` and `tests` come largest first (see `aatri show`). The units of
-        the columns stand in `attrs["units"]` of a pandas frame.
-
-        Raises
-        ------
-        SpecError
-            If the result has no such table.
-        InputError
-            If neither pandas nor polars is installed.
-        """
-        from aatri.formats.results.readable import readable
-
-        shown = readable(self.artifact, table)
-        columns = dict(zip(shown.head, shown.columns))
-        try:
-            import pandas
-        except ImportError:
-            pass
-        else:
-            frame = pandas.DataFrame(columns)
-            frame.attrs["units"] = {name: unit for name, unit in zip(shown.head, shown.units) if unit}
-            return frame
-        try:
-            import polars
-        except ImportError:
-            raise InputError("neither pandas nor polars is installed", remedy="pip install pandas") from None
-        return polars.DataFrame(columns)
+        """A table of the result as a DataFrame, see `aatri.to_dataframe`."""
+        return to_dataframe(self.artifact, table)
 
     def _made(self) -> Mapping[str, Any]:
         if self.record is None:
@@ -99,6 +74,15 @@ class Stage:
     def __repr__(self) -> str:
         state = f"{self.record['output']['kind']}, {self.record['seconds']:.2f} s" if self.record else "not run"
         return f"<{self.name}: {self.use}, {state}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(name, number(value)) for name, value in self.metrics.items()] if self.record else []
+        rows += [("warning", text) for text in self.warnings] if self.record else []
+        return html_table(("figure", ""), rows, caption=repr(self).strip("<>"))
+
+
+class NoStage(SpecError, KeyError):
+    """A run has no stage of this name; also a KeyError, as of any mapping."""
 
 
 class Run(Mapping[str, Stage]):
@@ -110,7 +94,7 @@ class Run(Mapping[str, Stage]):
 
     def __getitem__(self, name: str) -> Stage:
         if name not in self._stages:
-            raise SpecError(f"no stage {name!r}{did_you_mean(name, self._stages)}", where=str(self.folder))
+            raise NoStage(f"no stage {name!r}{did_you_mean(str(name), self._stages)}", where=str(self.folder))
         return self._stages[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -124,6 +108,36 @@ class Run(Mapping[str, Stage]):
 
     def __repr__(self) -> str:
         return "\n".join([f"Run {self.folder}", *(f"  {stage!r}" for stage in self._stages.values())])
+
+    @property
+    def report(self) -> Path:
+        """The page of its report."""
+        return self.folder / "report.html"
+
+    @property
+    def judgement(self) -> str:
+        """What the report says first; empty where there is none."""
+        from aatri.cli.run_ending import judgement
+
+        return judgement(self.report.with_suffix(".json"))
+
+    def metrics(self) -> Any:
+        """Figures of all stages as a DataFrame: stage, figure, value."""
+        from aatri.api.frames import frame_of
+
+        rows = [(s.name, n, v) for s in self._stages.values() if s.record for n, v in s.metrics.items()]
+        stages, names, values = zip(*rows) if rows else ((), (), ())
+        return frame_of({"stage": list(stages), "figure": list(names), "value": list(values)}, {})
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for stage in self._stages.values():
+            figures: Mapping[str, Any] = stage.metrics if stage.record else {}
+            shown = [number(figures[name]) if name in figures else "" for name in ("images", "points", "sigma0")]
+            seconds = f"{stage.record['seconds']:.2f}" if stage.record else "not run"
+            rows.append((stage.name, stage.use, *shown, seconds))
+        head = ("stage", "method", "images", "points", "sigma0", "seconds")
+        return f"{html_table(head, rows, caption=f'Run {self.folder}')}<p>{escape(self.judgement)}</p>"
 
 
 def open_run(path: str | Path) -> Run:
@@ -148,7 +162,7 @@ def open_run(path: str | Path) -> Run:
 
 
 def run_pipeline(
-    pipeline: str | Path = "pipeline.yaml",
+    pipeline: str | Path | Mapping[str, Any] = "pipeline.yaml",
     *,
     into: str | Path | None = None,
     set: Sequence[str] = (),
@@ -162,7 +176,9 @@ def run_pipeline(
 
     Parameters
     ----------
-    pipeline : str or Path
+    pipeline : str, Path or mapping
+        A file, or what one holds: `run`, `stages` ... A stage may be a Block. A mapping is written beside the folder of
+        its run, as RUN.yaml, and a Block into the folder RUN_STAGE: so the command line knows the run too.
     into : str or Path, optional
         Folder of the results instead of `run:`.
     set, use : sequence of str
@@ -173,7 +189,7 @@ def run_pipeline(
     cluster : str or distributed.Client
         Stages on a Dask cluster: `tcp://HOST:PORT`, `local:WORKERS`, or a client.
     quiet : bool
-        Without narration on stderr, but for warnings.
+        Without narration, but for warnings; else a bar and a line per stage, in a notebook below the cell.
 
     Raises
     ------
@@ -182,13 +198,15 @@ def run_pipeline(
     AatriError
         What is wrong with the pipeline, or the errors of stages that failed.
     """
+    from aatri.api.written_pipeline import written
     from aatri.cli.arguments.planning import Request, open_request
     from aatri.cli.terminal.narrator import Narrator
     from aatri.pipeline.run import runner
     from aatri.pipeline.spec.gates import failure_of, judge
     from aatri.report.page import write_report
 
-    request = Request(str(pipeline), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
+    path = written(pipeline) if isinstance(pipeline, Mapping) else Path(pipeline)
+    request = Request(str(path), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
     opened = open_request(request, quiet=quiet)
     settings = runner.RunSettings(
         command="aatri.run", source=opened.source, request=opened.request.plain(), cluster=cluster

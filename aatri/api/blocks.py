@@ -1,0 +1,76 @@
+"""A Block from arrays or DataFrames: the tables of a block folder, without the folder."""
+
+import csv
+import tempfile
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from aatri.artifacts.block import Block
+from aatri.errors import AatriError, Errors, SpecError
+from aatri.ids import did_you_mean
+from aatri.progress import Silent
+
+TABLES = ("images", "image_points", "ground_points", "exterior", "fiducials", "geodetic", "covariances")
+
+
+class Warned(Silent):
+    """A context that turns what a stage warns of into Python's warnings."""
+
+    def warn(self, message: str) -> None:
+        """Take a warning."""
+        warnings.warn(message, UserWarning, stacklevel=4)
+
+
+def block_from(settings: Mapping[str, Any], **tables: Any) -> Block:
+    """A Block from what block.yaml says and from tables with the columns of its CSV files (docs/formats.md).
+
+    Parameters
+    ----------
+    settings : mapping
+        What block.yaml holds: name, frames, units, sigma, cameras ...; `aatri_block` may be left out.
+    **tables
+        images, image_points, ground_points, exterior, fiducials, geodetic, covariances: each a DataFrame, or a mapping
+        of str to array, one array a column. Missing values (None, NaN) are empty cells.
+
+    Raises
+    ------
+    SpecError
+        If there is no such table.
+    InputError
+        Whatever is wrong with the tables, all at once; rows count from line 2, as in a file with a header.
+    """
+    import yaml
+
+    from aatri.formats.tables.reader import read_block
+
+    for name in tables:
+        if name not in TABLES:
+            raise SpecError(f"no table {name!r}{did_you_mean(name, TABLES)}", remedy=f"tables are {', '.join(TABLES)}")
+    with tempfile.TemporaryDirectory() as folder:
+        text = yaml.safe_dump({"aatri_block": 1, **settings}, sort_keys=False, allow_unicode=True)
+        Path(folder, "block.yaml").write_text(text, encoding="utf-8")
+        for name, table in tables.items():
+            with Path(folder, f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                columns = {str(column): table[column] for column in table}
+                writer.writerow(columns)
+                writer.writerows(zip(*(_cells(column) for column in columns.values()), strict=True))
+        try:
+            return read_block(Path(folder), Warned())
+        except AatriError as error:
+            raise _without(folder, error) from None
+
+
+def _cells(values: Iterable[Any]) -> list[Any]:
+    listed = values.tolist() if hasattr(values, "tolist") else list(values)
+    return ["" if value is None or value != value else value for value in listed]
+
+
+def _without(folder: str, error: AatriError) -> AatriError:
+    """The error with names of tables only: the folder is gone."""
+    if isinstance(error, Errors):
+        return Errors([_without(folder, one) for one in error.errors])
+    texts = [text.replace(f"{folder}/", "") for text in (error.what, error.where, error.remedy)]
+    return type(error)(texts[0], where=texts[1], remedy=texts[2])
