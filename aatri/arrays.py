@@ -1,5 +1,6 @@
-"""The four kinds of arrays that signatures speak of. Docstrings say shape and unit, these the kind of number."""
+"""The four kinds of arrays that signatures speak of: docstrings say shape and unit, these the kind of number; sums."""
 
+import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,3 +11,10 @@ Int: TypeAlias = npt.NDArray[np.integer[Any]]
 """Rows and counts, of any width."""
 Bool: TypeAlias = npt.NDArray[np.bool_]
 Text: TypeAlias = npt.NDArray[np.str_]
+
+
+def sums_of(values: Float, of: Int, n: int) -> Float:
+    """Sums of the rows of values (m, ...) that belong to each of n, (n, ...)."""
+    columns = values.reshape(len(values), math.prod(values.shape[1:])).T
+    sums: Float = np.stack([np.bincount(of, column, n).astype(np.float64) for column in columns], axis=1)
+    return sums.reshape(n, *values.shape[1:])

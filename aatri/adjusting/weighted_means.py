@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, sums_of
 
 
 def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -> tuple[Float, Float]:
@@ -24,16 +24,10 @@ def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -
     covariance : (n_points, 3, 3) float64, m^2
     """
     point, W = point[use], T[use].swapaxes(1, 2) @ T[use]
-    total = _summed(W, point, n_points)
+    total = sums_of(W, point, n_points)
     observed = np.bincount(point, minlength=n_points) > 0
     total[~observed] = np.eye(3)
     covariance: Float = np.linalg.inv(total).astype(np.float64)
-    mean = np.einsum("nij,nj->ni", covariance, _summed(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
+    mean = np.einsum("nij,nj->ni", covariance, sums_of(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
     mean[~observed], covariance[~observed] = np.nan, np.nan
     return mean, covariance
-
-
-def _summed(values: Float, point: Int, n_points: int) -> Float:
-    flat = values.reshape(len(values), -1)
-    sums: Float = np.stack([np.bincount(point, column, n_points).astype(np.float64) for column in flat.T], axis=1)
-    return sums.reshape(n_points, *values.shape[1:])

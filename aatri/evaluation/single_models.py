@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, sums_of
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
@@ -140,10 +140,7 @@ def single_models(
         """Root mean square of each column, model by model."""
         finite = np.isfinite(values)
         squares = np.where(finite, values, 0.0) ** 2
-        total, number = (
-            np.stack([np.bincount(rays.model, weights=column, minlength=n) for column in part.T], axis=1)
-            for part in (squares, finite)
-        )
+        total, number = (sums_of(part, rays.model, n) for part in (squares, finite.astype(np.float64)))
         return np.sqrt(np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0))
 
     def count(values: Float) -> Int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from aatri.adjustment.records import Evaluate, Evaluated, Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.ids import rows_of, shown
 from aatri.notes import Note
 from aatri.observations.geodetic.sights import ALL, Sights, inverse_sigmas, rows_of_ends
@@ -170,4 +170,4 @@ def _refitting(given: Given, made: Conditions, observe: Callable[[Given, Conditi
 def means(values: Float, of: Int, n: int) -> Float:
     """Means of the rows of `values` (m, k) that belong to each of n, (n, k); zero of none."""
     count = np.maximum(np.bincount(of, minlength=n), 1)
-    return np.column_stack([np.bincount(of, column, n) / count for column in values.T])
+    return sums_of(values, of, n) / count[:, None]

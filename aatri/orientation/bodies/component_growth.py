@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.geometry.similarity import IDENTITY, Similarity, compose
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
 
@@ -143,8 +143,7 @@ def _merged(first: _Body, second: _Body, similarity: Similarity) -> _Body:
 def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
     distinct, of = np.unique(point, return_inverse=True)
     n = len(distinct)
-    columns = [*xyz.T, variance, count]
-    sums: Float = np.stack([np.bincount(of, c, n).astype(np.float64) for c in columns], axis=1)
+    sums = sums_of(np.column_stack([xyz, variance, count]), of, n)
     return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
 
 

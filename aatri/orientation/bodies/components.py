@@ -15,7 +15,7 @@ import numpy as np
 from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.rejection import Snooping
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
 from aatri.observations.poses import POINT
@@ -179,8 +179,7 @@ def _loosest(points: BodyPoints, strips: Int) -> int:
 
 def _means(xyz: Float, of: Int, n: int) -> Float:
     """Mean coordinates of each strip."""
-    count = np.bincount(of, minlength=n)
-    return np.stack([np.bincount(of, column, n) for column in xyz.T], axis=1) / count[:, None]
+    return sums_of(xyz, of, n) / np.bincount(of, minlength=n)[:, None]
 
 
 def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:

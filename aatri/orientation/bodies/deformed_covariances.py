@@ -25,7 +25,7 @@ import numpy as np
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import one_blas_thread
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
@@ -186,9 +186,7 @@ def covariance_notes(found: DeformedCovariances) -> list[Note]:
 
 def _sums(whitener: Float, point: Int, n_points: int) -> Float:
     """Sums of the weights of every point, (n_points, 3, 3)."""
-    W = (whitener.swapaxes(1, 2) @ whitener).reshape(-1, 9)
-    sums: Float = np.stack([np.bincount(point, column, n_points).astype(np.float64) for column in W.T], axis=1)
-    return sums.reshape(n_points, 3, 3)
+    return sums_of(whitener.swapaxes(1, 2) @ whitener, point, n_points)
 
 
 def _inverses(weights: Float) -> Float:
