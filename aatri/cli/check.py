@@ -122,8 +122,9 @@ def _tried(name: str, call: Callable[[], Any]) -> tuple[Any, _Check]:
 
 def _wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...]]:
     from aatri.cli.arguments.planning import wired
+    from aatri.pipeline.methods.catalogue import Catalogue
 
-    return wired(spec, request, local)[:2]
+    return wired(spec, request, Catalogue(local, runs_code=request.local_plugins))[:2]
 
 
 def _variants(spec: Spec, request: Request, local: Path | None) -> _Check:

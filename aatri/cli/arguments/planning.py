@@ -15,6 +15,7 @@ from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
 
 if TYPE_CHECKING:
+    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import Compilation
     from aatri.pipeline.plan.decisions import Plan, Selection
     from aatri.pipeline.plan.graph import StageNode
@@ -76,15 +77,17 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     AatriError
         Whatever is wrong with the pipeline, its plugins and options.
     """
+    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.run.task import StageSource
 
     spec, local = read_request(request)
-    compilation = _compilation(spec, request, local, quiet=quiet)
+    catalogue = Catalogue(local, runs_code=request.local_plugins)
+    compilation = _compilation(spec, request, catalogue, quiet=quiet)
     if compilation is None:
-        spec, nodes, notes = wired(spec, request, local)
+        spec, nodes, notes = wired(spec, request, catalogue)
     else:
-        spec, nodes, notes = without_compiler(wired, spec, request, local)
+        spec, nodes, notes = without_compiler(wired, spec, request, catalogue)
         if quiet and not background:
             compilation.wait()
         elif not background:
@@ -119,21 +122,18 @@ def read_request(request: Request) -> tuple[Spec, Path | None]:
     return (with_variant(spec, request.variant) if request.variant else spec), local
 
 
-def wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...], list[str]]:
+def wired(spec: Spec, request: Request, catalogue: Catalogue) -> tuple[Spec, tuple[StageNode, ...], list[str]]:
     """The pipeline with what a request changes in it, wired; this imports the stages that the cache does not know."""
-    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.plan.graph import wire
     from aatri.pipeline.spec.overrides import with_set, with_use
 
-    catalogue = Catalogue(local, runs_code=request.local_plugins)
     spec, notes = with_use(spec, request.use, catalogue)
     spec = with_set(spec, request.set_)
     return spec, wire(spec, catalogue), notes
 
 
-def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: bool) -> Compilation | None:
+def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: bool) -> Compilation | None:
     """Begin to compile what stages reach, where that has not been done on this machine and the wheel has it not."""
-    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
     from aatri.pipeline.methods.kernel_cache import remove_unused, take_carried, use_kernel_cache
 
@@ -141,9 +141,7 @@ def _compilation(spec: Spec, request: Request, local: Path | None, *, quiet: boo
     if folder is None:
         return None
     uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
-    catalogue = Catalogue(local)
     kernels = kernels_of(catalogue.codes(uses))
-    catalogue.save()  # who wires the pipeline need not read the code again
     remove_unused(folder, kernels)
     take_carried(missing(kernels))
     if not (lacking := missing(kernels)):

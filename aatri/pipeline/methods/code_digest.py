@@ -43,7 +43,8 @@ class CodeReader:
     def __init__(self, cache: Cache) -> None:
         self._cache = cache
         self._files: dict[Path, dict[str, Any]] = {}
-        self._located: dict[tuple[str, Path], tuple[str, Path] | None] = {}
+        self._codes: dict[tuple[str, Path], Code] = {}
+        self._imported: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
 
     def code_of(self, module: str, path: Path) -> Code:
         """The code reached from a module.
@@ -60,6 +61,11 @@ class CodeReader:
         OSError
             If a file cannot be read.
         """
+        if (module, path) not in self._codes:
+            self._codes[module, path] = self._code_of(module, path)
+        return self._codes[module, path]
+
+    def _code_of(self, module: str, path: Path) -> Code:
         own, root = _own_root(module, path)
         roots = {**_BUILT_IN, own: root}
         files: dict[str, str] = {}
@@ -69,12 +75,8 @@ class CodeReader:
             name, file = waiting.pop()
             if name in files:
                 continue
-            about = self._file(file)
-            files[name], digests[name] = str(file), about["digest"]
-            for level, imported in about["imports"]:
-                target = self._locate(_absolute(level, imported, name), root, roots)
-                if target is not None and target[0] not in files:
-                    waiting.append(target)
+            files[name], digests[name] = str(file), self._file(file)["digest"]
+            waiting += [module for module in self._imports(name, file, root, roots) if module[0] not in files]
         lines = "".join(f"{name} {digests[name]}\n" for name in sorted(files))
         whole = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
         return Code(whole, dict(sorted(files.items())), {name: digests[name][:SHORT] for name in sorted(files)})
@@ -84,11 +86,13 @@ class CodeReader:
             self._files[path] = of_file(path, self._cache, _read)
         return self._files[path]
 
-    def _locate(self, name: str, own: Path, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
-        key = (name, own)
-        if key not in self._located:
-            self._located[key] = _locate(name, roots)
-        return self._located[key]
+    def _imports(self, name: str, file: Path, own: Path, roots: Mapping[str, Path]) -> list[tuple[str, Path]]:
+        """The modules of the roots that a file imports."""
+        if (file, own) not in self._imported:
+            names = {_absolute(level, imported, name) for level, imported in self._file(file)["imports"]}
+            located = (_locate(imported, roots) for imported in sorted(names))
+            self._imported[file, own] = list(dict.fromkeys(module for module in located if module is not None))
+        return self._imported[file, own]
 
 
 def _own_root(module: str, path: Path) -> tuple[str, Path]:
