@@ -4,7 +4,7 @@ The scale number is that of the median image point: its distance from the projec
 divided by the principal distance. The pixel on the ground is the pixel size times the scale number.
 
 Source of the statement: ASPRS Positional Accuracy Standards for Digital Geospatial Data, edition 2 (2023): RMSE_H is
-the root of the sum of the squares in X and Y, and 30 check points are asked for.
+the root of the sum of the squares in X and Y, RMSE_3D that of all three, and 30 check points are asked for.
 """
 
 from collections.abc import Mapping
@@ -15,26 +15,36 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
+from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.view.numbers import number, together
 
-MOST_CAMERAS = 3
+MOST_CAMERAS, MOST_TYPES = 3, 8
+DOWNWARDS = -0.9
+"""Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
+PARALLEL = 0.9
+"""Cosine between strips that are flown beside each other."""
+LEAST_SIDEWAYS = 0.1
+"""Of the footprint: strips that are nearer follow each other, or are flown twice."""
 
 
 def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     """Images, cameras, scale, distance, pixel on the ground, rays, frame, by name; without what is not known."""
     if block is None:
         return {}
-    made = {"images": f"{number(int(block.images.active.sum()))} in {number(len(block.strips))} strips"}
-    if not len(block.strips):
-        made["images"] = number(int(block.images.active.sum()))
-    if not len(block.images):
-        del made["images"]
+    made = {}
+    if solution is not None and not solution.images.oriented.any():
+        made["points"] = number(len(block.points))
+        types = [f"{number(int((block.geodetic.type == t).sum()))} of {t}" for t in np.unique(block.geodetic.type)]
+        made["observed"] = shown([text.replace("_", " ") for text in types], MOST_TYPES)
+    elif len(block.images):
+        strips = f" in {number(len(block.strips))} strips" if len(block.strips) else ""
+        made["images"] = f"{number(int(block.images.active.sum()))}{strips}"
     c = block.cameras
-    if len(c):
+    if len(c) and "images" in made:
         cameras = [f"{name} ({kind}, c {mm:g} mm)" for name, kind, mm in zip(c.id, c.kind, c.principal_distance_mm)]
         made["cameras" if len(c) > 1 else "camera"] = shown(cameras, MOST_CAMERAS)
-    if solution is not None and len(solution.images):
-        made |= _flight(block, solution)
+    if solution is not None and solution.images.oriented.any():
+        made |= _flight(block, solution) | _overlaps(block, solution)
     frame = block.frames.crs[0] if len(block.frames) else ""
     if frame:
         vertical = str(block.frames.vertical[0])
@@ -54,13 +64,40 @@ def _flight(block: Block, solution: Solution) -> dict[str, str]:
     rays = points.rays[points.rays > 0]
     made = {
         "scale number": f"1 : {number(int(float(f'{np.median(scale):.3g}')))}",
-        "distance to the object": together([float(np.median(depth))]),
+        "flying height" if np.median(view[:, 2]) < DOWNWARDS else "distance to the object": together(
+            [float(np.median(depth))]
+        ),
         "rays per point": f"{rays.mean():.1f}" if len(rays) else "",
     }
     pixel = block.cameras.pixel_size_mm[camera].mean(axis=1)
     if np.isfinite(pixel).all():
         made["pixel on the ground"] = together([float(np.median(pixel * scale)) * 1e-3])
     return {name: text for name, text in made.items() if text}
+
+
+def _overlaps(block: Block, solution: Solution) -> dict[str, str]:
+    """Overlaps of vertical images, medians: 1 - base / length of the footprint along it (Kraus, Photogrammetry 1)."""
+    feet, xy = footprints(block, solution), solution.images.position_m[:, :2]
+    order = image_rows(block, xy)
+    strip = block.images.strip[order]
+    k = np.flatnonzero((strip[1:] == strip[:-1]) & (strip[1:] >= 0) & np.isfinite(feet[order[:-1]]).all(axis=(1, 2)))
+    first, base = order[k], xy[order[k + 1]] - xy[order[k]]
+    length = np.linalg.norm(base, axis=1)
+    along = base / np.maximum(length, 1e-9)[:, None]
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    sizes = [np.ptp(np.einsum("nkc,nc->nk", feet[first], axis), axis=1) for axis in (along, across)]
+    if not len(first):
+        return {}
+    forward = float(np.median(1 - length / sizes[0]))
+    of_strip = [strip[k] == s for s in np.unique(strip[k])]
+    axis, middle = (np.array([values[of].mean(axis=0) for of in of_strip]) for values in (along, xy[first]))
+    away = middle - middle[:, None]
+    lateral = np.abs(axis[:, None, 0] * away[..., 1] - axis[:, None, 1] * away[..., 0])
+    lateral /= np.array([np.median(sizes[1][of]) for of in of_strip])[:, None]
+    beside = np.where((np.abs(axis @ axis.T) > PARALLEL) & (lateral > LEAST_SIDEWAYS), lateral, np.inf).min(axis=1)
+    side = 1 - float(np.median(beside[np.isfinite(beside)])) if np.isfinite(beside).any() else 0.0
+    overlaps = {"forward overlap": forward, "side overlap": side}
+    return {name: f"{100 * share:.0f} %" for name, share in overlaps.items() if share > 0}
 
 
 def accuracy_statement(figures: Mapping[str, float]) -> str:
@@ -72,6 +109,8 @@ def accuracy_statement(figures: Mapping[str, float]) -> str:
         parts.append(f"RMSE_H = {together([float(np.hypot(x, y))])}")
     if np.isfinite(z):
         parts.append(f"RMSE_V = {together([z])}")
+    if np.isfinite([x, y, z]).all():
+        parts.append(f"RMSE_3D = {together([float(np.linalg.norm([x, y, z]))])}")
     if not n or not parts:
         return ""
     text = f"Tested at {number(n)} check points: {', '.join(parts)} (ASPRS edition 2, 2023)."

@@ -16,6 +16,8 @@ from aatri.report.verdict import with_check_counts
 from aatri.report.view.numbers import number, together
 from aatri.report.view.run_view import RunView
 
+ARCSECONDS = 180.0 * 3600.0 / np.pi
+
 MOST_NAMED = 3
 """Of one kind in a sentence."""
 
@@ -30,15 +32,20 @@ def judgement(run: RunView) -> str:
     solutions, solution = run.of_kind(Solution), run.last(Solution)
     if failed:
         return f"The run ended in stage {failed[0].name}; what stands here is what was made before."
+    if run.overview.get("refused"):
+        return "The pipeline does not fit the block and was not run on; what stands here is what was made before."
+    done = sum(stage.status == "done" for stage in run.stages)
+    left = f"The run is not complete: {done} of {len(run.stages)} stages are done." if done < len(run.stages) else ""
     if not solutions or solution is None:
-        return "Nothing has been adjusted yet."
+        return " ".join(filter(None, [left, "Nothing has been adjusted yet."]))
     evaluations = run.evaluated()
     figures = with_check_counts(evaluations[-1].metrics) if evaluations else {}
     sentences = [
+        left,
         _contradiction(solution),
         _accuracy(figures),
         _sigma0(solutions[-1].metrics),
-        *wrong_observations(solution),
+        *wrong_observations(solution).values(),
         _image_points_left_out(solution),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
@@ -91,10 +98,10 @@ def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
     return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1){follows}."
 
 
-def wrong_observations(solution: Solution) -> list[str]:
+def wrong_observations(solution: Solution) -> dict[str, str]:
     """A sentence for each kind of observation that is left out, the worst by name; no image points and ties."""
     s, out = solution.suspects, staying_out(solution.suspects)
-    sentences = []
+    sentences = {}
     for kind in np.unique(s.kind[out & ~np.isin(s.kind, ("image_point", "model_tie", "strip_tie"))]).tolist():
         rows = np.flatnonzero(out & (s.kind == kind))
         rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
@@ -103,7 +110,7 @@ def wrong_observations(solution: Solution) -> list[str]:
         named = "; ".join(_named(s, k) for k in rows[:MOST_NAMED].tolist())
         more = " ..." if len(rows) > MOST_NAMED else ""
         undecided = " (nothing tells which of them is wrong)" if (s.verdict[rows] == "undecidable").any() else ""
-        sentences.append(f"{head}: {named}{more}{undecided}.")
+        sentences[kind] = f"{head}: {named}{more}{undecided}."
     return sentences
 
 
@@ -122,6 +129,8 @@ def _named(s: Suspects, k: int) -> str:
     size, unit = float(s.size[k]), str(s.unit[k])
     if not np.isfinite(size):
         return name
+    if unit == "rad":
+        return f"{name}, {size * ARCSECONDS:.3g}″"
     if unit != "m":
         return f"{name}, {size:.3g} {unit}"
     in_axes = s.kind[k] in ("control", "position") and size > 0

@@ -128,7 +128,6 @@ def render(
     sections = questions(run, around)
     if summary:
         sections = [s.in_short() for s in sections if s.name in OF_SUMMARY]
-    solved = run.of_kind(Solution)
     return environment.get_template("report.html").render(
         name=around.block.name if around.block else run.folder.resolve().name,
         run=run,
@@ -141,7 +140,7 @@ def render(
         classes=observation_classes(around.solution) if around.solution is not None else None,
         gates=_gates(run),
         sections=sections,
-        links={solved[-1].name: "tests"} if solved and any(s.name == "tests" for s in sections) else {},
+        names={s.name: s.title for s in sections},
         stages=[] if summary else [(stage, section(run, stage, around)) for stage in run.stages],
         environments=_environments(run.stages),
         colours=list(COLOURS),
@@ -205,7 +204,8 @@ def _counts(run: RunView) -> Mapping[str, str]:
     counts = {}
     for name in names:
         if name in solved and name in given and solved[name] != given[name]:
-            counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"
+            if solved[name]:  # a network has images that take no part
+                counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"
         elif name in solved or name in given:
             counts[name.replace("_", " ")] = number(solved.get(name, given.get(name)))
     return counts

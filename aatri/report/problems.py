@@ -16,41 +16,71 @@ MOST_IMAGES = 5
 
 @dataclass(frozen=True)
 class ReportedProblem:
-    """One problem: what it is, what to do, and the stage where more of it stands."""
+    """One problem: what it is, what to do, the stage it is of, and the section of the page where more of it stands."""
 
     text: str
     remedy: str = ""
     stage: str = ""
+    section: str = ""
+
+
+OF_OBSERVATIONS = {
+    "control": "compare its number and coordinates with their source, then measure it again in its images",
+    "position": "compare its time and antenna with the flight's record, then its accuracy class",
+}
+OTHERWISE = "compare it with the field book or the measurement"
+REMEDIES = {
+    "Convergence": ("see at which iteration it stays; a better start or fewer free parameters help", "convergence"),
+    "sigma0": ("see which group of observations does not follow the standard deviations given", "residuals"),
+    "Check against theory": ("look for a pattern: in the differences, then in the image residuals", "accuracy"),
+    "Check points far off": ("compare their numbers and coordinates with their source", "accuracy"),
+    "Truth against theory": ("look for a pattern in the errors", "accuracy"),
+}
+"""What to do where a light is not green, and the section that tells more."""
 
 
 def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     """Everything that a reader should look at before the figures."""
-    made = [
+    failures = [
         ReportedProblem(f"Stage {s.name} failed: {s.failure['what']}", str(s.failure.get("remedy") or ""), s.name)
         for s in run.stages
         if s.failure is not None
     ]
+    failures += [
+        ReportedProblem(f"{refusal['where']}: {refusal['what']}", str(refusal["remedy"]))
+        for refusal in run.overview.get("refused") or ()
+    ]
     warnings = [ReportedProblem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
-    solution = run.last(Solution)
-    of_solution = list[ReportedProblem]()
-    if solution is not None:
-        stage = run.of_kind(Solution)[-1].name
-        of_solution = [ReportedProblem(text, "see the suspects there", stage) for text in wrong_observations(solution)]
-        missing = solution.images.id[~solution.images.oriented]
-        if 0 < len(missing) < len(solution.images):
-            count = f"{number(len(missing))} of {number(len(solution.images))} images are not oriented"
-            of_solution.append(
-                ReportedProblem(f"{count}: {shown(missing.tolist(), MOST_IMAGES)}", "why: the log there", stage)
-            )
-    said_already = (
-        "Chain",
-        "Suspects",
-        "Independent check",
-    )  # by the failures and observations above, and the accuracy
     of_lights = [
-        ReportedProblem(f"{light.title}: {light.words}")
+        ReportedProblem(f"{light.title}: {light.words}", *_remedy(light.title))
         for light in lights
-        if light.state in (BAD, LOOK) and light.title not in said_already
+        if light.state in (BAD, LOOK) and light.title in REMEDIES  # of the others failures and observations tell
     ]
-    return [*made, *contradictions, *of_solution, *of_lights, *(w for w in warnings if w not in contradictions)]
+    others = [warning for warning in warnings if warning not in contradictions]
+    return [*failures, *contradictions, *_of_solution(run), *of_lights, *others]
+
+
+def _of_solution(run: RunView) -> list[ReportedProblem]:
+    """Observations that are left out, and images that are not oriented."""
+    solution = run.last(Solution)
+    if solution is None:
+        return []
+    stage = run.of_kind(Solution)[-1].name
+    made = [
+        ReportedProblem(
+            text, f"{OF_OBSERVATIONS.get(kind, OTHERWISE)}; aatri edit proposes how to set it right", stage, "tests"
+        )
+        for kind, text in wrong_observations(solution).items()
+    ]
+    missing = solution.images.id[~solution.images.oriented]
+    if 0 < len(missing) < len(solution.images):
+        count = f"{number(len(missing))} of {number(len(solution.images))} images are not oriented"
+        text = f"{count}: {shown(missing.tolist(), MOST_IMAGES)}"
+        made.append(ReportedProblem(text, "see their ties; the log of the stage says why", stage, "ties"))
+    return made
+
+
+def _remedy(title: str) -> tuple[str, str, str]:
+    remedy, section = REMEDIES[title]
+    return remedy, "", section

@@ -32,8 +32,12 @@ def questions(run: RunView, around: Surroundings) -> list[PageSection]:
     block, last = around.block, around.solution
     made = [_where(around), _accuracy(run, around)]
     if last is not None:
+        observed = _network(block, last)
         made += [_certainty(block, last), _ties(block, last)]
-        made.insert(1 if not last.images.oriented.any() else len(made), _network(block, last))
+        if last.images.oriented.any():
+            made.append(observed)
+        elif not observed.empty:  # a network alone: its picture is the plan
+            made[0] = observed
         made += [_residuals(last, around), _tests(last), _parameters(last), _convergence(run, last)]
     return [section for section in made if not section.empty]
 

@@ -23,7 +23,7 @@ from aatri.evaluation.doming import FAR_SIGMAS
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
-from aatri.report.view.numbers import metres, number
+from aatri.report.view.numbers import alike, number, together
 from aatri.report.view.run_view import RunView, StageView
 
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
@@ -54,7 +54,8 @@ def external_lights(run: RunView) -> list[Light]:
     if not evaluations:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
-    lights = [_check(figures), _expected(figures), *_far_off(run.last(Evaluation))]
+    expected = _expected(figures)
+    lights = [_check(figures, expected), expected, *_far_off(run.last(Evaluation))]
     if figures.get("truth_points"):
         lights.append(_truth(figures))
     return lights
@@ -123,15 +124,20 @@ def _by_kind(solution: Solution, rows: Bool) -> str:
     return ", ".join(f"{number(n)} {kind} ({stage})" for (kind, stage), n in counts) or "none"
 
 
-def _check(figures: Mapping[str, float | int | None]) -> Light:
+def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
+    """RMSE at check points; of few of them it is good where theory was compared and chance explains the rest."""
     n = int(figures.get("check_points") or 0)
     if not n:
         return Light("Independent check", NONE, "no independent check: no check points")
-    values = ", ".join(f"{axis.upper()} {metres(figures.get(f'check_rmse_{axis}_m'))}" for axis in "xyz")
-    words = f"RMSE {values} m at {number(n)} check points"
-    if n < ENOUGH_CHECK_POINTS:
-        return Light("Independent check", LOOK, f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
-    return Light("Independent check", GOOD, words)
+    values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
+    texts, unit = alike(float(value) for value in values.values() if value is not None)
+    words = (
+        f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {number(n)} check points"
+    )
+    if n >= ENOUGH_CHECK_POINTS:
+        return Light("Independent check", GOOD, words)
+    state = GOOD if expected.state == GOOD else LOOK
+    return Light("Independent check", state, f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
 
 
 def _far_off(evaluation: Evaluation | None) -> list[Light]:
@@ -150,7 +156,7 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
     size = dict(zip(checks.tolist(), size.tolist()))
     worst = sorted(far.tolist(), key=lambda k: -size[k])
     largest = [float(np.nanmax(np.abs(d.difference_m[k]))) for k in worst]
-    named = [f"{d.point[k]} ({number(size[k])} sigma, {metres(m)} m)" for k, m in zip(worst, largest)]
+    named = [f"{d.point[k]} ({number(round(size[k], 1))} sigma, {together([m])})" for k, m in zip(worst, largest)]
     return [Light("Check points far off", BAD, shown(named, MOST_FAR))]
 
 

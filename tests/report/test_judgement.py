@@ -95,16 +95,14 @@ def test_images_that_are_not_oriented_are_named(tmp_path: Path) -> None:
 def test_facts_are_those_of_the_flight(tmp_path: Path) -> None:
     facts = _page(tmp_path)["facts"]
     assert facts["camera"] == "cam (film, c 150 mm)"
-    assert facts["distance to the object"] == "388 m"  # 400 m over points of 10 to 14 m
+    assert facts["flying height"] == "388 m"  # 400 m over points of 10 to 14 m
     assert facts["scale number"].replace("\u202f", "") == "1 : 2590"
 
 
 def test_the_statement_is_that_of_the_standard() -> None:
     figures = {"check_points": 40, "check_rmse_x_m": 0.03, "check_rmse_y_m": 0.04, "check_rmse_z_m": 0.07}
-    assert (
-        accuracy_statement(figures)
-        == "Tested at 40 check points: RMSE_H = 50.0 mm, RMSE_V = 70.0 mm (ASPRS edition 2, 2023)."
-    )
+    found = "RMSE_H = 50.0 mm, RMSE_V = 70.0 mm, RMSE_3D = 86.0 mm"  # the root of 74 cm^2
+    assert accuracy_statement(figures) == f"Tested at 40 check points: {found} (ASPRS edition 2, 2023)."
     assert "asks for 30" in accuracy_statement(figures | {"check_points": 29})
     assert accuracy_statement({"check_points": 0}) == ""
 
@@ -122,5 +120,25 @@ def test_a_failed_run_says_where_it_ended(tmp_path: Path) -> None:
     block = made_block()
     run = make_run(tmp_path / "run", {"block": block})
     write_report(run)
-    assert json.loads((run / "report.json").read_text())["judgement"] == "Nothing has been adjusted yet."
+    assert json.loads((run / "report.json").read_text())["judgement"].endswith("Nothing has been adjusted yet.")
     assert np.isfinite(block.terrain_height_m)
+
+
+def test_overlaps_are_those_of_the_flight(tmp_path: Path) -> None:
+    """Footprints of 595 m at bases of 100 m, the strips 100 m apart."""
+    facts = _page(tmp_path)["facts"]
+    half = 115.0 * (400.0 - 12.0) / 150.0
+    overlap = f"{100 * (1 - 100.0 / (2 * half)):.0f} %"
+    assert facts["forward overlap"] == facts["side overlap"] == overlap
+
+
+def test_a_pipeline_that_does_not_fit_its_block_is_the_first_problem(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", {"block": made_block()}, status="failed")
+    overview = json.loads((run / "run.json").read_text())
+    refused = [{"where": "stage absolute", "what": "neither control nor positions", "remedy": "give control"}]
+    (run / "run.json").write_text(json.dumps(overview | {"refused": refused}))
+    write_report(run)
+    page = json.loads((run / "report.json").read_text())
+    assert page["problems"][0]["text"] == "stage absolute: neither control nor positions"
+    assert page["problems"][0]["remedy"] == "give control"
+    assert page["judgement"].startswith("The pipeline does not fit the block")

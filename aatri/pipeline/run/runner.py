@@ -158,6 +158,7 @@ class _Run:
         self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
         self.problems: list[AatriError] = []
         self.lost: set[str] = set()
+        self.refusals: list[AatriError] = []
         self.warnings: list[tuple[str, str]] = []
         self.verdicts: tuple[Verdict, ...] = ()
 
@@ -196,7 +197,11 @@ class _Run:
             store.write_json(self._last_word(status), self.spec.run, "run.json")
 
     def _last_word(self, status: str) -> dict[str, Any]:
-        ends = {"warnings": plain_warnings(self.warnings), "gates": [verdict.plain() for verdict in self.verdicts]}
+        ends = {
+            "warnings": plain_warnings(self.warnings),
+            "gates": [verdict.plain() for verdict in self.verdicts],
+            "refused": [{"where": e.where, "what": e.what, "remedy": e.remedy} for e in self.refusals],
+        }
         return {**self.overview, **ends, "status": status, "ended": now()}
 
     def _show_what_is_fresh(self) -> None:
@@ -230,6 +235,7 @@ class _Run:
         if not_used.errors:
             self.lost.add(stage)
             self.problems += not_used.errors
+            self.refusals += not_used.errors
             self.events.add("not used", stage=stage, errors=[str(error) for error in not_used.errors])
 
     def _work(self, workers: WorkerPool) -> None:

@@ -41,13 +41,14 @@ def overlap_picture(block: Block, solution: Solution) -> Picture | None:
     side = max(min(float((high - low).max()) / CELLS, foot / 4), float(np.sqrt((high - low).prod() / MOST_CELLS)))
     n = np.maximum(np.ceil((high - low) / side).astype(int), 1)
     x, y = (low[k] + side * (np.arange(n[k]) + 0.5) for k in (0, 1))
-    centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2).reshape(-1, 2)
-    count = np.zeros(len(centres), int)
-    for corners in feet:
-        inside = np.flatnonzero(((centres >= corners.min(axis=0)) & (centres <= corners.max(axis=0))).all(axis=1))
-        edge, away = np.roll(corners, -1, axis=0) - corners, centres[inside, None] - corners
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
+    number = np.zeros(grid.shape[:2], int)
+    cells = ((feet.min(axis=1) - low) / side).astype(int), ((feet.max(axis=1) - low) / side).astype(int) + 1
+    for corners, edge, (i, j), (k, m) in zip(feet, np.roll(feet, -1, axis=1) - feet, *(c.tolist() for c in cells)):
+        away = grid[i:k, j:m, None] - corners
         turn = edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0]
-        count[inside] += (turn >= 0).all(axis=1) | (turn <= 0).all(axis=1)
+        number[i:k, j:m] += (turn >= 0).all(axis=2) | (turn <= 0).all(axis=2)
+    centres, count = grid.reshape(-1, 2), number.ravel()
     quarter = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     marks = []
     for low_n, high_n, colour, fill in ((1, 1, "red", 0.55), (2, 2, "amber", 0.55), (3, 4, "blue", 0.2),
@@ -88,7 +89,7 @@ def rays_pictures(block: Block, solution: Solution) -> list[Picture]:
     caption += f" {len(drawn):,} are drawn." if len(drawn) < len(rows) else ""
     most = int(np.quantile(rays[rows], 0.999)) + 1
     edges = np.arange(0.5, most + 1.0)
-    names = {float(k): str(k) for k in range(1, most + 1, max(1, most // 12))}
+    names = {float(k): str(k) for k in range(1, most + 1, 1 + most // 13)}
     count = np.bincount(np.minimum(rays[rows], most), minlength=most + 1)[1:]
     chart = counts_chart(
         "ray_counts", "Rays per point", "Points by the number of their rays.", "rays", edges, count, names
