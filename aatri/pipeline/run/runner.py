@@ -157,8 +157,8 @@ class _Run:
         self.records: dict[str, Mapping[str, Any]] = {}
         self.numbers = {node.name: k for k, node in enumerate(nodes, 1)}
         self.problems: list[AatriError] = []
+        self.refused: list[dict[str, str]] = []
         self.lost: set[str] = set()
-        self.refusals: list[AatriError] = []
         self.warnings: list[tuple[str, str]] = []
         self.verdicts: tuple[Verdict, ...] = ()
 
@@ -197,12 +197,8 @@ class _Run:
             store.write_json(self._last_word(status), self.spec.run, "run.json")
 
     def _last_word(self, status: str) -> dict[str, Any]:
-        ends = {
-            "warnings": plain_warnings(self.warnings),
-            "gates": [verdict.plain() for verdict in self.verdicts],
-            "refused": [{"where": e.where, "what": e.what, "remedy": e.remedy} for e in self.refusals],
-        }
-        return {**self.overview, **ends, "status": status, "ended": now()}
+        ends = {"warnings": plain_warnings(self.warnings), "gates": [verdict.plain() for verdict in self.verdicts]}
+        return {**self.overview, **ends, "refused": self.refused, "status": status, "ended": now()}
 
     def _show_what_is_fresh(self) -> None:
         """Put the fresh results into `current` and take all others out."""
@@ -235,7 +231,7 @@ class _Run:
         if not_used.errors:
             self.lost.add(stage)
             self.problems += not_used.errors
-            self.refusals += not_used.errors
+            self.refused += [{"where": e.where, "what": e.what, "remedy": e.remedy} for e in not_used.errors]
             self.events.add("not used", stage=stage, errors=[str(error) for error in not_used.errors])
 
     def _work(self, workers: WorkerPool) -> None:
