@@ -1,10 +1,10 @@
-"""Features and Matches: what is found in the pixels of one image, and what agrees between two."""
+"""Features, Matches, ScanMarks: what is found in the pixels of one image, and what agrees between two."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 from aatri.arrays import Float, Int
-from aatri.tables.schema import Artifact, Table, column, table
+from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,3 +44,25 @@ class Matches(Artifact):
     schema_version: ClassVar[int] = 1
 
     pairs: MatchedKeypoints = table()
+
+
+@dataclass(frozen=True, eq=False)
+class FoundMarks(Table):
+    """The best places of marks, in the order in which they were asked for."""
+
+    xy_px: Float = column("f8", 2, unit="px", doc="from the centre of the first pixel; NaN: none", optional=True)
+    sigma_px: Float = column("f8", 2, unit="px", doc="standard deviation", optional=True)
+    correlation: Float = column("f8", doc="with the template; negative: of a negative")
+    second: Float = column("f8", doc="correlation at the next best place, as a share of that of the best")
+
+
+@dataclass(frozen=True, eq=False)
+class ScanMarks(Artifact):
+    """Places of fiducial marks in one scan."""
+
+    kind: ClassVar[str] = "ScanMarks"
+    schema_version: ClassVar[int] = 1
+
+    width_px: int = attribute(unit="px", doc="of the scan")
+    height_px: int = attribute(unit="px", doc="of the scan")
+    marks: FoundMarks = table()

@@ -25,6 +25,8 @@ PERCENTILES = (0.5, 99.5)
 SAMPLED = 1_000_000
 """So many pixels tell the percentiles."""
 BT601 = np.array([0.299, 0.587, 0.114])
+DECODED = (1, 8, 32946)
+"""Compressions of TIFF that are decoded by strips and tiles: none and deflate; others are decoded whole."""
 TIFF = (".tif", ".tiff")
 
 
@@ -44,6 +46,11 @@ def whole_image(path: str) -> Samples:
     if Path(path).suffix.lower() in TIFF:
         width, height = size_px(path)
         return window(path, 0, 0, width, height)
+    return whole_by_pillow(path)
+
+
+def whole_by_pillow(path: str) -> Samples:
+    """The whole image, decoded by Pillow."""
     Image = of_extra("PIL.Image", "images")
     try:
         with warnings.catch_warnings():
@@ -81,6 +88,8 @@ def window(path: str, column: int, row: int, width: int, height: int) -> Samples
         made: Samples | None = None
         deep, down = (page.tilewidth, page.tilelength) if page.is_tiled else (page.imagewidth, page.rowsperstrip)
         across = -(-page.imagewidth // deep)
+        if page.compression not in DECODED:
+            return whole_by_pillow(path)[row : row + height, column : column + width]
         try:
             for k, (offset, count) in enumerate(zip(page.dataoffsets, page.databytecounts)):
                 x, y = k % across * deep, k // across * down

@@ -25,6 +25,7 @@ from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
 from tests.contract.made_files import colmap_model, model_file, pair_files, two_parts
 from tests.made_photographs import flown
+from tests.made_scans import scan, scanned_block
 
 VARIANTS = sorted(find_stages().variants)
 MADE_FILES = {
@@ -68,6 +69,8 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
         return {"block": models_of_a_block()}
     if name.startswith("tie_points/"):
         return {"block": photographed_block()}
+    if name.startswith("fiducial_marks/"):
+        return {"block": block_of_scans()}
     if name == "accuracy/plotter":  # it wants residuals of image points
         return example_inputs("epochs", find_stages().role("epochs"))
     if name != "strip_formation/connected":
@@ -87,6 +90,17 @@ def photographed_block() -> Block:
     folder = Path(tempfile.mkdtemp(prefix="aatri-photographs-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return photos(options=PhotosOptions(path=flown(folder, strips=1, per_strip=2).folder))
+
+
+@cache
+def block_of_scans() -> Block:
+    """One scan with crosses of the size that the stage looks for unless it is told another."""
+    from PIL import Image
+
+    folder = Path(tempfile.mkdtemp(prefix="aatri-scans-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    Image.fromarray((scan(0.5, 3.0)[0] * 255).astype(np.uint8)).save(folder / "a.tif")
+    return scanned_block(folder / "a.tif")
 
 
 def models_of_a_block() -> Block:

@@ -7,7 +7,7 @@ import numpy as np
 
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.block import Block, MeasuredPoints, Points
+from aatri.artifacts.block import Block, FiducialPoints, MeasuredPoints, Points
 from aatri.artifacts.builder import image_point_order
 from aatri.camera.pixels import mm_from_pixel
 from aatri.tables.schema import Table, columns_of, tables_of
@@ -48,14 +48,36 @@ def pixel_matrices(block: Block) -> Float:
 
 def from_first_pixel(block: Block) -> Float:
     """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first."""
+    made = [of_camera(block, k, block.cameras.format[k]) for k in range(len(block.cameras))]
+    return np.array(made).reshape(-1, 2, 3)[block.images.camera]
+
+
+def of_camera(block: Block, camera: int, format_px: Float) -> Float:
+    """Matrix (2, 3) to the pixel system of a camera from that of a file of this width and height."""
     cameras = block.cameras
-    made = np.full((len(cameras), 2, 3), np.nan)
-    for k, (origin, y) in enumerate(zip(cameras.pixel_origin.tolist(), cameras.pixel_y.tolist())):
-        to_centre = mm_from_pixel(np.ones(2), "top-left-centre", "down", cameras.format[k])
-        own = mm_from_pixel(np.ones(2), origin or "top-left-corner", y or "down", cameras.format[k])
-        inverse = np.linalg.inv(own[:, :2])
-        made[k] = np.column_stack([inverse @ to_centre[:, :2], inverse @ (to_centre[:, 2] - own[:, 2])])
-    return np.asarray(made[block.images.camera])
+    to_centre = mm_from_pixel(np.ones(2), "top-left-centre", "down", format_px)
+    origin, y = str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera])
+    own = mm_from_pixel(np.ones(2), origin or "top-left-corner", y or "down", format_px)
+    inverse = np.linalg.inv(own[:, :2])
+    return np.column_stack([inverse @ to_centre[:, :2], inverse @ (to_centre[:, 2] - own[:, 2])])
+
+
+def with_fiducials(block: Block, image: Int, fiducial: Int, xy: Float, sigma_mm: Float) -> Block:
+    """The block with these measured marks in the place of those that the images had.
+
+    Parameters
+    ----------
+    image, fiducial : (n,) int
+        Rows in images and fiducials.
+    xy : (n, 2) float64
+        In the pixel system of the camera.
+    sigma_mm : (n, 2) float64, mm
+    """
+    others = block.fiducial_points.take(~np.isin(block.fiducial_points.image, image))
+    further = FiducialPoints.of(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma_mm)
+    names = columns_of(FiducialPoints)
+    rows = FiducialPoints(**{n: np.concatenate([getattr(others, n), getattr(further, n)]) for n in names})
+    return replace(block, fiducial_points=rows.take(np.lexsort((rows.fiducial, rows.image))))
 
 
 def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma_px: Float) -> Block:
