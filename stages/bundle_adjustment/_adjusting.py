@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
-from aatri.adapters.bundle.exchanged_images import without_exchanged_images
+from aatri.adapters.bundle.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
@@ -81,7 +81,7 @@ def _searched(
     if searching.method == "robust":
         done = robustly(given, adjust, searching)
     else:
-        given = given if searching.method == "none" else without_exchanged_images(given)
+        given = given if searching.method == "none" else without_exchanged(given)
         done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
     if options.self_calibration is not None and options.self_calibration.remove:
         done = without_idle_parameters(done, adjust, partial(with_parameters, source))

@@ -208,3 +208,22 @@ def test_exchanged_control_is_not_taken_for_the_third_point_where_positions_drif
     assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
     assert solution.sigma0 < 1.1
     assert not any("off the terrain" in text for text in told.warnings)  # spheres stand on it
+
+
+@pytest.mark.parametrize("pair", [("GCP01", "GCP08"), ("GCP02", "GCP07")])
+def test_control_points_far_apart_with_each_others_coordinates_stop_no_adjustment(
+    chain: Chain, pair: tuple[str, str]
+) -> None:
+    """Kilometres of contradiction bend the block so that no adjustment with them comes to an end."""
+    g = chain.block.ground_points
+    rows = np.flatnonzero(np.isin(chain.block.points.id[g.point], pair))
+    xyz = g.xyz_m.copy()
+    xyz[rows] = xyz[rows[::-1]]
+    solution, told = _adjusted(chain, replace(chain.block, ground_points=replace(g, xyz_m=xyz)))
+    s = solution.suspects
+    assert set(zip(s.kind.tolist(), s.row.tolist(), s.verdict.tolist())) == {
+        ("control", row, "swapped") for row in rows
+    }
+    (line,) = [text for text in told.warnings if "control: these two fit if their numbers are exchanged" in text]
+    assert all(name in line for name in pair)
+    assert solution.sigma0 < 1.1
