@@ -175,7 +175,7 @@ def _result(searched: Searched[TiedSolution]) -> TiedResult:
         problem=problem,
         observations=tuple(_observations(solved)),
         state=state,
-        covariances=solved.solved.covariances().groups,
+        covariances=solved.solved.covariances.groups,
         xyz_m=np.where(np.isfinite(mean), state[POINT], np.nan),
         mean_m=mean,
         mean_covariance_m2=covariance,
@@ -198,7 +198,7 @@ def _result(searched: Searched[TiedSolution]) -> TiedResult:
 
 def _observations(solved: TiedSolution) -> Iterator[AdjustedObservations]:
     """Kind by kind, with the weights of the adjustment."""
-    problem, covariances = solved.problem, solved.solved.covariances().records
+    problem, covariances = solved.problem, solved.solved.covariances.records
     for o, first, r, T, covariance in zip(
         problem.observed, problem.edges, problem.records, solved.whiteners, covariances
     ):

@@ -171,3 +171,12 @@ def test_the_camera_looks_down_and_its_x_axis_points_where_the_mount_says() -> N
         np.testing.assert_allclose(M @ looking, [0, 0, 1], atol=1e-15)
         np.testing.assert_allclose(M[:, 0], x, atol=1e-15)
         assert np.linalg.det(M) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("size", [1e-6, 5e-4, 0.02, 0.5])
+def test_the_left_jacobian_is_the_mean_of_the_rotations_on_the_way(size: float) -> None:
+    """J = int_0^1 exp([s w]x) ds, by Gauss and Legendre's rule, on both sides of where a series takes over."""
+    w = size * np.array([0.48, -0.6, 0.64])
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    mean = np.einsum("k,kij->ij", weights / 2, exp_rotation(0.5 * (nodes[:, None] + 1) * w))
+    np.testing.assert_allclose(left_jacobian(w[None])[0], mean, atol=1e-14)

@@ -35,3 +35,9 @@ def test_left_handed_geodetic_coordinates_become_right_handed_and_keep_their_sha
 def test_two_points_of_one_place_are_refused() -> None:
     with pytest.raises(GeometryError, match="same place"):
         two_point_frame(np.zeros((2, 3)), np.array([[0.0, 0, 0], [1, 1, 1]]))
+
+
+def test_points_side_by_side_or_one_after_the_other_make_a_frame() -> None:
+    for strip in ([[0.0, 0, 0], [0, 2, 0]], [[0.0, 0, 0], [2, 0, 0]]):
+        for ground in ([[0.0, 0, 0], [0, 100, 0]], [[0.0, 0, 0], [100, 0, 0]]):
+            assert two_point_frame(np.array(strip), np.array(ground)).scale == pytest.approx(0.02)

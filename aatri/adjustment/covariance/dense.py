@@ -36,16 +36,18 @@ class DenseSolution:
     records: tuple[Records, ...]
     departure: float
     """Largest difference of a residual from the linear model, in its standard deviations."""
-    marginal: Covariances
-
-    def covariances(self) -> Covariances:
-        """Marginal covariances, a priori."""
-        return self.marginal
+    covariances: Covariances
+    """Marginal covariances, a priori."""
 
     def tests(self) -> dict[str, RecordTests]:
         """Tests of all records by key of their type, predicted where not active."""
-        each = zip(keys_of(self.records), self.records, self.marginal.records, self.marginal.whitened)
-        return {key: record_tests(r, self.state, H, v) for key, r, H, v in each}
+        return tests_of(self.records, self.state, self.covariances)
+
+
+def tests_of(records: Sequence[Records], state: State, covariances: Covariances) -> dict[str, RecordTests]:
+    """Tests of records by key of their type, from covariances with whitened residuals."""
+    each = zip(keys_of(records), records, covariances.records, covariances.whitened)
+    return {key: record_tests(r, state, H, v) for key, r, H, v in each}
 
 
 def is_small(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> bool:
@@ -73,6 +75,7 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
 
 def _solved(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     free = {u.name: u.free & _taking_part(u, records)[:, None] for u in unknowns}
+    out: dict[str, Bool] = {u.name: (u.free & ~free[u.name]).any(axis=1) for u in unknowns}
     column = _columns(free)
     n = sum(int(f.sum()) for f in free.values())
     design = [_design(r, state, column, n) for r in records]
@@ -100,19 +103,15 @@ def _solved(unknowns: Sequence[Unknowns], records: Sequence[Records], state: Sta
         departure = max(departure, float(np.abs(v + A @ dx[:-1] - now[0])[r.active].max(initial=0.0)))
         H = now[1] @ Q @ now[1].swapaxes(1, 2)
         for group, block in r.touches:
-            H[(~free[group] & _free(unknowns, group))[block].any(axis=1)] = np.nan
+            H[out[group][block]] = np.nan
         whitened.append(now[0])
         of_records.append(H)
     wide = np.pad(Q, (0, 1))
     groups = {name: wide[c[:, :, None], c[:, None, :]] for name, c in column.items()}
-    for u in unknowns:
-        groups[u.name][(u.free & ~free[u.name]).any(axis=1)] = np.nan
+    for name, alone in out.items():
+        groups[name][alone] = np.nan
     marginal = Covariances(groups, np.zeros((0, 0, 0)), tuple(of_records), whitened=tuple(whitened))
     return DenseSolution(after, tuple(records), departure, marginal)
-
-
-def _free(unknowns: Sequence[Unknowns], group: str) -> Bool:
-    return next(u.free for u in unknowns if u.name == group)
 
 
 def _taking_part(u: Unknowns, records: Sequence[Records]) -> Bool:

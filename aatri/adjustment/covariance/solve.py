@@ -2,7 +2,7 @@
 
     index = prepare(unknowns, records)              all records, active or not, once
     solved = solve(index, state, weights)           one linearisation, one factorisation
-    solved.state, solved.covariances(), solved.tests()
+    solved.state, solved.covariances, solved.tests()
 
 For a linear problem the state after the step is the solution, and the factor that of any state. For one that is only
 linearised, covariances and tests are those of the linearisation; `departure` says how far it is from being linear.
@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
+from aatri.adjustment.covariance.dense import tests_of
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
-from aatri.adjustment.records import keys_of
-from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
+from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
@@ -52,18 +52,13 @@ class LinearSolution:
         return after_step(self.problem, self.before, self.state, self.step)[0]
 
     @cached_property
-    def _covariances(self) -> Covariances:
-        return covariances_at(self.problem, self.state, self.factored, residuals=True)
-
     def covariances(self) -> Covariances:
         """Marginal covariances, a priori."""
-        return self._covariances
+        return covariances_at(self.problem, self.state, self.factored, residuals=True)
 
     def tests(self) -> dict[str, RecordTests]:
         """Tests of all records by key of their type, predicted where not active; constraints are not tested."""
-        observed, found = self.problem.observed, self._covariances
-        each = zip(keys_of(observed), observed, found.records, found.whitened)
-        return {key: record_tests(r, self.state, c, v) for key, r, c, v in each}
+        return tests_of(self.problem.observed, self.state, self.covariances)
 
 
 def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] | None = None) -> LinearSolution:

@@ -37,13 +37,8 @@ KIND, HORIZONTAL, CALIBRATION = "distance", "horizontal_distance", "distance_gro
 """Names of the kinds, and of the group of unknowns."""
 
 USES = (
-    "geodetic:distance",
-    "geodetic:distance_to_image",
-    "geodetic:horizontal_distance",
-    "geodetic:horizontal_distance_to_image",
-    "geodetic.heights",
-    "geodetic.group",
-    "geodetic.reduced:distance",
+    *(f"geodetic:{kind}{end}" for kind in (KIND, HORIZONTAL) for end in ("", "_to_image")),
+    *("geodetic.heights", "geodetic.group", "geodetic.reduced:distance"),
 )
 
 

@@ -25,10 +25,10 @@ def test_both_ways_give_the_same_step_covariances_and_tests() -> None:
     dense, fronts = solve_dense(unknowns, records, state), solve(prepare(unknowns, records), state)
     assert dense is not None
     for u in unknowns:
-        taking_part = np.isfinite(fronts.covariances().groups[u.name]).all(axis=(1, 2))
+        taking_part = np.isfinite(fronts.covariances.groups[u.name]).all(axis=(1, 2))
         np.testing.assert_allclose(dense.state[u.name][taking_part], fronts.state[u.name][taking_part], atol=1e-9)
         np.testing.assert_allclose(
-            dense.covariances().groups[u.name], fronts.covariances().groups[u.name], rtol=1e-8, atol=1e-10
+            dense.covariances.groups[u.name], fronts.covariances.groups[u.name], rtol=1e-8, atol=1e-10
         )
     for key, tests in fronts.tests().items():
         np.testing.assert_allclose(dense.tests()[key].redundancy, tests.redundancy, rtol=1e-8, atol=1e-9)
@@ -53,4 +53,4 @@ def test_the_departure_from_the_linear_model_is_that_of_the_residuals() -> None:
     solved = solve_dense([x], [square], {"x": np.array([[3.0]])})
     assert solved is not None
     np.testing.assert_allclose(solved.departure, 25 / 36, rtol=1e-14)
-    np.testing.assert_allclose(solved.covariances().groups["x"], [[[1 / 36]]])
+    np.testing.assert_allclose(solved.covariances.groups["x"], [[[1 / 36]]])

@@ -142,7 +142,7 @@ def test_unknowns_that_are_all_held_but_one_leave_the_points_determined(left: in
     dx = -Q @ J.T @ v
     np.testing.assert_allclose(solved.state["strip"][0, :left], dx[:left], atol=1e-9)
     np.testing.assert_allclose(solved.state["point"].ravel(), dx[left:], atol=1e-9)
-    covariance = solved.covariances().groups["point"]
+    covariance = solved.covariances.groups["point"]
     np.testing.assert_allclose(np.einsum("nii->ni", covariance).ravel(), np.diag(Q)[left:], atol=1e-9)
     assert counts(solved.problem)[1] == len(dx)
 
