@@ -75,7 +75,7 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
 
 def _solved(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     free = {u.name: u.free & _taking_part(u, records)[:, None] for u in unknowns}
-    out: dict[str, Bool] = {u.name: (u.free & ~free[u.name]).any(axis=1) for u in unknowns}
+    out = {u.name: np.asarray((u.free & ~free[u.name]).any(axis=1)) for u in unknowns}
     column = _columns(free)
     n = sum(int(f.sum()) for f in free.values())
     design = [_design(r, state, column, n) for r in records]

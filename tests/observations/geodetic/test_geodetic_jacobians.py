@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,3 +145,19 @@ def test_directions_carry_the_orientation_of_their_set() -> None:
     v, J = o.records.evaluate(state, np.arange(1))
     assert v[0, 0] == pytest.approx(np.pi / 2 - 0.25 - 0.5)
     np.testing.assert_allclose(J[2][0], [[-1.0]])
+
+
+def test_what_a_local_frame_neglects_of_a_zenith_angle_is_told_by_its_size() -> None:
+    """k = 0.13 over 2 km: (1 - k) s / 2 R = 0.000136560 rad = 28.2", R = 6,371 km, beside a sigma of 0.0001 rad."""
+    block = geodetic_block("zenith", ("point", "point"), (0.0, 0.0))
+    block = replace(block, geodetic=replace(block.geodetic, sigma=np.array([1e-4])))
+    xyz = np.array([[0.0, 0, 0], [1200.0, 1600.0, 50.0], [9.0, 9.0, 9.0]])
+    (observed,) = zenith_angles(Given(block, None, np.zeros(3), {POINT: xyz}), ZenithOptions(refraction=0.13))
+    assert 'up to 28"' in observed.notes[0].text
+    assert "1 of 1 by more than 0.1 sigma" in observed.notes[0].text
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_coordinate_difference_sees_its_coordinate_and_no_other(axis: int) -> None:
+    (observed,) = _observed(("dX", "dY", "dZ")[axis], PLANE, ("point", "point"))
+    assert [bool(seen) for seen in observed.sees] == [k == axis for k in range(3)]
