@@ -52,24 +52,16 @@ needs no more, and Huber's loss converges slowly."""
 
 @dataclass(frozen=True, eq=False)  # its arrays have no truth value: components are the same or not
 class ImageComponent:
-    """Images in one free frame.
-
-    Attributes
-    ----------
-    poses : Poses
-        NaN where the image is not in it.
-    xyz : (n_points, 3) float64
-        NaN where not determined.
-    kept : (n,) bool
-        Rays that fit.
-    spread : float
-        Of the residuals, robust, in standard deviations a priori.
-    """
+    """Images in one free frame."""
 
     poses: Poses
+    """NaN where the image is not in it."""
     xyz: Float
+    """(n_points, 3). NaN where not determined."""
     kept: Bool
+    """(n,). Rays that fit."""
     spread: float
+    """Of the residuals, robust, in standard deviations a priori."""
 
     @property
     def images(self) -> Bool:

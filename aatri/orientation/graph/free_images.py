@@ -38,18 +38,11 @@ OPEN = 0.1
 
 @dataclass(frozen=True)
 class FreeImages:
-    """Components, that of most images first, and what there is to say.
-
-    Attributes
-    ----------
-    components : tuple of ImageComponent
-    wrong_pair : (m,) bool
-        Pairs whose rotation does not fit the others.
-    notes : tuple of Note
-    """
+    """Components, that of most images first, and what there is to say."""
 
     components: tuple[ImageComponent, ...]
     wrong_pair: Bool
+    """(m,). Pairs whose rotation does not fit the others."""
     notes: tuple[Note, ...]
 
 

@@ -11,59 +11,44 @@ from aatri.arrays import Bool, Float, Int
 
 @dataclass(frozen=True)
 class RotationPairs:
-    """Pairs of images of which the rotation is known and no base.
-
-    Attributes
-    ----------
-    left, right : (k,) int
-    left_from_right : (k, 3, 3) float64
-    sigma_rad : (k,) float64, rad
-    points : (k,) int
-    """
+    """Pairs of images of which the rotation is known and no base."""
 
     left: Int
     right: Int
+    """(k,)."""
     left_from_right: Float
+    """(k, 3, 3)."""
     sigma_rad: Float
+    """(k,), rad."""
     points: Int
+    """(k,)."""
 
 
 @dataclass(frozen=True)
 class PairGraph:
-    """Oriented pairs and their points, pair by pair.
-
-    Attributes
-    ----------
-    images : int
-    left, right : (m,) int
-    left_from_right : (m, 3, 3) float64
-    base : (m, 3) float64
-        Unit vectors in the frame of the left image.
-    rotation_sigma_rad, base_sigma_rad : (m,) float64, rad
-        Of the least certain direction.
-    start : (m + 1,) int
-        First point of each pair.
-    point : (n,) int
-    depth : (n, 2) float64
-        Distances from the left and right projection centre, in units of the base.
-    parallax_rad : (n,) float64, rad
-        Angle between both rays.
-    second : (m, 3, 3) float64
-        Rotation that explains the points of the pair as well; NaN where there is none.
-    """
+    """Oriented pairs and their points, pair by pair."""
 
     images: int
     left: Int
     right: Int
+    """(m,)."""
     left_from_right: Float
+    """(m, 3, 3)."""
     base: Float
+    """(m, 3). Unit vectors in the frame of the left image."""
     rotation_sigma_rad: Float
     base_sigma_rad: Float
+    """(m,), rad. Of the least certain direction."""
     start: Int
+    """(m + 1,). First point of each pair."""
     point: Int
+    """(n,)."""
     depth: Float
+    """(n, 2). Distances from the left and right projection centre, in units of the base."""
     parallax_rad: Float
+    """(n,), rad. Angle between both rays."""
     second: Float
+    """(m, 3, 3). Rotation that explains the points of the pair as well; NaN where there is none."""
 
     @property
     def inliers(self) -> Int:

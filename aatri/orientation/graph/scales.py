@@ -34,21 +34,14 @@ SPREAD = 0.5
 
 @dataclass(frozen=True)
 class Scaled:
-    """Pairs with the length of their bases.
-
-    Attributes
-    ----------
-    pair : (k,) int
-        Rows of the pairs that carry scale.
-    length : (k,) float64
-        Of their bases, one unit per component.
-    component : (k,) int
-        Numbered from 0, that of most images first.
-    """
+    """Pairs with the length of their bases."""
 
     pair: Int
+    """(k,). Rows of the pairs that carry scale."""
     length: Float
+    """(k,). Of their bases, one unit per component."""
     component: Int
+    """(k,). Numbered from 0, that of most images first."""
 
 
 def scaled_bases(graph: PairGraph) -> Scaled:

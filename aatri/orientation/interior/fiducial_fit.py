@@ -35,47 +35,34 @@ ITERATIONS = 10
 
 @dataclass(frozen=True)
 class FiducialFit:
-    """Transformations of n images with up to m marks each.
-
-    Attributes
-    ----------
-    model : str
-        One of `PARAMETERS`.
-    matrix : (n, 2, 3) float64, mm per unit and mm
-    terms : (n, 2) float64
-        Photo from measured, see `geometry.plane_transformations`; NaN where not determined.
-    photo_from_nominal : (n, 2, 2) float64
-        Linear part at the centroid of the marks, from nominal millimetres; NaN where not determined.
-    covariance : (n, 8, 8) float64, mm and 1
-        A-priori covariance of d0 ... d7; NaN where not determined.
-    sigma0 : (n,) float64
-        NaN without redundancy.
-    redundancy : (n,) int64
-    residual_mm : (n, m, 2) float64
-        Transformed minus calibrated, also of marks not used; NaN where there is no mark.
-    gross_error_mm : (n, m, 2) float64
-        Estimated error of the measured mark; NaN where uncontrolled.
-    test : (n, m) float64
-        Test statistic of the marks used, in standard deviations; NaN where uncontrolled.
-    alone : (n, m) bool
-        No other mark explains the residuals as well as this one.
-    used : (n, m) bool
-    determined : (n,) bool
-    """
+    """Transformations of n images with up to m marks each."""
 
     model: str
+    """One of `PARAMETERS`."""
     matrix: Float
+    """(n, 2, 3), mm per unit and mm."""
     terms: Float
+    """(n, 2). Photo from measured, see `geometry.plane_transformations`; NaN where not determined."""
     photo_from_nominal: Float
+    """(n, 2, 2). Linear part at the centroid of the marks, from nominal millimetres; NaN where not determined."""
     covariance: Float
+    """(n, 8, 8), mm and 1. A-priori covariance of d0 ... d7; NaN where not determined."""
     sigma0: Float
+    """(n,). NaN without redundancy."""
     redundancy: Int
+    """(n,) int64."""
     residual_mm: Float
+    """(n, m, 2). Transformed minus calibrated, also of marks not used; NaN where there is no mark."""
     gross_error_mm: Float
+    """(n, m, 2). Estimated error of the measured mark; NaN where uncontrolled."""
     test: Float
+    """(n, m). Test statistic of the marks used, in standard deviations; NaN where uncontrolled."""
     alone: Bool
+    """(n, m). No other mark explains the residuals as well as this one."""
     used: Bool
+    """(n, m)."""
     determined: Bool
+    """(n,)."""
 
 
 def fewest_marks(model: str) -> int:

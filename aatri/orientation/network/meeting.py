@@ -22,22 +22,14 @@ MOST_LOCI = 12
 
 @dataclass(frozen=True)
 class Locus:
-    """A ray or a circle on which a point lies.
-
-    Attributes
-    ----------
-    centre : (2,) float64, m
-        Of a circle, or where a ray begins.
-    radius_m : float
-        NaN for a ray.
-    bearing_rad : float
-        Of a ray, clockwise from north.
-    seen : two points and the angle between them, rad, where the circle is that of an angle
-    """
+    """A ray or a circle on which a point lies."""
 
     centre: Float
+    """(2,), m. Of a circle, or where a ray begins."""
     radius_m: float = float("nan")
+    """NaN for a ray."""
     bearing_rad: float = float("nan")
+    """Of a ray, clockwise from north."""
     seen: tuple[Float, Float, float] | None = None
 
     @staticmethod

@@ -26,26 +26,19 @@ ARBITRARY_M = 100.0
 
 @dataclass(frozen=True)
 class NetworkObservations:
-    """Observations of one type between points, rows in points.
-
-    Attributes
-    ----------
-    start, end : (n,) int
-    value : (n,) float64, m or rad
-    via : (n,) int
-        Vertex of an angle.
-    set : (n,) str
-        Of directions.
-    rise_m : (n,) float64, m
-        Target height less instrument height.
-    """
+    """Observations of one type between points, rows in points."""
 
     start: Int
     end: Int
+    """(n,)."""
     value: Float
+    """(n,), m or rad."""
     via: Int
+    """(n,). Vertex of an angle."""
     set: Text
+    """(n,) str. Of directions."""
     rise_m: Float
+    """(n,), m. Target height less instrument height."""
 
 
 Network = dict[str, NetworkObservations]

@@ -44,24 +44,16 @@ FEWEST_CELLS = 12
 
 @dataclass(frozen=True)
 class Collocation:
-    """Signal on the plate of one camera or session, ready to be predicted anywhere.
-
-    Attributes
-    ----------
-    function : CovarianceFunction or None
-        None if the residuals have no correlated part: nothing is corrected.
-    cells_mm : (m, 2) float64, mm
-        Mean place of the residuals of each cell.
-    factor : (m, m) float64
-        Cholesky factor of C + D, lower.
-    weights : (m, 2) float64
-        (C + D)^-1 v.
-    """
+    """Signal on the plate of one camera or session, ready to be predicted anywhere."""
 
     function: CovarianceFunction | None
+    """None if the residuals have no correlated part: nothing is corrected."""
     cells_mm: Float
+    """(m, 2), mm. Mean place of the residuals of each cell."""
     factor: Float
+    """(m, m). Cholesky factor of C + D, lower."""
     weights: Float
+    """(m, 2). (C + D)^-1 v."""
 
 
 def collocate(

@@ -33,45 +33,30 @@ SIGNIFICANT = 3.0
 
 @dataclass(frozen=True)
 class EmpiricalCovariance:
-    """Covariances of residuals by classes of distance on the plate.
-
-    Attributes
-    ----------
-    distance_mm : (k,) float64, mm
-        Mean distance of each class.
-    covariance_mm2 : (k,) float64, mm^2
-    weight : (k,) float64
-        Weight of the class: number of products.
-    total_mm2 : float, mm^2
-        Mean square of the residuals, per coordinate.
-    """
+    """Covariances of residuals by classes of distance on the plate."""
 
     distance_mm: Float
+    """(k,), mm. Mean distance of each class."""
     covariance_mm2: Float
+    """(k,), mm^2."""
     weight: Float
+    """(k,). Weight of the class: number of products."""
     total_mm2: float
+    """Mean square of the residuals, per coordinate, mm^2."""
 
 
 @dataclass(frozen=True)
 class CovarianceFunction:
-    """Fitted covariance function of the signal, and the noise beside it.
-
-    Attributes
-    ----------
-    model : str
-        One of `MODELS`.
-    variance_mm2 : float, mm^2
-        C0.
-    length_mm : float, mm
-        L.
-    noise_mm2 : float, mm^2
-        Variance of one residual about the signal.
-    """
+    """Fitted covariance function of the signal, and the noise beside it."""
 
     model: str
+    """One of `MODELS`."""
     variance_mm2: float
+    """C0, mm^2."""
     length_mm: float
+    """L."""
     noise_mm2: float
+    """Variance of one residual about the signal, mm^2."""
 
     def __call__(self, distance_mm: Float) -> Float:
         return np.asarray(self.variance_mm2 * MODELS[self.model](distance_mm / self.length_mm))
@@ -79,23 +64,15 @@ class CovarianceFunction:
 
 @dataclass(frozen=True)
 class Cells:
-    """Residuals gathered by cells of the plate.
-
-    Attributes
-    ----------
-    xy_mm, mean_mm : (m, 2) float64, mm
-        Mean place and mean residual.
-    weight : (m,) float64
-        Number of residuals.
-    within_mm2 : (m,) float64, mm^2
-        Mean product of two different residuals of the cell; NaN with one residual.
-    size_mm : float, mm
-    """
+    """Residuals gathered by cells of the plate."""
 
     xy_mm: Float
     mean_mm: Float
+    """(m, 2), mm. Mean place and mean residual."""
     weight: Float
+    """(m,). Number of residuals."""
     within_mm2: Float
+    """(m,), mm^2. Mean product of two different residuals of the cell; NaN with one residual."""
     size_mm: float
 
 

@@ -38,57 +38,41 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Before:
-    """The model before, in its own unit and in the frame of its left image.
-
-    Attributes
-    ----------
-    left_from_right, base, covariance : (3, 3), (3,), (5, 5) float64
-    row : (c,) int
-        Points of the new pair that the model before has.
-    xyz, point_covariance : (c, 3), (c, 3, 3) float64
-        Of these points, there.
-    """
+    """The model before, in its own unit and in the frame of its left image."""
 
     left_from_right: Float
     base: Float
     covariance: Float
+    """(3, 3), (3,), (5, 5)."""
     row: Int
+    """(c,). Points of the new pair that the model before has."""
     xyz: Float
     point_covariance: Float
+    """(c, 3), (c, 3, 3). Of these points, there."""
 
 
 @dataclass(frozen=True)
 class Connected:
-    """An orientation connected with the model before.
-
-    Attributes
-    ----------
-    left_from_right, base : (3, 3), (3,) float64
-    covariance : (5, 5) float64
-        Of d and t.
-    scale, scale_sigma : float
-        In units of the model before.
-    sigma0 : float
-        Of Q and P together.
-    redundancy, iterations : int
-    connects : (c,) bool
-        Connection points used in P.
-    size, size_sigma, test : (c,) float64
-        Error of P as logarithm of the scale, its standard deviation and their ratio; NaN where uncontrolled.
-    """
+    """An orientation connected with the model before."""
 
     left_from_right: Float
     base: Float
+    """(3, 3), (3,)."""
     covariance: Float
+    """(5, 5). Of d and t."""
     scale: float
     scale_sigma: float
+    """In units of the model before."""
     sigma0: float
+    """Of Q and P together."""
     redundancy: int
     iterations: int
     connects: Bool
+    """(c,). Connection points used in P."""
     size: Float
     size_sigma: Float
     test: Float
+    """(c,). Error of P as logarithm of the scale, its standard deviation and their ratio; NaN where uncontrolled."""
 
 
 def connected_orientation(

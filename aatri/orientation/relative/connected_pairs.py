@@ -13,20 +13,13 @@ from aatri.orientation.relative.orientations import RelativeOrientations, refres
 
 @dataclass(frozen=True)
 class Connection:
-    """A pair connected with the pair before it.
-
-    Attributes
-    ----------
-    pair, before : int
-    orientation : Connected
-    point : (c,) int32
-        The connection points.
-    """
+    """A pair connected with the pair before it."""
 
     pair: int
     before: int
     orientation: Connected
     point: Int
+    """(c,) int32. The connection points."""
 
 
 def connected_pairs(

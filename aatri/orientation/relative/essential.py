@@ -100,28 +100,19 @@ class FromConsensus:
 
 @dataclass(frozen=True)
 class EssentialOrientations:
-    """Relative orientations without start.
-
-    Attributes
-    ----------
-    orientations : RelativeOrientations
-    second : (m, 3, 4) float64
-        Rotation and base of another orientation that explains the points as well; NaN where there is none.
-    turned : (m, 3, 3) float64
-        Rotation of the right image into the frame of the left one where the images have no base; else NaN.
-    turned_sigma_rad : (m,) float64, rad
-    turned_points : (m,) int64
-        Points that the rotation explains.
-    samples : (m,) int64
-        Five-point samples drawn.
-    """
+    """Relative orientations without start."""
 
     orientations: RelativeOrientations
     second: Float
+    """(m, 3, 4). Rotation and base of another orientation that explains the points as well; NaN where there is none."""
     turned: Float
+    """(m, 3, 3). Rotation of the right image into the frame of the left one where the images have no base; else NaN."""
     turned_sigma_rad: Float
+    """(m,), rad."""
     turned_points: Int
+    """(m,) int64. Points that the rotation explains."""
     samples: Int
+    """(m,) int64. Five-point samples drawn."""
 
 
 def essential_orientations(

@@ -15,27 +15,18 @@ PAIRS_A_THREAD = 5_000
 
 @dataclass(frozen=True)
 class ImagePairs:
-    """Pairs of images and their common points, pair by pair and by point.
-
-    Attributes
-    ----------
-    left, right : (m,) int32
-        Rows in images.
-    start : (m + 1,) int64
-        First common point of each pair; the last is their number.
-    point : (n,) int32
-        Rows in points, ascending within a pair.
-    left_row, right_row : (n,) int32
-        Rows of the measurements.
-    rays : RayPairs
-    """
+    """Pairs of images and their common points, pair by pair and by point."""
 
     left: Int
     right: Int
+    """(m,) int32. Rows in images."""
     start: Int
+    """(m + 1,) int64. First common point of each pair; the last is their number."""
     point: Int
+    """(n,) int32. Rows in points, ascending within a pair."""
     left_row: Int
     right_row: Int
+    """(n,) int32. Rows of the measurements."""
     rays: RayPairs
 
     def rows(self, pair: int) -> Int:

@@ -46,38 +46,25 @@ FALLBACKS = 3
 
 @dataclass(frozen=True)
 class Portion:
-    """Pairs that are worked on together: what a start is made of, and filled in.
-
-    Attributes
-    ----------
-    pair : (m,) int
-        Which of all pairs they are.
-    count : (m,) int
-        Points of each.
-    rays : RayPairs
-    table : (n, 10) float64
-        The rays as the compiled loops take them.
-    chosen : (m,) bool
-        Changed: pairs without a start.
-    pose : (m, 3, 4) float64
-        Filled in.
-    active : (n,) bool
-        Points to begin with; changed.
-    reasons : dict
-        Filled in: why a pair makes no model, by `pair`, should the loops find nothing that fits.
-    all_pairs : callable
-        Runs a compiled loop with its arguments, shared out among threads.
-    """
+    """Pairs that are worked on together: what a start is made of, and filled in."""
 
     pair: Int
+    """(m,). Which of all pairs they are."""
     count: Int
+    """(m,). Points of each."""
     rays: RayPairs
     table: Float
+    """(n, 10). The rays as the compiled loops take them."""
     chosen: Bool
+    """(m,). Changed: pairs without a start."""
     pose: Float
+    """(m, 3, 4). Filled in."""
     active: Bool
+    """(n,). Points to begin with; changed."""
     reasons: dict[int, str]
+    """Filled in: why a pair makes no model, by `pair`, should the loops find nothing that fits."""
     all_pairs: Callable[..., None]
+    """Runs a compiled loop with its arguments, shared out among threads."""
 
 
 Start = Callable[[Portion], None]
@@ -92,21 +79,14 @@ def from_parallel(portion: Portion) -> None:
 
 @dataclass(frozen=True)
 class AdjustedPairs:
-    """Pairs adjusted from one start.
-
-    Attributes
-    ----------
-    orientations : RelativeOrientations
-        `formed` where the adjustment ended with points in front of both images.
-    good : (m,) bool
-        Enough points fit: another start cannot do much better.
-    squares : (m,) float64
-        Of the residuals.
-    """
+    """Pairs adjusted from one start."""
 
     orientations: RelativeOrientations
+    """`formed` where the adjustment ended with points in front of both images."""
     good: Bool
+    """(m,). Enough points fit: another start cannot do much better."""
     squares: Float
+    """(m,). Of the residuals."""
 
 
 def oriented_from(

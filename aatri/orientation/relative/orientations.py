@@ -17,56 +17,40 @@ PER_PAIR = ("formed", "left_from_right", "base", "covariance", "sigma0", "redund
 
 @dataclass(frozen=True)
 class RelativeOrientations:
-    """Relative orientations of pairs, and their models.
-
-    Attributes
-    ----------
-    formed : (m,) bool
-        The rows of the other pairs are NaN and 0.
-    left_from_right, base : (m, 3, 3), (m, 3) float64
-        Rotation of the right image into the frame of the left one, unit vector between them.
-    covariance : (m, 5, 5) float64, rad^2
-        Of the rotation increment and the turn of the base, a priori (sigma0 = 1).
-    sigma0 : (m,) float64
-        NaN without redundancy.
-    redundancy, iterations : (m,) int64
-    active : (n,) bool
-        Points used in the orientation.
-    parallax_mm : (n,) float64, mm
-        y-parallax.
-    error_mm, error_sigma_mm : (n,) float64, mm
-        Estimated gross error of the y-parallax and its standard deviation; NaN where uncontrolled.
-    test : (n,) float64
-        |error| / sigma; NaN where uncontrolled.
-    xyz, point_covariance, depth : (n, 3), (n, 3, 3), (n, 2) float64
-        Model points, as of `geometry.intersection.Intersection`.
-    reasons : dict
-        Why a pair makes no model, by pair.
-    warnings : dict
-        Of formed pairs, by pair.
-    scale : float
-        What the standard deviations of the image points were multiplied by, see `image_scale`; covariances, tests and
-        errors are with it, sigma0 is not.
-    """
+    """Relative orientations of pairs, and their models."""
 
     formed: Bool
+    """(m,). The rows of the other pairs are NaN and 0."""
     left_from_right: Float
     base: Float
+    """(m, 3, 3), (m, 3). Rotation of the right image into the frame of the left one, unit vector between them."""
     covariance: Float
+    """(m, 5, 5), rad^2. Of the rotation increment and the turn of the base, a priori (sigma0 = 1)."""
     sigma0: Float
+    """(m,). NaN without redundancy."""
     redundancy: Int
     iterations: Int
+    """(m,) int64."""
     active: Bool
+    """(n,). Points used in the orientation."""
     parallax_mm: Float
+    """(n,), mm. y-parallax."""
     error_mm: Float
     error_sigma_mm: Float
+    """(n,), mm. Estimated gross error of the y-parallax and its standard deviation; NaN where uncontrolled."""
     test: Float
+    """(n,). |error| / sigma; NaN where uncontrolled."""
     xyz: Float
     point_covariance: Float
     depth: Float
+    """(n, 3), (n, 3, 3), (n, 2). Model points, as of `geometry.intersection.Intersection`."""
     reasons: dict[int, str] = field(default_factory=dict)
+    """Why a pair makes no model, by pair."""
     warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    """Of formed pairs, by pair."""
     scale: float = 1.0
+    """What the standard deviations of the image points were multiplied by, see `image_scale`; covariances, tests and
+    errors are with it, sigma0 is not."""
 
     @staticmethod
     def empty(m: int, n: int) -> RelativeOrientations:
@@ -101,21 +85,14 @@ class RelativeOrientations:
 
 @dataclass(frozen=True)
 class PairSettings:
-    """How pairs are adjusted.
-
-    Attributes
-    ----------
-    limit : float
-        Largest test statistic of a point that is used.
-    max_iterations : int
-        Of one adjustment.
-    min_points : int
-        Used points of a model, five at least.
-    """
+    """How pairs are adjusted."""
 
     limit: float
+    """Largest test statistic of a point that is used."""
     max_iterations: int
+    """Of one adjustment."""
     min_points: int
+    """Used points of a model, five at least."""
 
 
 def rows_of_pairs(start: Int, pairs: Int) -> Int:

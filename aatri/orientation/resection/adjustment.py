@@ -24,29 +24,21 @@ WORTH_A_THREAD = 5_000
 
 @dataclass(frozen=True)
 class ResectedImages:
-    """Orientations by resection.
-
-    Attributes
-    ----------
-    position_m : (n, 3) float64, m
-    ground_from_image : (n, 3, 3) float64
-    resected : (n,) bool
-        False where fewer than 3 points are known, they lie on a line, or the iteration did not converge; the start
-        values are returned there.
-    covariance : (n, 6, 6) float64, m and rad
-        A priori, of X0 and d; NaN where not resected.
-    rms_mm : (n,) float64, mm
-        RMS residual; NaN where not resected.
-    points : (n,) int32
-        Points used.
-    """
+    """Orientations by resection."""
 
     position_m: Float
+    """(n, 3), m."""
     ground_from_image: Float
+    """(n, 3, 3)."""
     resected: Bool
+    """(n,). False where fewer than 3 points are known, they lie on a line, or the iteration did not converge; the start
+    values are returned there."""
     covariance: Float
+    """(n, 6, 6), m and rad. A priori, of X0 and d; NaN where not resected."""
     rms_mm: Float
+    """(n,), mm. RMS residual; NaN where not resected."""
     points: Int
+    """(n,) int32. Points used."""
 
 
 def resect_images(

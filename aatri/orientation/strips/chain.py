@@ -23,35 +23,25 @@ from aatri.orientation.strips.kernels.means import means
 
 @dataclass(frozen=True)
 class ChainedModels:
-    """Free strips, one after the other.
-
-    Attributes
-    ----------
-    image_strip : (i,) int64
-        Strip of each projection centre; a strip has one more than models.
-    position : (i, 3) float64
-        Projection centres, in the unit of the strip's first base.
-    strip_from_image : (i, 3, 3) float64
-    strip, point : (n,) int64
-        Strip and point of each strip point, ascending.
-    xyz : (n, 3) float64
-    covariance : (n, 3, 3) float64
-        From the image coordinates, orientations held.
-    models : (n,) int64
-        Models that hold the point.
-    placed : (k, 3) float64
-        All points of all models in their strips; NaN where the model is in none.
-    """
+    """Free strips, one after the other."""
 
     image_strip: Int
+    """(i,) int64. Strip of each projection centre; a strip has one more than models."""
     position: Float
+    """(i, 3). Projection centres, in the unit of the strip's first base."""
     strip_from_image: Float
+    """(i, 3, 3)."""
     strip: Int
     point: Int
+    """(n,) int64. Strip and point of each strip point, ascending."""
     xyz: Float
+    """(n, 3)."""
     covariance: Float
+    """(n, 3, 3). From the image coordinates, orientations held."""
     models: Int
+    """(n,) int64. Models that hold the point."""
     placed: Float
+    """(k, 3). All points of all models in their strips; NaN where the model is in none."""
 
 
 def form_strips(

@@ -37,28 +37,20 @@ WORTH_A_THREAD = 2_000
 
 @dataclass(frozen=True)
 class ModelTable:
-    """Models, each in the frame of its left image, base 1.
-
-    Attributes
-    ----------
-    left_from_right, base : (m, 3, 3), (m, 3) float64
-    orientation_covariance : (m, 5, 5) float64, rad^2
-        Of the rotation increment and the turn of the base along its tangents.
-    start : (m + 1,) int64
-        First point of each model; the last is their number.
-    point : (n,) int
-        Ascending within a model.
-    xyz, covariance : (n, 3), (n, 3, 3) float64
-        Covariances from the image coordinates, orientation held.
-    """
+    """Models, each in the frame of its left image, base 1."""
 
     left_from_right: Float
     base: Float
+    """(m, 3, 3), (m, 3)."""
     orientation_covariance: Float
+    """(m, 5, 5), rad^2. Of the rotation increment and the turn of the base along its tangents."""
     start: Int
+    """(m + 1,) int64. First point of each model; the last is their number."""
     point: Int
+    """(n,). Ascending within a model."""
     xyz: Float
     covariance: Float
+    """(n, 3), (n, 3, 3). Covariances from the image coordinates, orientation held."""
 
     def of_row(self) -> Int:
         """The model of each point."""
@@ -67,44 +59,33 @@ class ModelTable:
 
 @dataclass(frozen=True)
 class JointTable:
-    """Scales of models in the unit of those before.
-
-    Attributes
-    ----------
-    first, second : (j,) int
-        The models.
-    scale, sigma : (j,) float64
-        NaN without common points.
-    spread : (j,) float64
-        Extent of the used points across the track over that of all points of both models.
-    start : (j + 1,) int64
-        First common point of each joint; the last is their number.
-    first_row, second_row : (n,) int64
-        Rows of the common points among the points of the models.
-    active : (n,) bool
-        Points used.
-    log_scale : (n,) float64
-        Logarithm of each point's own scale minus that of `scale`.
-    size, size_sigma, test : (n,) float64
-        Estimated gross error of log_scale, its standard deviation and |size| / size_sigma; NaN where uncontrolled.
-    turn : (j, 3, 3) float64 or None
-        Rotation of the second model against the common image, where the points and not the image connect the models.
-    """
+    """Scales of models in the unit of those before."""
 
     first: Int
     second: Int
+    """(j,). The models."""
     scale: Float
     sigma: Float
+    """(j,). NaN without common points."""
     spread: Float
+    """(j,). Extent of the used points across the track over that of all points of both models."""
     start: Int
+    """(j + 1,) int64. First common point of each joint; the last is their number."""
     first_row: Int
     second_row: Int
+    """(n,) int64. Rows of the common points among the points of the models."""
     active: Bool
+    """(n,). Points used."""
     log_scale: Float
+    """(n,). Logarithm of each point's own scale minus that of `scale`."""
     size: Float
     size_sigma: Float
     test: Float
+    """(n,). Estimated gross error of log_scale, its standard deviation and |size| / size_sigma; NaN where uncontrolled.
+    """
     turn: Float | None = None
+    """(j, 3, 3). Rotation of the second model against the common image, where the points and not the image connect the
+    models."""
 
     def used(self) -> Int:
         """Points used at each joint, (j,)."""

@@ -24,33 +24,22 @@ DATUM = 7.0
 
 @dataclass(frozen=True)
 class AllRecords:
-    """All records, kind after kind.
-
-    Attributes
-    ----------
-    observed : tuple of Observed
-        With nothing rejected.
-    first : (kinds + 1,) int64
-        Where each kind begins.
-    native : (n,) bool
-        What is measured and may be rejected: neither a prior nor a condition.
-    at_points : (n,) bool
-        Records that touch one point, so that the others of the point can judge them.
-    point : (n,) int64
-        That point; -1 none.
-    image : (n,) int64
-        The image that a record touches; -1 none.
-    coordinates : (n,) bool
-        Records of that point alone: given coordinates.
-    """
+    """All records, kind after kind."""
 
     observed: tuple[Observed, ...]
+    """With nothing rejected."""
     first: Int
+    """(kinds + 1,) int64. Where each kind begins."""
     native: Bool
+    """(n,). What is measured and may be rejected: neither a prior nor a condition."""
     at_points: Bool
+    """(n,). Records that touch one point, so that the others of the point can judge them."""
     point: Int
+    """(n,) int64. That point; -1 none."""
     image: Int
+    """(n,) int64. The image that a record touches; -1 none."""
     coordinates: Bool
+    """(n,). Records of that point alone: given coordinates."""
 
     @classmethod
     def of(cls, block: BundleInput) -> AllRecords:

@@ -34,20 +34,15 @@ FIRM = 1e-3
 
 @dataclass(frozen=True)
 class Members:
-    """Records at some points: place of their observations, row, slot in the padded arrays.
-
-    Attributes
-    ----------
-    points : (n,) int64
-    place, row, block, slot : (r,) int64
-        `block` counts the points.
-    """
+    """Records at some points: place of their observations, row, slot in the padded arrays."""
 
     points: Int
+    """(n,) int64."""
     place: Int
     row: Int
     block: Int
     slot: Int
+    """(r,) int64. `block` counts the points."""
 
     def of(self, found: Bool) -> Bool:
         """From padded (n, k) to the records, (r,)."""
@@ -56,23 +51,16 @@ class Members:
 
 @dataclass(frozen=True)
 class AtPoints:
-    """What is wrong at some points.
-
-    Attributes
-    ----------
-    members : Members
-    out, undecided : (r,) bool
-        Of the members.
-    single : (r,) bool
-        To leave out one record of the member's point is enough.
-    xyz_m : (n, 3) float64, m, reduced
-    """
+    """What is wrong at some points."""
 
     members: Members
     out: Bool
     undecided: Bool
+    """(r,). Of the members."""
     single: Bool
+    """(r,). To leave out one record of the member's point is enough."""
     xyz_m: Float
+    """(n, 3), m, reduced."""
 
     def told_apart(self, gain: Float) -> AtPoints:
         """Decided by the whole block where one record of a point is wrong, and its other unknowns held do not tell.

@@ -31,24 +31,16 @@ CONTROLLED = 1e-3
 
 @dataclass(frozen=True)
 class AdjustOptions:
-    """One adjustment on the way.
-
-    Attributes
-    ----------
-    huber : float, optional
-        Bound of Huber's loss of all kinds.
-    weights : tuple of (n,) float64
-        Of all records, kind by kind; empty: 1.
-    coarse : bool
-        It need not converge to the end.
-    covariances : bool
-        With standard deviations, where these are wanted at all.
-    """
+    """One adjustment on the way."""
 
     huber: float | None = None
+    """Bound of Huber's loss of all kinds."""
     weights: tuple[Float, ...] = ()
+    """Tuple of (n,). Of all records, kind by kind; empty: 1."""
     coarse: bool = False
+    """It need not converge to the end."""
     covariances: bool = True
+    """With standard deviations, where these are wanted at all."""
 
 
 Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]

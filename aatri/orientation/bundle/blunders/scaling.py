@@ -41,20 +41,13 @@ NO_ERRORS = 0.02
 
 @dataclass(frozen=True)
 class Classes:
-    """Classes of observations.
-
-    Attributes
-    ----------
-    names : tuple of str
-    kind : (g,) int64
-        Number of the kind that each class belongs to.
-    number : tuple of (n, m) int
-        Class of every component of each of the observations; -1 none.
-    """
+    """Classes of observations."""
 
     names: tuple[str, ...]
     kind: Int
+    """(g,) int64. Number of the kind that each class belongs to."""
     number: tuple[Int, ...]
+    """Tuple of (n, m). Class of every component of each of the observations; -1 none."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
@@ -181,22 +174,15 @@ def _labels(o: Observed, images: ImageGroups | None) -> tuple[list[str], Int]:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Standard deviations in use by a search: factors on those given, class by class.
-
-    Attributes
-    ----------
-    classes : Classes
-    factor : (g,) float64
-    last : ClassScales, optional
-        What the last adjustment asks for beyond them.
-    without_errors : (g,) bool, optional
-        Classes without errors, which keep the standard deviations given.
-    """
+    """Standard deviations in use by a search: factors on those given, class by class."""
 
     classes: Classes
     factor: Float
+    """(g,)."""
     last: ClassScales | None = None
+    """What the last adjustment asks for beyond them."""
     without_errors: Bool | None = None
+    """(g,). Classes without errors, which keep the standard deviations given."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Scaling:

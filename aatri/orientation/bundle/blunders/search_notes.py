@@ -26,34 +26,23 @@ def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class SearchOutcome:
-    """What a search has come to, over all records.
-
-    Attributes
-    ----------
-    active : (n,) bool
-    undecided : (n,) bool
-        Left out though only some of them are wrong.
-    above : (n,) bool
-        Active with a test above the limit.
-    doubted : (n,) bool
-        Active, at points where one of them is wrong, by little, and nothing tells which.
-    renumbered : tuple of OtherNumber
-    small : bool
-        There is too little redundancy to tell gross errors from wrong standard deviations.
-    test : (n,) float64, optional
-        |w| of all.
-    whole : (n,) bool, optional
-        Of kinds that were left out as a whole.
-    """
+    """What a search has come to, over all records."""
 
     active: Bool
+    """(n,)."""
     undecided: Bool
+    """(n,). Left out though only some of them are wrong."""
     above: Bool
+    """(n,). Active with a test above the limit."""
     doubted: Bool
+    """(n,). Active, at points where one of them is wrong, by little, and nothing tells which."""
     renumbered: tuple[OtherNumber, ...] = ()
     small: bool = False
+    """There is too little redundancy to tell gross errors from wrong standard deviations."""
     test: Float | None = None
+    """(n,). |w| of all."""
     whole: Bool | None = None
+    """(n,). Of kinds that were left out as a whole."""
 
 
 def findings(block: BundleInput, records: AllRecords, found: SearchOutcome, options: SearchOptions) -> list[Note]:

@@ -15,38 +15,26 @@ Sigmas = Literal["estimated", "tests", "given"]
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """AdjustOptions gross errors are searched for.
-
-    Attributes
-    ----------
-    method : str
-        `robust_snooping`: data snooping from a robust adjustment; `data_snooping`: from least squares; `robust`: a
-        robust adjustment alone, not one of least squares in the end; `none`.
-    weights : str
-        Weight function of the robust adjustment.
-    bound : float, optional
-        Of the weight function, in standard deviations; default: that of the function.
-    limit : float
-        |w| above which an observation is rejected.
-    counts : bool
-        The limit is that of all tests together, see `for_tests`.
-    tau : bool
-        The tests are standardised by the sigma0 of the adjustment.
-    max_share : float, optional
-        Largest share of a kind that is rejected; default: what its redundancy answers for.
-    sigmas : str
-        `estimated`: tests and weights with standard deviations that fit the residuals, where the given ones do not;
-        `tests`: the tests alone; `given`: as they are.
-    """
+    """AdjustOptions gross errors are searched for."""
 
     method: Method = "robust_snooping"
+    """`robust_snooping`: data snooping from a robust adjustment; `data_snooping`: from least squares; `robust`: a
+    robust adjustment alone, not one of least squares in the end; `none`."""
     weights: Weighting = "huber"
+    """Weight function of the robust adjustment."""
     bound: float | None = None
+    """Of the weight function, in standard deviations; default: that of the function."""
     limit: float = LEAST_LIMIT
+    """|w| above which an observation is rejected."""
     counts: bool = True
+    """The limit is that of all tests together, see `for_tests`."""
     tau: bool = False
+    """The tests are standardised by the sigma0 of the adjustment."""
     max_share: float | None = None
+    """Largest share of a kind that is rejected; default: what its redundancy answers for."""
     sigmas: Sigmas = "estimated"
+    """`estimated`: tests and weights with standard deviations that fit the residuals, where the given ones do not;
+    `tests`: the tests alone; `given`: as they are."""
 
     @property
     def k(self) -> float:

@@ -36,46 +36,32 @@ class Cause:
 
 @dataclass(frozen=True)
 class Candidates:
-    """What the observations of a kind may have in common, unit by unit.
-
-    Attributes
-    ----------
-    place : int
-        Of the kind among the observations.
-    per : str
-        What a unit is: strip, flight, camera, neighbourhood, all.
-    units : (u,) str
-    rows, unit : (n,) int
-        Observations in use, and the unit of each.
-    H : (n, m, k) float64
-        Derivatives of the residuals, in units of the observation.
-    causes : tuple of Cause
-    removable : bool
-        A unit that is wrong may be left out.
-    tests : int
-        Units among which these were chosen, where they are not all.
-    least_left : float
-        Share of an effect on a unit, of what the ground points leave of it, that the images leave at least: units that
-        could not be significant by it need not be solved for. 0: not known.
-    typical : (u,) bool, optional
-        Units that were chosen without regard to their residuals: where all of these have something in common that the
-        model does not know, one is wrong that has more.
-    dispersion : (u,) float64, optional
-        The same where it is known: how many times the squares of units like these are those of chance.
-    """
+    """What the observations of a kind may have in common, unit by unit."""
 
     place: int
+    """Of the kind among the observations."""
     per: str
+    """What a unit is: strip, flight, camera, neighbourhood, all."""
     units: Text
+    """(u,) str."""
     rows: Int
     unit: Int
+    """(n,). Observations in use, and the unit of each."""
     H: Float
+    """(n, m, k). Derivatives of the residuals, in units of the observation."""
     causes: tuple[Cause, ...]
     removable: bool = False
+    """A unit that is wrong may be left out."""
     tests: int = 0
+    """Units among which these were chosen, where they are not all."""
     least_left: float = 0.0
+    """Share of an effect on a unit, of what the ground points leave of it, that the images leave at least: units that
+    could not be significant by it need not be solved for. 0: not known."""
     typical: Bool | None = None
+    """(u,). Units that were chosen without regard to their residuals: where all of these have something in common that
+    the model does not know, one is wrong that has more."""
     dispersion: Float | None = None
+    """(u,). The same where it is known: how many times the squares of units like these are those of chance."""
 
 
 def dispersion_of(gains: Float, degrees: int, variance: float = 1.0) -> float:

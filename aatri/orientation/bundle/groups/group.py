@@ -12,60 +12,42 @@ Key = tuple[int, str, str, str]
 
 @dataclass(frozen=True)
 class Group:
-    """Observations that are wrong together, and how.
-
-    Attributes
-    ----------
-    place : int
-        Of their kind among the observations.
-    kind, per, unit, cause : str
-        As of its `Candidates`.
-    rows : (n,) int
-    H : (n, m, k) float64
-        Derivatives of their residuals by the parameters of the cause.
-    value, sigma : (k,) float64
-        Parameters, in units of the kind; a posteriori where sigma0 is above 1.
-    gain : float
-        By which they reduce v'v, over s^2.
-    sigma0 : float
-        With the parameters.
-    harm : float
-        Largest change of a coordinate of a point or of a projection centre, in its standard deviations.
-    coordinates : int
-        Of which it is the largest.
-    change_m : float
-        That change; of a point where one changes by more than its standard deviation.
-    moved : str
-        What changes so.
-    or_else : tuple of (str, str, str)
-        Unit's kind, unit and cause of others that explain as much.
-    undecided : (j,) int
-        Rows of other units of the same kind that explain as much.
-    c_mm : float, mm
-        Principal distance of its image points.
-    removable : bool
-        It may be left out.
-    """
+    """Observations that are wrong together, and how."""
 
     place: int
+    """Of their kind among the observations."""
     kind: str
     per: str
     unit: str
     cause: str
+    """As of its `Candidates`."""
     rows: Int
+    """(n,)."""
     H: Float
+    """(n, m, k). Derivatives of their residuals by the parameters of the cause."""
     value: Float
     sigma: Float
+    """(k,). Parameters, in units of the kind; a posteriori where sigma0 is above 1."""
     gain: float
+    """By which they reduce v'v, over s^2."""
     sigma0: float
+    """With the parameters."""
     harm: float = 0.0
+    """Largest change of a coordinate of a point or of a projection centre, in its standard deviations."""
     coordinates: int = 0
+    """Of which it is the largest."""
     change_m: float = 0.0
+    """That change; of a point where one changes by more than its standard deviation."""
     moved: str = ""
+    """What changes so."""
     or_else: tuple[tuple[str, str, str], ...] = ()
+    """Unit's kind, unit and cause of others that explain as much."""
     undecided: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(j,). Rows of other units of the same kind that explain as much."""
     c_mm: float = float("nan")
+    """Principal distance of its image points."""
     removable: bool = False
+    """It may be left out."""
 
     @property
     def complexity(self) -> tuple[bool, bool, int]:
