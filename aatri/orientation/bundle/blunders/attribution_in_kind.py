@@ -3,7 +3,8 @@
 The rejected record is put back and the block adjusted. There the gain of leaving out each one of the kind is known, in
 the linear model exactly, whatever the start, the path and the order (`adjustment.statistics.leave_one_out`). If another
 gains more it goes instead. If several gain the same nothing tells which is wrong: all go, if the block is determined
-as well without them (two contradicting bars: nothing else gives the scale), else all stay; they are named either way.
+as well without them (two contradicting bars: nothing else gives the scale), else all stay, and so where they gain
+little; they are named either way.
 
 Only a record that leaves some other of its kind all but untested can be taken for it: with correlation rho of their
 tests gain_j = rho^2 gain_i, and leaving i out takes rho^2 of j's redundancy. The others are clear without that.
@@ -22,6 +23,7 @@ from aatri.observations.observed import NEARLY_EXACT, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.rejections import DOUBT
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
@@ -29,6 +31,11 @@ from aatri.orientation.bundle.result import from_result
 
 MOST = 12
 """Rejected records of a kind up to which each is tried: where there are more the others tell them apart."""
+
+STAY = (
+    "without them the block is not determined, so all of them are used: measure another, or take the wrong one out of "
+    "its table"
+)
 
 SOFT = 0.02
 """Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
@@ -121,9 +128,10 @@ class _Attribution:
         best = rows[as_good(np.where(use[rows], gain, np.nan))]
         if len(best) == 1 and best[0] == row:
             return
+        doubt = len(best) > 1 and np.nanmax(gain[np.isin(rows, best)]) <= DOUBT**2
         less = use.copy()
         less[best] = False
-        without = self._without(less, back, best)
+        without = None if doubt else self._without(less, back, best)
         if without is not None:
             self.tried = without
             self.undecided[best] = len(best) > 1
@@ -131,9 +139,8 @@ class _Attribution:
         self.tried = self._adjusted(use | self._at_points_of(best.tolist()), {})
         self.kept[best] = True
         names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
-        kind = self.records.observed[places[0]].kind
-        text = f"{kind}: one of these is wrong, and nothing tells which; without them the block is not determined, so "
-        text += "all of them are used: measure another, or take the wrong one out of its table"
+        text = f"{self.records.observed[places[0]].kind}: one of these is wrong, and nothing tells which; "
+        text += "by little: all of them are used" if doubt else STAY
         self.notes.append(Note("warning", text, tuple(name for some in names for name in some)))
 
     def _at_points_of(self, rows: list[int]) -> Bool:
