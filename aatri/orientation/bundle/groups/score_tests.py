@@ -77,7 +77,7 @@ def significant_groups(
     candidates_of : callable
         What is to be tested of a block.
     single : float
-        Largest |w| of a single observation; 0: single ones have been searched for.
+        Root of the most that leaving out a single observation gains; 0: single ones have been searched for.
     known : sequence of key
         Groups that have been accepted already.
     """

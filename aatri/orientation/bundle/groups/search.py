@@ -25,7 +25,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import tests_of
+from aatri.orientation.bundle.blunders.tested_block import gains_of, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
@@ -95,8 +95,7 @@ def search_with_groups(
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
-        single_test = float(_tests(done.result).max())
-        above = single_test if single_test > options.limit else 0.0
+        above = _largest(done.result) if _tests(done.result).max() > options.limit else 0.0
         more = significant_groups(block, done.result, candidates_of, above, [g.key for g in groups])
         trials = ((group, _carried(block, [*groups, group], single)) for group in more)
         accepted = next(((group, again) for group, again in trials if again is not None), None)
@@ -143,10 +142,9 @@ def _before_single_ones(
     groups: list[Group] = []
     result = _squares(block, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
-        single = float(_tests(result).max())
-        if single <= options.limit:
+        if _tests(result).max() <= options.limit:
             break
-        more = significant_groups(block, result, candidates_of, single, [g.key for g in groups])
+        more = significant_groups(block, result, candidates_of, _largest(result), [g.key for g in groups])
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in more]
         most = SMALLER * _misfit(result, options.limit)
         fits = [(g, r) for g, r in trials if r is not None and _misfit(r, options.limit) <= most]
@@ -189,6 +187,13 @@ def _tests(result: BundleResult) -> Float:
     """|w| of all observations in use, that have one."""
     tests = np.concatenate([np.zeros(1), *(tests_of(o, result.adjusted.state)[o.used] for o in result.observations)])
     return np.asarray(tests[np.isfinite(tests)])
+
+
+def _largest(result: BundleResult) -> float:
+    """Root of the most that leaving out a single observation, all its coordinates, gains."""
+    tested = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
+    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in tested]
+    return float(np.sqrt(np.nanmax(np.concatenate([np.zeros(1), *gains]))))
 
 
 def _misfit(result: BundleResult, limit: float) -> float:
