@@ -18,6 +18,12 @@ ONCE_LOST = (
     # two strips whose common points leave a rotation open stand by themselves, each on its control
     "control=full positions=all attitudes=all tilt=0 camera=digital parameters=removable sigmas=fifth wrong=parallel "
     "seed=100079 sigmas_of=image noise=normal",
+    # one of two control points is wrong in all coordinates: positions of a strip, of six parameters, were blamed for it
+    "control=two positions=all attitudes=none tilt=40 camera=digital parameters=removable sigmas=fifth wrong=control "
+    "seed=300178 sigmas_of=control noise=normal",
+    # two positions that nothing tells apart, one of them just beyond the limit by standard deviations half too small
+    "control=full positions=all attitudes=all tilt=15 camera=digital parameters=fixed sigmas=half wrong=control "
+    "seed=300007 sigmas_of=position noise=normal",
 )
 """Random cells that ended badly at some time."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.artifacts.block import Block
+from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 
 
@@ -54,7 +55,7 @@ def without_marks(block: Block, rows: Any) -> Block:
     return replace(block, fiducial_points=block.fiducial_points.take(~rows))
 
 
-class Told:
+class Told(Silent):
     """A reporter that keeps what it is told."""
 
     def __init__(self) -> None:
@@ -66,6 +67,3 @@ class Told:
 
     def warn(self, message: str) -> None:
         self.warnings.append(message)
-
-    def progress(self, done: int, total: int, what: str = "") -> None:
-        pass

@@ -11,6 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context
+from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
@@ -56,7 +57,7 @@ def far_off(block: Block, solution: Solution) -> tuple[float, float]:
     return float(centre.max()), float(Rotation.from_matrix(turned).magnitude().max())
 
 
-class Told:
+class Told(Silent):
     """A context that keeps the warnings."""
 
     def __init__(self) -> None:
@@ -64,9 +65,3 @@ class Told:
 
     def warn(self, message: str) -> None:
         self.warnings.append(message)
-
-    def log(self, message: str) -> None:
-        pass
-
-    def progress(self, done: int, total: int, what: str = "") -> None:
-        pass
