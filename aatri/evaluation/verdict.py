@@ -72,7 +72,7 @@ def _sigma0(test: GlobalTest | None) -> str:
 def _control(figures: Mapping[str, float], exact: bool) -> str:
     n = int(figures.get("control_points", 0))
     if not n:
-        return "No control point is determined."
+        return "No control point takes part."
     nature = "given as exact" if exact else "not a measure of accuracy"
     text = f"Fit to {_count(n, 'control point')} ({nature}): {_xyz(figures, 'control_rmse_{}_m')} m RMS"
     rejected = int(figures.get("control_rejected_points", 0))

@@ -25,10 +25,10 @@ class ReportedProblem:
 
 
 OF_OBSERVATIONS = {
-    "control": "compare its number and coordinates with their source, then measure it again in its images",
-    "position": "compare its time and antenna with the flight's record, then its accuracy class",
+    "control": "compare numbers and coordinates with their source, then measure again in the images",
+    "position": "compare times and antenna with the record of the flight",
 }
-OTHERWISE = "compare it with the field book or the measurement"
+OTHERWISE = "compare with the field book or the measurement"
 REMEDIES = {
     "Convergence": ("see at which iteration it stays; a better start or fewer free parameters help", "convergence"),
     "sigma0": ("see which group of observations does not follow the standard deviations given", "residuals"),

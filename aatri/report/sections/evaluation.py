@@ -58,7 +58,7 @@ def _table(differences: Differences, kind: str) -> PageTable | None:
         "rays": differences.rays,
     }
     where = "control points predicted without themselves" if kind == "left_out" else f"{kind} points"
-    return all_rows(f"Differences at {where}, the largest first", columns, rows)
+    return all_rows(f"Differences at {where}, the largest first", columns, rows, kept=kind != "left_out")
 
 
 def models_table(models: SingleModels | None) -> PageTable | None:

@@ -37,4 +37,4 @@ def _points(block: Block, solution: Solution) -> PageTable | None:
         **lengths("ellipse_a b", semi_axes_m),
         "bearing deg": (bearing_deg, digits(0)),
     }
-    return all_rows("Points of the network, with standard ellipses in plan", columns, rows)
+    return all_rows("Points of the network, with standard ellipses in plan", columns, rows, kept=True)

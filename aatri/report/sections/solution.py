@@ -77,7 +77,7 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
         )
     columns["image points"] = images.image_points
     caption = "Orientations: omega, phi, kappa; standard deviations of the turns about the ground axes"
-    return all_rows(caption, columns, _flown(block, solution))
+    return all_rows(caption, columns, _flown(block, solution), kept=True)
 
 
 def _flown(block: Block | None, solution: Solution) -> Int:

@@ -22,6 +22,9 @@ LONG = 15
 LEAST_REDUNDANCY = 1.0
 """Of a class of observations, from which on its standard deviation a posteriori is told."""
 
+MOST_PRINTED = 40
+"""Tables of more rows are not printed, but for those of a result that must be whole."""
+
 MOST_FOLDED = 500
 """More rows are left to the export, and the caption says so."""
 
@@ -40,13 +43,22 @@ Columns = dict[str, Column]
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table: `text_columns` leading columns are text, the others numbers; `folded` shows only its caption."""
+    """A table: `text_columns` leading columns are text, the others numbers; `folded` shows only its caption.
+
+    On paper there are no folds: what is `kept` is printed whole, other long tables are left to the page.
+    """
 
     caption: str
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
     text_columns: int = 1
     folded: bool = False
+    kept: bool = False
+
+    @property
+    def printed(self) -> bool:
+        """Whether it is open on paper: short ones, and those that are kept whole."""
+        return self.kept or len(self.rows) <= MOST_PRINTED
 
 
 def pairs(caption: str, values: Mapping[str, Any]) -> PageTable | None:
@@ -78,7 +90,9 @@ def rejects_table(rejects: Rejects) -> PageTable | None:
     return all_rows("Set aside on import", {"what": rejects.kind, "id": rejects.id, "why": rejects.reason})
 
 
-def all_rows(caption: str, columns: Mapping[str, Column], rows: Int | None = None) -> PageTable | None:
+def all_rows(
+    caption: str, columns: Mapping[str, Column], rows: Int | None = None, *, kept: bool = False
+) -> PageTable | None:
     """Rows of a table up to `MOST_FOLDED`, by default all from the first; folded where they are many."""
     pairs = [column if isinstance(column, tuple) else (column, None) for column in columns.values()]
     rows = np.arange(len(pairs[0][0])) if rows is None else rows
@@ -87,7 +101,7 @@ def all_rows(caption: str, columns: Mapping[str, Column], rows: Int | None = Non
     texts = [form is None and isinstance(values[0], str) for values, form in pairs]
     cells = [[_cell(values[k], form) for k in rows[:MOST_FOLDED].tolist()] for values, form in pairs]
     caption = f"{caption}{_of(len(cells[0]), len(rows), 'first')}"
-    return folded(PageTable(caption, tuple(columns), list(zip(*cells)), [*texts, False].index(False)))
+    return folded(PageTable(caption, tuple(columns), list(zip(*cells)), [*texts, False].index(False), kept=kept))
 
 
 def axes(names: Iterable[str], values: Float, form: Callable[[float], str]) -> Columns:

@@ -45,7 +45,7 @@ def alike(lengths_m: Iterable[float]) -> tuple[list[str], str]:
 
 def digits(count: int) -> Callable[[float], str]:
     """A function that writes numbers with so many digits after the point."""
-    return lambda value: DASH if value != value else f"{value:.{count}f}"
+    return lambda value: DASH if value != value else f"{round(value, count) + 0.0:.{count}f}"  # no -0
 
 
 def decimals(size: float, significant: int = 2) -> int:
