@@ -10,7 +10,7 @@ from aatri.adapters.cameras.tables import ParameterTables
 from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT
 from aatri.adapters.frame.adjustment_frame import result_out_of
 from aatri.adapters.observation_tables import reliability_table, residual_table
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
     Iterations,
@@ -111,18 +111,18 @@ def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
     ideal = any(is_ideal(name) for name in sets)
     cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *tables.parameters])
     given = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
-    by_set = _by_camera(block, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
+    by_set = _by_camera(cameras.id, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
     values = given + by_set
     for k, c0 in enumerate(given[:, 0] if not ideal else ()):
         values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *given[k, 1:]]
-    values = _by_camera(block, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
+    values = _by_camera(cameras.id, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
     return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
 
 
-def _by_camera(block: Block, p: Parameters, group: str, names: tuple[str, ...], values: Float) -> Float:
+def _by_camera(cameras: Text, p: Parameters, group: str, names: tuple[str, ...], values: Float) -> Float:
     """The values (n_cameras, k) with those that the parameters have of single cameras."""
     changed = values.copy()
-    row = {str(name): k for k, name in enumerate(block.cameras.id)}
+    row = {str(name): k for k, name in enumerate(cameras)}
     for column, name in enumerate(names):
         rows = np.flatnonzero((p.group == group) & (p.name == name))
         at = [row.get(str(camera), -1) for camera in p.object[rows]]

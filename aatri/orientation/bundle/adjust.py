@@ -62,10 +62,10 @@ def adjust_bundle(
     start = part.start
     observed, raised = _within_reach(given.observed, start)
     given = replace(given, observed=observed)
-    poses = _free_poses(given, part.of[POSE], settings.datum)
-    unknowns, held = told_apart(
-        given, part, unknowns_of(given, part, poses, _places(given, settings.solution.ordering))
-    )
+    poses = _free_poses(part.of[POSE], given.held_images, given.poses.position_m, settings.datum)
+    chain = settings.solution.ordering in ("across_strips", "along_strips")  # textbooks number images by their strips
+    places = given.numbering.place if chain and given.numbering is not None else given.poses.position_m
+    unknowns, held = told_apart(given, part, unknowns_of(given, part, poses, places))
     records, constraints = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
@@ -177,23 +177,16 @@ def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
     return replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
 
 
-def _free_poses(given: BundleInput, image: Bool, datum: Datum) -> Bool:
-    """Which scalars of the poses are free."""
-    free = np.repeat((image if given.held_images is None else image & ~given.held_images)[:, None], 6, axis=1)
+def _free_poses(image: Bool, held: Bool | None, position_m: Float, datum: Datum) -> Bool:
+    """Which scalars of the poses are free, of the images that take part."""
+    free = np.repeat((image if held is None else image & ~held)[:, None], 6, axis=1)
     if datum == "minimal" and image.any():
         first = int(np.argmax(image))
-        away = np.where(image[:, None], np.abs(given.poses.position_m - given.poses.position_m[first]), -1.0)
+        away = np.where(image[:, None], np.abs(position_m - position_m[first]), -1.0)
         farthest, axis = np.unravel_index(int(np.argmax(away)), away.shape)
         free[first] = False
         free[farthest, axis] = False
     return free
-
-
-def _places(given: BundleInput, ordering: str) -> Float:
-    """Where the images lie, for the order of elimination: textbooks number them by strips."""
-    if ordering in ("across_strips", "along_strips") and given.numbering is not None:
-        return given.numbering.place
-    return given.poses.position_m
 
 
 def _is_ray(records: Records) -> bool:
