@@ -42,9 +42,10 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
 def judgement(report: Path) -> str:
     """What the report says first; empty where a report.json is of an older version, or there is none."""
     try:
-        return str(json.loads(report.read_text(encoding="utf-8"))["judgement"])
+        text = str(json.loads(report.read_text(encoding="utf-8"))["judgement"])
     except (OSError, ValueError, KeyError, TypeError):
         return ""
+    return text.replace("\u202f", " ")  # a terminal shows thin blanks as their codes
 
 
 def _say_warnings(records: Sequence[Mapping[str, Any]]) -> None:

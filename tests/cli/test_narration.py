@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from aatri.cli.run_ending import judgement
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
@@ -188,3 +189,9 @@ def test_where_nobody_reads_the_narration_the_work_goes_on(tmp_path: Path) -> No
     command = [sys.executable, "-c", program, "run", str(tmp_path / "nothing.yaml")]
     assert subprocess.run(command, stderr=writer, check=False).returncode == 2
     os.close(writer)
+
+
+def test_the_judgement_has_plain_blanks(tmp_path: Path) -> None:
+    """A terminal shows thin ones as their codes."""
+    (tmp_path / "report.json").write_text('{"judgement": "35 of 14\\u202f267 image points are left out."}')
+    assert judgement(tmp_path / "report.json") == "35 of 14 267 image points are left out."
