@@ -93,10 +93,17 @@ def test_formats_are_listed_and_described() -> None:
     [
         ({"preset": "uav", "flight": {"strips": 2, "images_per_strip": 4}}, ("calibrated", "scale_transfer")),
         (
-            {"preset": "rc30", "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0}},
+            {
+                "preset": "rc30",
+                "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0},
+                "ties": {"new_points": 400},
+            },
             ("affine", "scale_transfer"),
         ),
-        ({"preset": "oblique", "flight": {"images_per_strip": 4}}, ("calibrated", "graph")),
+        (
+            {"preset": "oblique", "flight": {"strips": 2, "images_per_strip": 3}, "ties": {"new_points": 900}},
+            ("calibrated", "graph"),
+        ),
     ],
 )
 def test_a_block_of_strips_or_without_runs_by_the_pipeline_that_fits_it(tmp_path: Path, changes, has) -> None:

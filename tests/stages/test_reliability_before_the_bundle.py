@@ -20,7 +20,12 @@ from tests.stages.chain import Chain, run_chain, simulated
 def chain() -> Chain:
     return run_chain(
         simulated(
-            3, preset="rc30", flight={"strips": 2, "images_per_strip": 5}, known={"full": 8}, gnss={"observed": False}
+            3,
+            preset="rc30",
+            flight={"strips": 2, "images_per_strip": 5},
+            known={"full": 8},
+            ties={"new_points": 300},
+            gnss={"observed": False},
         )
     )
 

@@ -21,7 +21,7 @@ WHOLE = (Block, Given, BundleInput)
 def test_few_calls_receive_the_whole_block() -> None:
     """150 calls in 60 modules, of a block without gross errors; a method of the block is a call, too."""
     flight = {"strips": 2, "images_per_strip": 5}
-    chain = run_chain(simulated(3, preset="rc30", flight=flight))
+    chain = run_chain(simulated(3, preset="rc30", flight=flight, ties={"new_points": 300}))
     calls: list[str] = []
     generators: set[int] = set()  # one that goes on is no call
 

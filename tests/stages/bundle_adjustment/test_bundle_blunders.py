@@ -21,7 +21,13 @@ SIGMA_MM = 0.005
 @pytest.fixture(scope="module")
 def chain() -> Chain:
     return run_chain(
-        simulated(2, preset="rc30", flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0}, known={"full": 10})
+        simulated(
+            2,
+            preset="rc30",
+            flight={"strips": 3, "images_per_strip": 5, "cross_strips": 0},
+            known={"full": 10},
+            ties={"new_points": 500},
+        )
     )
 
 

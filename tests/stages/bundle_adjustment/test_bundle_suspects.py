@@ -24,6 +24,7 @@ def chain() -> Chain:
             preset="rc30",
             flight={"strips": 2, "images_per_strip": 4, "cross_strips": 0},
             known={"full": 5, "check_full": 6},
+            ties={"new_points": 300},
         )
     )
 

@@ -164,7 +164,7 @@ def test_a_wrong_position_among_five_is_named() -> None:
 
 
 def test_images_with_their_y_axis_the_wrong_way_round_are_refused() -> None:
-    block = without_strips(simulated(**SMALL_UAV))
+    block = without_strips(simulated(**{**SMALL_UAV, "flight": {"strips": 2, "images_per_strip": 5}}))
     m = block.image_points
     xy = np.column_stack([m.xy[:, 0], block.cameras.format[0, 1] - m.xy[:, 1]])
     with pytest.raises(GeometryError, match="fit it mirrored only") as refused:

@@ -67,7 +67,8 @@ def test_a_wrong_sequence_is_reported() -> None:
 
 
 def test_sigma0_of_all_models_is_told_and_beyond_the_limit_there_is_no_result():
-    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 6, "cross_strips": 0})
+    flight = {"strips": 1, "images_per_strip": 6, "cross_strips": 0}
+    block = simulated(preset="rc30", flight=flight, ties={"new_points": 200})
     interior = affine(block)
     log = Log()
     dependent(block, interior, context=log)

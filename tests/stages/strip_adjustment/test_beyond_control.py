@@ -21,11 +21,11 @@ from tests.stages.chain import simulated
 from tests.stages.film_blocks import Told
 
 
-def block_of(*, positions: bool) -> Any:
+def block_of(*, positions: bool, control: int = 12) -> Any:
     return simulated(
         4,
         camera={"kind": "digital", "format": (9000.0, 9000.0), "pixel_size_mm": 0.02},
-        known={"full": 12},
+        known={"full": control},
         flight={"strips": 2, "images_per_strip": 6},
         ties={"per_position": 3},
         refraction="none",
@@ -59,7 +59,7 @@ def test_points_beyond_all_control_are_told_though_ties_go_on() -> None:
 
 
 def test_left_handed_control_beside_observed_positions_is_an_error_that_says_what_to_look_at() -> None:
-    block = block_of(positions=True)
+    block = block_of(positions=True, control=8)
     g = block.ground_points
     mirrored = replace(block, ground_points=replace(g, xyz_m=g.xyz_m[:, [1, 0, 2]]))
     with pytest.raises(ConvergenceError) as caught:
