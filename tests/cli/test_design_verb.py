@@ -13,7 +13,8 @@ PIPELINE = """
 run: out
 seed: 1
 stages:
-  block:    {use: block/simulate, with: {preset: uav, flight: {strips: 2, images_per_strip: 4}, known: {full: 4}}}
+  block:    {use: block/simulate, with: {preset: uav, flight: {strips: 2, images_per_strip: 4}, known: {full: 4},
+                                        ties: {random_per_image: 60.0}}}
   interior: {use: interior_orientation/calibrated, from: {block}}
   start:    {use: initial_orientation/graph, from: {block, image_points: interior}}
   bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: interior, initial: start},

@@ -100,7 +100,8 @@ def test_a_block_with_ten_mistakes_edited_is_the_clean_one_without_them(
 
 def test_a_number_that_is_no_proposal_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    clean = simulated(3, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 4})
+    flight = {"strips": 2, "images_per_strip": 4}
+    clean = simulated(3, preset="uav", flight=flight, known={"full": 4}, ties={"random_per_image": 60.0})
     (tmp_path / "pipeline.yaml").write_text(PIPELINE)
     write_block(clean, tmp_path / "block")
     assert "aatri run" in CliRunner().invoke(app, ["edit"]).output  # it has not been run

@@ -21,7 +21,8 @@ from tests.reading import read_wucaps
 PIPELINE = """run: out
 seed: 2
 stages:
-  block: {use: block/simulate, with: {preset: uav, flight: {strips: 2, images_per_strip: 4}}}
+  block: {use: block/simulate, with: {preset: uav, flight: {strips: 2, images_per_strip: 4},
+                                     ties: {random_per_image: 60.0}}}
   interior: {use: interior_orientation/calibrated, from: {block}}
   refined: {use: image_refinement/systematic, from: {block, image_points: interior}}
   bundle: {use: bundle_adjustment/bundle, from: {block, image_points: refined}}

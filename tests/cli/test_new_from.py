@@ -91,7 +91,14 @@ def test_formats_are_listed_and_described() -> None:
 @pytest.mark.parametrize(
     ("changes", "has"),
     [
-        ({"preset": "uav", "flight": {"strips": 2, "images_per_strip": 4}}, ("calibrated", "scale_transfer")),
+        (
+            {
+                "preset": "uav",
+                "flight": {"strips": 2, "images_per_strip": 4},
+                "ties": {"per_position": 0, "random_per_image": 60.0},
+            },
+            ("calibrated", "scale_transfer"),
+        ),
         (
             {
                 "preset": "rc30",

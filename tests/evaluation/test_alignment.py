@@ -122,7 +122,8 @@ def test_too_few_check_points_are_no_check_and_no_figure() -> None:
 
 
 def test_a_free_bundle_has_the_errors_that_its_standard_deviations_say() -> None:
-    made = run_chain(simulated(preset="rc30", flight={"strips": 3, "images_per_strip": 6, "cross_strips": 0}))
+    flight = {"strips": 3, "images_per_strip": 6, "cross_strips": 0}
+    made = run_chain(simulated(preset="rc30", flight=flight, ties={"new_points": 400}))
     ground, exterior = made.block.ground_points, made.block.exterior
     block = replace(
         made.block,

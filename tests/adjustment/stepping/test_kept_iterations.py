@@ -49,7 +49,9 @@ class Mortal(Silent):
 
 @pytest.fixture(scope="module")
 def chain() -> Any:
-    block = simulated(4, preset="uav", flight={"strips": 2, "images_per_strip": 5}, known={"full": 5})
+    block = simulated(
+        4, preset="uav", flight={"strips": 2, "images_per_strip": 5}, known={"full": 5}, ties={"random_per_image": 60.0}
+    )
     return run_chain(block)
 
 

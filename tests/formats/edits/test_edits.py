@@ -26,7 +26,12 @@ from tests.stages.chain import simulated
 @pytest.fixture(scope="module")
 def block() -> Block:
     return simulated(
-        5, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 4}, gnss={"observed": True}
+        5,
+        preset="uav",
+        flight={"strips": 2, "images_per_strip": 4},
+        known={"full": 4},
+        ties={"random_per_image": 60.0},
+        gnss={"observed": True},
     )
 
 

@@ -20,6 +20,7 @@ PLAN = {
     "preset": "uav",
     "flight": {"strips": 2, "images_per_strip": 5},
     "known": {"layout": [], "full": 4, "check_full": 4},
+    "ties": {"random_per_image": 60.0},
     "noise": {"factor": 1e-3},
     "gnss": {"observed": False},
 }

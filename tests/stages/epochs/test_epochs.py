@@ -23,7 +23,11 @@ CALIBRATED = {"self_calibration": {"set": "brown_conrady", "sigma_um": None}, "p
 
 
 def _epoch(seed: int, moved: int = 0) -> tuple[Block, Solution]:
-    options = {"preset": "test_field", "epoch": {"site": "quarry", "moved": moved, "moved_m": [0.001, 0.005]}}
+    options = {
+        "preset": "test_field",
+        "flight": {"images_per_strip": 8},
+        "epoch": {"site": "quarry", "moved": moved, "moved_m": [0.001, 0.005]},
+    }
     block = simulate(options=SimulateOptions.model_validate(options), rng=np.random.default_rng(seed))
     image_points = calibrated(block)
     start = graph(block, image_points, rng=np.random.default_rng(0))

@@ -38,7 +38,8 @@ def test_points_not_named_are_intersected_and_do_not_orient(tmp_path: Path, meth
 
 def test_connection_points_connect_whether_they_are_named_or_not(tmp_path: Path) -> None:
     """Of the notes: orientation points give Q, connection points P and Q."""
-    block = simulated(2, preset="rc30", flight={"strips": 1, "images_per_strip": 5, "cross_strips": 0})
+    flight = {"strips": 1, "images_per_strip": 5, "cross_strips": 0}
+    block = simulated(2, preset="rc30", flight=flight, ties={"new_points": 200})
     refined = systematic(block, affine(block))
     every = connected(block, refined)
     models = np.zeros(len(block.points), dtype=int)
