@@ -76,7 +76,7 @@ def adjust_bundle(
     if settings.datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
-        onto = _datum_of(given, start)
+        onto = _datum_of(given.datum, start)
         free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
     datum_held = unknowns if free is None else minimally_held(free)
 
@@ -109,14 +109,13 @@ def adjust_bundle(
     return _result(given, adjusted, part, covariances, free, tuple(notes))
 
 
-def _datum_of(given: BundleInput, start: State) -> State:
+def _datum_of(datum: State | None, start: State) -> State:
     """The values onto which a free datum is fitted."""
-    poses, xyz = start[POSE], start[POINT]
-    position = poses.position_m
-    if given.datum_position_m is not None and given.datum_xyz_m is not None:
-        position = np.where(np.isfinite(given.datum_position_m), given.datum_position_m, position)
-        xyz = np.where(np.isfinite(given.datum_xyz_m), given.datum_xyz_m, xyz)
-    return {**start, POSE: replace(poses, position_m=position), POINT: xyz}
+    if datum is None:
+        return start
+    chosen, at_start = ((state[POSE].position_m, state[POINT]) for state in (datum, start))
+    position, xyz = (np.where(np.isfinite(a), a, b) for a, b in zip(chosen, at_start))
+    return {**start, POSE: replace(start[POSE], position_m=position), POINT: xyz}
 
 
 def _without_open(

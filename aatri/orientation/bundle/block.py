@@ -55,10 +55,8 @@ class BundleInput:
     held_images: Bool | None = None
     held_points: Bool | None = None
     """(n,). Images and points that are not adjusted, see `partial`."""
-    datum_position_m: Float | None = None
-    datum_xyz_m: Float | None = None
-    """(n, 3), m. Projection centres and points onto which a free datum is fitted; NaN and default: those of the start.
-    """
+    datum: State | None = None
+    """Poses and points onto which a free datum is fitted; NaN and default: those of the start."""
 
 
 @dataclass(frozen=True)

@@ -105,15 +105,10 @@ def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
     state = result.adjusted.state
     image, point = result.image_adjusted, result.point_adjusted
     observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
-    datum = [
-        old if chosen is None else chosen
-        for chosen, old in ((given.datum_position_m, given.poses.position_m), (given.datum_xyz_m, given.xyz_m))
-    ]
     return replace(
         given,
         poses=state[POSE].where(image, given.poses),
         xyz_m=np.where(point[:, None], state[POINT], given.xyz_m),
         observed=observed,
-        datum_position_m=datum[0],
-        datum_xyz_m=datum[1],
+        datum=given.datum or {POSE: given.poses, POINT: given.xyz_m},
     )
