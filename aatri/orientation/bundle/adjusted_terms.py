@@ -12,7 +12,7 @@ adjustment is repeated until the parameters are those by which its terms were fo
 Source: Fuller 1987, Measurement Error Models, 1.1 and 3.1 (errors in the coefficients attenuate what is estimated).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput, start_of
-from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
 NEAR = 3.0
@@ -36,8 +36,6 @@ SAME, IDEAL_MM = 1e-4, 1e-6
 """Change of a parameter, in its standard deviations, and of a correction at ideal coordinates, that is none."""
 
 MOST_ROUNDS = 10
-
-Adjust = Callable[[BundleInput], BundleResult]
 
 
 def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:

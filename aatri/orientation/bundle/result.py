@@ -1,6 +1,6 @@
 """An adjusted block: poses, points and parameters with their covariances, and the observations held against them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -75,6 +75,9 @@ class BundleResult:
         row = np.full(len(observations.observed), -1, dtype=np.int64)
         row[observations.rows] = np.arange(len(observations.rows))
         return self.adjusted.problem.records[taking_part.index(place)], row
+
+
+Adjust = Callable[[BundleInput], BundleResult]
 
 
 def without_absent(result: BundleResult) -> BundleResult:

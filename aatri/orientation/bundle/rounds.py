@@ -19,9 +19,8 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.parameter_estimates import idle_parameters, with_free
 from aatri.orientation.bundle.readmission import readmitted
-from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 
-Adjust = Callable[[BundleInput], BundleResult]
 Rebuilt = Callable[[BundleInput, tuple[ParameterRows, ...]], BundleInput]
 """The block with other parameters."""
 

@@ -4,7 +4,7 @@ The block is adjusted, each group gets the factor sqrt(v'P v / r) on its standar
 with them, until no factor moves by more than `SAME`. See `adjustment.statistics.variance_components`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from aatri.errors import ConvergenceError, ResourceError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 
 SAME = 0.003
 """Relative change of a standard deviation below which it is found."""
@@ -25,8 +25,6 @@ ROUNDS = 25
 
 FARTHEST = 1e3
 """Beyond this factor, or its inverse, a standard deviation runs away: the group cannot be told from the others."""
-
-Adjust = Callable[[BundleInput], BundleResult]
 
 
 @dataclass(frozen=True)
