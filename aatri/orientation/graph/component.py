@@ -28,6 +28,7 @@ WIDE_RAD = 0.03
 """Rays farther off than this before the bundle are left out of it."""
 
 HUBER = 2.0
+"""Bound of Huber's loss: 99 % efficient for normal errors (Huber 1981, Robust statistics, 4.5)."""
 
 FEWEST_POINTS = 6
 """Images with fewer points that fit are not oriented."""
@@ -42,6 +43,7 @@ LEAST_SHARE = 0.4
 """Images of which a smaller share of the points fits in the end are not oriented."""
 
 LEAST_SPREAD = 0.1
+"""Standard deviations stated ten times too large count no more: residuals of made-up points may be zero."""
 
 ITERATIONS = 60
 

@@ -16,7 +16,8 @@ from aatri.adjustment.kernels.small import OPTIONS, select
 from aatri.orientation.relative.kernels.sampson import adjust, assign
 
 CAUCHY, BEHIND, FITS = 3.0, 100.0, 3.0
-"""Bound of Cauchy's cost; a point behind an image; largest distance of a point that fits: in standard deviations."""
+"""Bound of Cauchy's cost; a point behind an image; largest distance of a point that fits: in standard deviations, and of
+normal ones 0.3 % are farther; the snooping takes them back."""
 
 ALIKE = 0.02
 """Orientations that differ by less, in rad, are one."""
