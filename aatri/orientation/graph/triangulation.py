@@ -16,8 +16,8 @@ from aatri.observations.poses import Poses
 ROUNDS = 12
 
 LIMIT = 5.0
-"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger: of normal errors
-one in 270,000, exp(-LIMIT^2 / 2) of lengths of two components; the bundle tests it again."""
+"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger: of normal
+errors one in 270,000, exp(-LIMIT^2 / 2) of lengths of two components; the bundle tests it again."""
 
 LEAST_PARALLAX_RAD = 0.005
 """Points whose rays all lie within a smaller angle are not determined."""
