@@ -78,6 +78,18 @@ def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind:
     assert len(rows_of(found, kind)) == (5 if kind == "position" else 4)
 
 
+def test_an_exact_position_that_was_rejected_is_no_longer_demanded(tmp_path: Path) -> None:
+    positions = OF.position_m.copy()
+    positions[4] += 20.0
+    lines = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), positions, ",0.1,0.1,0.1", ",sX,sY,sZ").splitlines()
+    lines[5] = lines[5].replace(",0.1,0.1,0.1", ",0,0,0")
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior="\n".join(lines) + "\n")
+    assert (block.exterior.position_covariance_m2[4] == 0.0).all()
+    found = bundle(block, points, start(OF, block, suspected("position", [4])))
+    assert_is_the_block(found, OF)
+    assert found.suspects.verdict.tolist() == ["rejected"]
+
+
 def test_a_suspect_without_a_row_or_of_another_table_rejects_no_image_point(tmp_path: Path) -> None:
     block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS))
     found = bundle(block, points, start(OF, block, suspected("image_point", [-1])))

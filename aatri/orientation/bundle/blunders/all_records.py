@@ -115,6 +115,6 @@ class AllRecords:
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def without(self, observed: Sequence[Observed], active: Bool) -> tuple[Observed, ...]:
-        """Observations less those that are not active."""
+        """Observations less those that are not active; conditions that an earlier stage has rejected stay out."""
         out = self.split(self.native & ~active)
-        return tuple(o.again().without(r) for o, r in zip(observed, out))
+        return tuple(o if o.exact else o.again().without(r) for o, r in zip(observed, out))

@@ -116,7 +116,8 @@ def _with_rejected_together(block: BundleInput) -> BundleInput | None:
 
     def several(o: Observed) -> bool:
         groups = {group for group, _ in o.records.touches}
-        return o.rejected is not None and POSE in groups and POINT not in groups and int(o.rejected.sum()) >= SEVERAL
+        of_images = POSE in groups and POINT not in groups and not o.exact
+        return o.rejected is not None and of_images and int(o.rejected.sum()) >= SEVERAL
 
     if not any(map(several, block.observed)):
         return None
