@@ -200,7 +200,7 @@ def _records(
     records: list[Records] = []
     constraints: list[Records] = []
     for i, (o, rows) in enumerate(zip(observed, part.rows)):
-        if not len(rows) or o.exact and not o.records.active[rows].any():  # of what is rejected nothing is demanded
+        if not len(rows) or (o.exact and not o.records.active[rows].any()):  # of what is rejected nothing is demanded
             continue
         named = replace(o.records, label=o.label)
         if settings.weights:
