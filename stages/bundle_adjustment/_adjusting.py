@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
-from aatri.adapters.bundle.exchanged_at_start import without_exchanged
+from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
