@@ -44,6 +44,8 @@ class Unknowns:
     of the object space; absent: not at all."""
     implausible: Float | None = None
     """(k,). Standard deviations a priori beyond which a scalar counts as open, see `openness.nearly_open`."""
+    retained: Bool | None = None
+    """(n,). Blocks of an eliminated group that are kept all the same."""
 
     @property
     def size(self) -> int:

@@ -60,8 +60,12 @@ class Need:
     what: str
     remedy: str
     """What is told where none is."""
+    or_port: str = ""
+    """A port that gives it too, where it is connected."""
 
     @staticmethod
     def from_plain(plain: Mapping[str, Any]) -> Need:
         """From what `dataclasses.asdict` gives, read back."""
-        return Need(str(plain["port"]), tuple(plain["one_of"]), str(plain["what"]), str(plain["remedy"]))
+        return Need(
+            str(plain["port"]), tuple(plain["one_of"]), str(plain["what"]), str(plain["remedy"]), str(plain["or_port"])
+        )

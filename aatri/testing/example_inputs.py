@@ -80,6 +80,8 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
     """
     inputs = {}
     for port, kind in declared.ports.items():
+        if kind.kind == "Information" or port == "other":  # of another block, and the example is one
+            continue
         name = _name_of(role, port, kind)
         if name is None:
             raise PluginError(

@@ -18,6 +18,9 @@ snooping from there, at observations, points and images of all kinds together; w
 alone weights down and rejects nothing: such a solution has neither sigma0 nor standard deviations. `none` uses
 everything, also what an earlier stage has left out.
 
+`information`: the reduced normal equations of another block (information/reduced) stand for all its observations; the
+adjustment is that of both blocks.
+
 Start: `initial` if given, else the orientations of the block itself; images and points without a start get one by
 resection and intersection. What an earlier stage rejected stays out unless it fits the adjusted block after all.
 
@@ -30,37 +33,34 @@ from typing import Literal, Self
 
 from pydantic import field_validator, model_validator
 
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
-from aatri.adapters.bundle.bundle_solution import bundle_solution
+from aatri.adapters.bundle.bundle_solution import bundle_solution, with_share
+from aatri.adapters.bundle.information_checks import check_sets
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.point_covariances import point_covariances
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.ground.datum import with_datum
-from aatri.adapters.solution import check_same_block
-from aatri.adapters.suspects import after, inherited
+from aatri.adapters.suspects import after
 from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.information import Information
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
 from aatri.checks.after.groups import contradicts
 from aatri.checks.after.of_bundle import findings_after
 from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
-from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
-from aatri.notes import tell
-from aatri.observations.kinds.catalogue import options_without_data
-from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
 
-from ._adjusting import AdjustmentOptions, adjusted_block
+from ._adjusted import adjusted_bundle
+from ._adjusting import AdjustmentOptions
 from ._blunders import GONE, Blunders
-from ._self_calibration import SelfCalibration, camera_tables, chosen_set, parameters_of, units_named
+from ._self_calibration import SelfCalibration, camera_tables, units_named
 from ._uses import used
 from ._variance_components import VarianceComponentOptions
 
@@ -148,7 +148,8 @@ class BundleOptions(AdjustmentOptions):
         return self
 
 
-def _uses(options: BundleOptions) -> tuple[str, ...]:
+def bundle_uses(options: BundleOptions) -> tuple[str, ...]:
+    """What a bundle uses of the block, by its options."""
     units, components = units_named(options.self_calibration), options.variance_components
     return used(
         marked=options.datum_over == "marked",
@@ -158,36 +159,31 @@ def _uses(options: BundleOptions) -> tuple[str, ...]:
     )
 
 
-def _needs(options: BundleOptions) -> tuple[Need, ...]:
+def bundle_needs(options: BundleOptions) -> tuple[Need, ...]:
+    """What a bundle needs of the block, by its options."""
     if options.datum != "given":
         return ()
     positions = options.positions
     shift: Literal["none", "group", "all"] = "group" if positions.per == "group" else "all"
-    return datum_needed(positions=positions.use, shift="none" if positions.drift == "none" else shift)
+    needed = datum_needed(positions=positions.use, shift="none" if positions.drift == "none" else shift)
+    return tuple(replace(need, or_port="information") for need in needed)
 
 
-@stage(version=7, uses=_uses, needs=_needs)
+@stage(version=7, uses=bundle_uses, needs=bundle_needs)
 def bundle(
     block: Block,
     image_points: ImagePoints | None = None,
     initial: Solution | None = None,
     calibration: Solution | None = None,
+    information: Information | None = None,
     *,
     options: BundleOptions = BundleOptions(),
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block."""
-    check_same_block(block, image_points=image_points, initial=initial)
+    of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
+    source, done, groups, suspects, chosen = of.source, of.done, of.groups, of.suspects, of.chosen
     searched = options.blunders.method != "none"
-    suspects, notes = inherited(initial, taken_back=not searched)
-    tell(notes, context)
-    chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
-    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration)
-    source = observation_source(block, image_points, initial, parameters)
-    given = bundle_input(source, options, suspects)
-    notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
-    report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
-    done, groups, components = adjusted_block(source, given, options, context)
     wanted = options.standard_deviations is not False or options.reliability
     shown = done if wanted else replace(done, result=without_covariances(done.result))
     findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability)
@@ -200,9 +196,12 @@ def bundle(
     solution = replace(
         bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),
         orderings=report_orderings(done, options.ordering, context),
-        variance_components=components,
+        variance_components=of.components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
         contradictions=sum(map(contradicts, groups)),
         proposed_numbers=proposed,
     )
+    if information is not None and of.share is not None:
+        check_sets(information, of_cameras.sets)
+        solution = with_share(solution, of.share)
     return with_datum(block, solution, options.datum, options.datum_over)

@@ -6,6 +6,7 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.bundle.independent_errors import independent_errors_table
+from aatri.adapters.bundle.information_observed import InformationShare
 from aatri.adapters.cameras.tables import ParameterTables
 from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT
 from aatri.adapters.frame.adjustment_frame import result_out_of
@@ -96,6 +97,23 @@ def bundle_solution(
         independent_errors=independent,
         uncontrolled=None if uncontrolled is None else uncontrolled.take(uncontrolled.kind != FILM_PRIOR),
         sigma0_redundancy=float("nan") if result.counted is None else result.counted,
+    )
+
+
+def with_share(solution: Solution, share: InformationShare) -> Solution:
+    """The Solution with the observations, unknowns and residuals that stand in another block's Information."""
+    more = share.observations - share.unknowns
+    own = solution.redundancy if np.isnan(solution.sigma0_redundancy) else solution.sigma0_redundancy
+    cost = (solution.sigma0 / solution.sigma_scale) ** 2 * own + share.cost
+    sigma0 = float(np.sqrt(max(cost, 0.0) / (own + more))) * solution.sigma_scale if own + more > 0 else float("nan")
+    return replace(
+        solution,
+        observations=solution.observations + share.observations,
+        unknowns=solution.unknowns + share.unknowns,
+        redundancy=solution.redundancy + more,
+        sigma0=sigma0,
+        sigma0_redundancy=solution.sigma0_redundancy + more,
+        sigma0_um=solution.sigma0_um * sigma0 / solution.sigma0,
     )
 
 

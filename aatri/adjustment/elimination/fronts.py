@@ -23,6 +23,7 @@ from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
 from aatri.adjustment.records import excess, whitened
+from aatri.adjustment.structure.index import KeptRecords
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.unknowns import State
@@ -46,6 +47,28 @@ def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Fa
 
 LARGEST_COPY = 2e8
 """Bytes of a front up to which threads may each have one of their own."""
+
+
+LARGE_RECORD = 64
+"""Rows of a record from which its products are formed by BLAS: another block's normal equations."""
+
+
+def _add_large(
+    chosen: Iterable[int], v: Float, A: Float, records: KeptRecords, front: tuple[Float, Float, Float]
+) -> float:
+    """`add_records` for records of very many rows that touch no unknown twice."""
+    F, g, d = front
+    p, cost = records.parts, 0.0
+    for r in chosen:
+        used = np.flatnonzero(records.loc[r] >= 0)
+        used = used[np.argsort(records.loc[r][used])]
+        row = np.concatenate([records.loc[r, k] + np.arange(p.size[k]) for k in used])
+        J = A[r][:, np.concatenate([p.start[k] + np.arange(p.size[k]) for k in used])]
+        F[np.ix_(row, row)] += np.tril(J.T @ J)  # the rows ascend, so that this is below the diagonal
+        g[row] += J.T @ v[r]
+        d[row] += np.einsum("ij,ij->j", J, J)
+        cost += float(v[r] @ v[r])
+    return cost
 
 
 class _Room:
@@ -123,7 +146,10 @@ class Work:
             first, last = int(records.first[k]), int(records.first[k + 1])
             if last > first:
                 p = records.parts
-                self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
+                if v.shape[1] < LARGE_RECORD:
+                    self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
+                else:
+                    self.cost[k] += _add_large(range(first, last), v, A, records, (F, g, d))
         if self.problem.rays is not None:
             self._blocks(k, node, F, g, d, pool)
         held = self.problem.layout.held[node.columns]
@@ -131,11 +157,10 @@ class Work:
             F[held, :], F[:, held], g[held], d[held] = 0.0, 0.0, 0.0, 0.0
         self.fronts[k] = F, g, d
 
-    def finish(self, k: int) -> None:
-        """Add the updates of the children and eliminate; the front stays for its parent."""
+    def gather(self, k: int) -> tuple[Float, Float, Float]:
+        """The front of a node with the updates of its children."""
         node, front = self.problem.tree.nodes[k], self.fronts[k]
         assert front is not None
-        n, m = node.size, node.panel
         F, g, d = front
         for child in node.children:
             update = self.fronts[child]
@@ -143,6 +168,13 @@ class Work:
                 extend_add(*update, self.problem.tree.nodes[child].panel, self.problem.tree.maps[child], F, g, d)
                 self.room.give(update[0])
             self.fronts[child] = None
+        return front
+
+    def finish(self, k: int) -> None:
+        """Add the updates of the children and eliminate; the front stays for its parent."""
+        node = self.problem.tree.nodes[k]
+        n, m = node.size, node.panel
+        F, g, d = self.gather(k)
         held = self.problem.layout.held[node.columns[:m]]
         i = np.arange(m)
         F[i, i] += np.where(held, 1.0, self.damping * d[:m])

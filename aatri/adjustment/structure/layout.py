@@ -123,8 +123,8 @@ def ray_records(records: Sequence[Records], eliminated: str) -> Records | None:
 
 
 def _retained(group: Unknowns, records: Sequence[Records]) -> Bool:
-    """Blocks that other observations join, or with too many rays."""
-    retained = np.zeros(len(group.free), dtype=bool)
+    """Blocks that other observations join, or with too many rays, or that are to be kept."""
+    retained = np.zeros(len(group.free), dtype=bool) if group.retained is None else group.retained.copy()
     rays = ray_records(records, group.name)
     if rays is None:
         return np.ones(len(group.free), dtype=bool)

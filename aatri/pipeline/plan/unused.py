@@ -86,7 +86,7 @@ def _missing(takers: list[StageNode], source: str, offered: set[str]) -> list[Ge
         )
         for node in takers
         for need in node.needs
-        if node.inputs.get(need.port) == source and not offered & set(need.one_of)
+        if node.inputs.get(need.port) == source and not offered & set(need.one_of) and need.or_port not in node.inputs
     ]
 
 

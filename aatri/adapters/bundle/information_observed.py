@@ -1,0 +1,198 @@
+"""Another block's Information as an observation of this one.
+
+    v = W d + h,    W'W = N,    W'h = right,    d = x - value,    d = log(R R_value') of a rotation
+
+v'v is what the other block's observations have of v'Pv, but for a constant. Unknowns that this block does not have are
+eliminated first; observations that stand in the Information already do not count a second time.
+
+Source: Helmert 1880; Wolf 1978; Mikhail & Ackermann 1976, 12 (sequential adjustment).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
+
+from aatri.adjustment.elimination.onto import without
+from aatri.adjustment.records import Records
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.information import Information
+from aatri.errors import ArtifactError
+from aatri.geometry.rotations import left_jacobian, log_rotation
+from aatri.ids import shown
+from aatri.observations.observed import Observed, named
+from aatri.observations.poses import POINT, POSE, Poses, pose_unknowns
+from aatri.orientation.bundle.block import BundleInput
+
+INFORMATION = "information"
+"""Name of the kind."""
+
+POSE_LABELS = pose_unknowns((), np.zeros((0, 6), dtype=bool), np.zeros((0, 3))).labels
+
+
+@dataclass(frozen=True)
+class SharedBlock:
+    """A block of unknowns that the Information and this block share."""
+
+    group: str
+    row: int
+    scalar: Int
+    """Which scalars of it."""
+    column: Int
+    """Their places among the unknowns of the Information."""
+    value: Any
+    """Where they are linearised: (k,) float64, or the position and the rotation matrix of an image."""
+
+
+def shared_blocks(information: Information, given: BundleInput) -> list[SharedBlock]:
+    """The unknowns of an Information that a block has, in its rows."""
+    rows: dict[str, Mapping[str, int]] = {POSE: _rows(given.image_ids), POINT: _rows(given.point_ids)}
+    labels: dict[str, tuple[str, ...]] = {POSE: POSE_LABELS, POINT: ("X", "Y", "Z")}
+    for u in (u for o in given.observed for u in o.unknowns):
+        rows[u.name], labels[u.name] = _rows(u.ids), u.labels
+    unknowns = information.unknowns
+    images = {name: k for k, name in enumerate(information.images.image.tolist())}
+    shift = information.origin_m - given.origin_m
+    first = np.flatnonzero(
+        np.r_[True, (unknowns.group[1:] != unknowns.group[:-1]) | (unknowns.object[1:] != unknowns.object[:-1])]
+    )
+    blocks = []
+    for columns in np.split(np.arange(len(unknowns)), first[1:]):
+        group, name = str(unknowns.group[columns[0]]), str(unknowns.object[columns[0]])
+        row = rows.get(group, {}).get(name, -1)
+        if row < 0:
+            continue
+        of = unknowns.name[columns].tolist()
+        if not set(of) <= set(labels[group]):
+            raise other_set(group, name, of, labels[group])
+        scalar = np.array([labels[group].index(label) for label in of])
+        value: Any = unknowns.value[columns]
+        if group == POSE:
+            k = images[name]
+            value = information.images.position_m[k] + shift, information.images.ground_from_image[k]
+        elif group == POINT:
+            value = value + shift[scalar]
+        blocks.append(SharedBlock(group, row, scalar, columns, value))
+    return blocks
+
+
+@dataclass(frozen=True)
+class InformationShare:
+    """What an Information adds to the adjustment of a block."""
+
+    observed: Observed
+    cost: float
+    """What v'Pv has beside that of the observation."""
+    observations: int
+    """Observations that stand in it, less the rows of the observation."""
+    unknowns: int
+    """Unknowns that were eliminated, there and here."""
+
+
+def information_share(information: Information, given: BundleInput) -> InformationShare:
+    """The Information as one observation of the unknowns that the block shares with it.
+
+    Raises
+    ------
+    ArtifactError
+        If it shares none, or they are not the same.
+    """
+    blocks = shared_blocks(information, given)
+    if not blocks:
+        raise ArtifactError(
+            f"the Information of block {information.block} shares no unknown with this block",
+            remedy="keep the images or points that both have (`keep` of information/reduced)",
+        )
+    own = np.concatenate([b.column for b in blocks])
+    other = np.setdiff1d(np.arange(len(information.unknowns)), own)
+    N, right, fall = without(information.matrix, information.unknowns.right, own, other)
+    W, h = square_root(N, right)
+    sizes = {POSE: 6, POINT: 3, **{u.name: u.size for o in given.observed for u in o.unknowns}}
+    start = np.cumsum([0, *(len(b.column) for b in blocks)])
+
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        d, jacobians = np.zeros(len(own)), []
+        for b, first in zip(blocks, start):
+            part = slice(first, first + len(b.column))
+            d[part], D = _difference(state[b.group], b)
+            J = W[:, part] @ D
+            assert J.shape[1] == sizes[b.group]
+            jacobians.append(np.repeat(J[None], len(rows), axis=0))
+        return np.repeat((W @ d + h)[None], len(rows), axis=0), tuple(jacobians)
+
+    touches = tuple((b.group, np.array([b.row], dtype=np.int32)) for b in blocks)
+    records = Records(INFORMATION, touches, evaluate, np.ones((1, len(W))), np.ones(1, dtype=bool))
+    labels = tuple(str(k + 1) for k in range(len(W)))
+    name = named(image=np.array([information.block]))
+    return InformationShare(
+        Observed(records, np.array([-1]), name, "", components=labels),
+        information.cost - fall - float(h @ h),
+        information.observations - len(W),
+        information.eliminated + len(other),
+    )
+
+
+def with_information(
+    given: BundleInput, information: Information, share: InformationShare, twice: tuple[Bool, ...]
+) -> BundleInput:
+    """The block with the Information, and without its own observations that stand in it.
+
+    Images and points without a start begin where the Information is linearised.
+
+    Parameters
+    ----------
+    given : BundleInput
+    information : Information
+    share : InformationShare
+    twice : tuple of (n,) bool
+        For each of its observations which rows stand in the Information.
+    """
+    observed = [
+        replace(o, records=replace(o.records, active=o.records.active & ~rows)) if rows.any() else o
+        for o, rows in zip(given.observed, twice)
+    ]
+    position, rotation, xyz = given.poses.position_m.copy(), given.poses.ground_from_image.copy(), given.xyz_m.copy()
+    for b in shared_blocks(information, given):
+        if b.group == POSE and not np.isfinite(position[b.row]).all():
+            position[b.row], rotation[b.row] = b.value
+        if b.group == POINT and not np.isfinite(xyz[b.row]).all():
+            xyz[b.row, b.scalar] = b.value
+    return replace(given, poses=Poses(position, rotation), xyz_m=xyz, observed=(*observed, share.observed))
+
+
+def square_root(N: Float, right: Float) -> tuple[Float, Float]:
+    """W and h with W'W = N and W'h = right; as many rows as N has rank."""
+    try:
+        L = cholesky(N, lower=True)
+        return np.ascontiguousarray(L.T), solve_triangular(L, right, lower=True)
+    except LinAlgError:
+        scale = np.sqrt(np.where(np.diagonal(N) > 0, np.diagonal(N), 1.0))
+        values, vectors = np.linalg.eigh(N / scale[:, None] / scale)
+        seen = values > len(N) * 1e-13 * values.max()
+        root = np.sqrt(values[seen])
+        W = root[:, None] * vectors[:, seen].T * scale
+        return W, (vectors[:, seen].T @ (right / scale)) / root
+
+
+def _difference(value: Any, b: SharedBlock) -> tuple[Float, Float]:
+    """d of a block of unknowns, and its derivatives by a step of the whole block."""
+    if not isinstance(value, Poses):
+        return value[b.row][b.scalar] - b.value, np.eye(value.shape[1])[b.scalar]
+    turn = log_rotation(value.ground_from_image[b.row] @ b.value[1].T)
+    D = np.eye(6)
+    D[3:, 3:] = np.linalg.inv(left_jacobian(turn[None])[0])
+    return np.concatenate([value.position_m[b.row] - b.value[0], turn])[b.scalar], D[b.scalar]
+
+
+def _rows(ids: Any) -> dict[str, int]:
+    return {str(name): k for k, name in enumerate(ids)}
+
+
+def other_set(group: str, name: str, of: list[str], own: tuple[str, ...]) -> ArtifactError:
+    return ArtifactError(
+        f"the Information has the {group} parameters {shown(of)} of {name}, this block {shown(own)}",
+        remedy="adjust both with the same set and camera model",
+    )

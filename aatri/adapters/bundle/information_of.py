@@ -1,0 +1,229 @@
+"""From an adjusted bundle to its Information: all unknowns eliminated but those that other blocks share."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aatri.adapters.bundle.information_observed import INFORMATION, InformationShare
+from aatri.adapters.solution import stacked
+from aatri.adjustment.elimination.onto import reduced_onto
+from aatri.adjustment.problem import Problem
+from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.structure.index_problem import indexed
+from aatri.adjustment.structure.indexed_problem import counts
+from aatri.adjustment.unknowns import Unknowns
+from aatri.arrays import Bool
+from aatri.artifacts.block import Block
+from aatri.artifacts.information import (
+    CameraDigests,
+    CountedObservations,
+    EliminatedObjects,
+    Information,
+    KeptImages,
+    KeptUnknowns,
+    Normals,
+)
+from aatri.artifacts.solution import CalibratedSets
+from aatri.errors import GeometryError
+from aatri.observations.geodetic.covariances import KINDS as GEODETIC
+from aatri.observations.observed import Given, Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.rounds import AdjustedBlock
+
+VALUES: Mapping[str, tuple[str, str]] = {
+    "image_point": ("image_points", "xy"),
+    "control": ("ground_points", "xyz_m"),
+    "position": ("exterior", "position_m"),
+    "attitude": ("exterior", "angles_rad"),
+    **dict.fromkeys(GEODETIC, ("geodetic", "value")),
+}
+"""Table and column of the block with the observed values of a kind."""
+
+
+def information_of(
+    source: Given,
+    done: AdjustedBlock,
+    keep: Mapping[str, Bool],
+    sets: CalibratedSets | None,
+    *,
+    included: tuple[Information, InformationShare] | None = None,
+) -> Information:
+    """The reduced normal equations of an adjusted block.
+
+    Parameters
+    ----------
+    source : Given
+    done : AdjustedBlock
+    keep : mapping of group to (n,) bool
+        Images and points whose unknowns stay; those of cameras, drifts ... always do.
+    sets : CalibratedSets or None
+    included : tuple, optional
+        Another block's Information, with which this one was adjusted, and its share: they stand in it too.
+
+    Raises
+    ------
+    GeometryError
+        If conditions hold exactly, or what is to be eliminated is not determined.
+    """
+    block, adjusted = source.block, done.result.adjusted
+    if adjusted.problem.constraints:
+        raise GeometryError(
+            f"{adjusted.problem.constraints[0].name} holds exactly, and normal equations alone do not say so",
+            where=f"block {block.name}",
+            remedy="give it a small standard deviation",
+        )
+    records = tuple(r for r in adjusted.problem.observed if included or r.name != INFORMATION)
+    unknowns = tuple(_last(u, _kept(u, keep)) for u in adjusted.problem.unknowns)
+    problem = indexed(Problem(unknowns, records), SolverSettings(ordering="nested_dissection"))
+    chosen, rows = [], []
+    for u in unknowns:
+        columns = problem.layout.columns(u.name, u.size)
+        block_of, scalar = np.nonzero((columns >= 0) & _kept(u, keep)[:, None])
+        chosen.append(columns[block_of, scalar])
+        rows.append((u, block_of, scalar))
+    N, right, cost = reduced_onto(problem, adjusted.state, np.concatenate(chosen))
+    observations, n_unknowns, _ = counts(problem)
+    images = np.unique(np.concatenate([k for u, k, _ in rows if u.name == POSE]))
+    poses: Any = adjusted.state[POSE]
+    more = (0.0, 0, 0)
+    gone, twice = _eliminated(done, keep), _counted(block, done, keep)
+    if included is not None:
+        other, share = included
+        more = share.cost, share.observations, share.unknowns
+        gone = stacked([gone, other.eliminated_objects, _left_behind(other, block)])
+        twice = stacked([twice, other.counted])
+    frame, tangent = source.frame, np.full(3, np.nan)
+    if frame is not None:
+        tangent = np.round(frame.to_block(np.zeros((1, 3)))[0], 6)  # it is a round place
+    return Information(
+        block=block.name,
+        frame=frame_text(block),
+        cost=cost + more[0],
+        observations=observations + more[1],
+        eliminated=n_unknowns - len(right) + more[2],
+        **{f"tangent_{axis}_m": float(x) for axis, x in zip("xyz", tangent)},
+        **{f"origin_{axis}_m": float(x) for axis, x in zip("xyz", source.origin_m)},
+        unknowns=KeptUnknowns(
+            group=np.concatenate([np.full(len(k), u.name) for u, k, _ in rows]),
+            object=np.concatenate([np.asarray(u.ids, dtype=np.str_)[k] for u, k, _ in rows]),
+            name=np.concatenate([np.array(u.labels, dtype=np.str_)[s] for u, _, s in rows]),
+            value=np.concatenate([_values(adjusted.state[u.name], u)[k, s] for u, k, s in rows]),
+            right=right,
+        ),
+        images=KeptImages(
+            image=block.images.id[images],
+            position_m=poses.position_m[images],
+            ground_from_image=poses.ground_from_image[images],
+        ),
+        normals=Normals(value=N[np.tril_indices(len(N))]),
+        eliminated_objects=gone,
+        counted=twice,
+        cameras=camera_digests(block),
+        calibrated_sets=sets,
+    )
+
+
+def _kept(u: Unknowns, keep: Mapping[str, Bool]) -> Bool:
+    """Blocks of a group that stay."""
+    of = keep.get(u.joins or u.name)
+    return np.ones(len(u.free), dtype=bool) if of is None else of
+
+
+def _last(u: Unknowns, kept: Bool) -> Unknowns:
+    """The group with what stays ordered last."""
+    position = None if u.position is None else np.where(kept[:, None], np.nan, u.position)
+    return replace(u, position=position, retained=kept if u.eliminated else None)
+
+
+def _values(value: Any, u: Unknowns) -> Any:
+    if u.name != POSE:
+        return value
+    return np.concatenate([value.position_m, np.full_like(value.position_m, np.nan)], axis=1)
+
+
+def _eliminated(done: AdjustedBlock, keep: Mapping[str, Bool]) -> EliminatedObjects:
+    given, result = done.given, done.result
+    gone = {
+        POSE: np.asarray(given.image_ids)[result.image_adjusted & ~keep[POSE]],
+        POINT: np.asarray(given.point_ids)[result.point_adjusted & ~keep[POINT]],
+    }
+    return EliminatedObjects(
+        group=np.repeat(np.array(list(gone)), [len(ids) for ids in gone.values()]),
+        object=np.concatenate([ids.astype(np.str_) for ids in gone.values()]),
+    )
+
+
+def _left_behind(information: Information, block: Block) -> EliminatedObjects:
+    """Images and points of an Information that the block does not have."""
+    shared = information.unknowns
+    there = [np.unique(shared.object[shared.group == group]) for group in (POSE, POINT)]
+    ids = [np.setdiff1d(names, own) for names, own in zip(there, (block.images.id, block.points.id))]
+    return EliminatedObjects(group=np.repeat([POSE, POINT], [len(some) for some in ids]), object=np.concatenate(ids))
+
+
+def counted_rows(
+    block: Block, o: Observed, used: Bool, keep: Mapping[str, Bool]
+) -> list[tuple[int, tuple[str, str, str], int]]:
+    """Rows that touch kept images and points alone: row, kind with names of image and point, digest of the values."""
+    own = used.copy()
+    for group, of in o.records.touches:
+        if group in keep:
+            own &= keep[group][of]
+    rows = np.flatnonzero(own)
+    image, point = (names.tolist() for names in o.names(rows))
+    return [
+        (k, (o.kind, i, p), _digest(block, o.kind, int(o.row[k])))
+        for k, i, p in zip(rows.tolist(), image, point)
+    ]  # fmt: skip
+
+
+def _counted(block: Block, done: AdjustedBlock, keep: Mapping[str, Bool]) -> CountedObservations:
+    rows = [
+        row
+        for o in done.result.observations
+        if o.observed.kind != INFORMATION
+        for row in counted_rows(block, o.observed, o.used, keep)
+    ]
+    return CountedObservations(
+        kind=np.array([key[0] for _, key, _ in rows], dtype=np.str_),
+        image=np.array([key[1] for _, key, _ in rows], dtype=np.str_),
+        point=np.array([key[2] for _, key, _ in rows], dtype=np.str_),
+        digest=np.array([digest for _, _, digest in rows], dtype=np.int64),
+    )
+
+
+def _digest(block: Block, kind: str, row: int) -> int:
+    """Of the values observed; 0 where they stand in no row of their own."""
+    if row < 0 or kind not in VALUES:
+        return 0
+    table, column = VALUES[kind]
+    values = np.ravel(getattr(getattr(block, table), column)[row]).tolist()
+    return _number(" ".join(f"{v:.12g}" for v in values))
+
+
+def _number(text: str) -> int:
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=7).digest(), "big") + 1
+
+
+def camera_digests(block: Block) -> CameraDigests:
+    """A digest of all figures of each camera, not of its name."""
+    texts = []
+    for camera in range(len(block.cameras)):
+        own_columns = [name for name in vars(block.cameras) if name != "id"]
+        parts: list[Any] = [getattr(block.cameras, name)[camera].tolist() for name in own_columns]
+        for name in ("camera_parameters", "distortion_table", "fiducials"):
+            table: Any = getattr(block, name)
+            own = table.camera == camera
+            parts += [getattr(table, of)[own].tolist() for of in vars(table) if of != "camera"]
+        texts.append(hashlib.sha256(repr(parts).encode()).hexdigest())
+    return CameraDigests(id=block.cameras.id, digest=np.array(texts, dtype=np.str_))
+
+
+def frame_text(block: Block) -> str:
+    """What coordinates of a block mean."""
+    f = block.frames
+    parts = [f.axes[0], f.crs[0], f.vertical[0], f"undulation {block.undulation_m}", block.earth_curvature]
+    return "; ".join(str(part) for part in parts if str(part))

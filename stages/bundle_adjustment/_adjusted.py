@@ -1,0 +1,97 @@
+"""A bundle from its artifacts to the adjusted block: what every stage does that ends with one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
+from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
+from aatri.adapters.bundle.information_observed import InformationShare, information_share, with_information
+from aatri.adapters.solution import check_same_block
+from aatri.adapters.suspects import inherited
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.information import Information
+from aatri.artifacts.solution import Solution, VarianceComponents
+from aatri.artifacts.suspects import Suspects
+from aatri.checks.at_start.of_start import findings_at_start
+from aatri.checks.finding import report
+from aatri.errors import GeometryError
+from aatri.notes import tell
+from aatri.observations.kinds.catalogue import options_without_data
+from aatri.observations.observed import Given
+from aatri.observations.positions import uses_positions
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.orientation.bundle.rounds import AdjustedBlock
+from aatri.plugin import Context
+
+from ._adjusting import adjusted_block
+from ._self_calibration import ChosenSet, chosen_set, parameters_of
+
+if TYPE_CHECKING:
+    from .bundle import BundleOptions
+
+
+@dataclass(frozen=True)
+class AdjustedBundle:
+    """An adjusted block with what it was made of."""
+
+    source: Given
+    done: AdjustedBlock
+    groups: tuple[AcceptedGroup, ...]
+    components: VarianceComponents | None
+    chosen: ChosenSet | None
+    suspects: Suspects
+    """Of earlier stages."""
+    share: InformationShare | None
+    """Of another block's Information."""
+
+
+def adjusted_bundle(
+    block: Block,
+    image_points: ImagePoints | None,
+    initial: Solution | None,
+    calibration: Solution | None,
+    information: Information | None,
+    options: BundleOptions,
+    context: Context,
+) -> AdjustedBundle:
+    """Adjust a block, and tell what there is to say of its start."""
+    check_same_block(block, image_points=image_points, initial=initial)
+    searched = options.blunders.method != "none"
+    suspects, notes = inherited(initial, taken_back=not searched)
+    tell(notes, context)
+    chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
+    parameters = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration)
+    if information is not None:
+        check_frame(information, block)
+    tangent = None if information is None else information.tangent_m
+    source = observation_source(block, image_points, initial, parameters, tangent)
+    given, share = _with_information(source, bundle_input(source, options, suspects), information, context)
+    notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
+    report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
+    done, groups, components = adjusted_block(source, given, options, context)
+    if share is not None and not done.result.observations[-1].used.any():
+        raise GeometryError(
+            "the Information takes no part: an image or point of it is not adjusted in this block",
+            remedy="keep fewer images and points in it, or give this block what they need",
+        )
+    return AdjustedBundle(source, done, groups, components, chosen, suspects, share)
+
+
+def _with_information(
+    source: Given, given: BundleInput, information: Information | None, context: Context
+) -> tuple[BundleInput, InformationShare | None]:
+    if information is None:
+        return given, None
+    check_unknowns(information, source.block, given)
+    twice = standing_in(information, source.block, given)
+    share = information_share(information, given)
+    count = sum(int(rows.sum()) for rows in twice)
+    context.log(
+        f"Information of block {information.block}: {information.observations} observations, "
+        f"{len(information.unknowns)} unknowns; {count} observations of this block stand in it and count once"
+    )
+    return with_information(given, information, share, twice), share

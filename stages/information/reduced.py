@@ -1,0 +1,92 @@
+"""Helmert's blocks: the normal equations of a block, reduced onto the unknowns that it shares with others.
+
+    N = N11 - N12 N22^-1 N21,    g = g1 - N12 N22^-1 g2            1 shared, 2 of this block alone
+
+The block is adjusted, and everything eliminated but the images and points that `keep` names or the block `other` has
+too, and the parameters of cameras and drifts. Given to the bundle of another block (`information`), N and g stand for
+all observations of this one: the result is that of both in one, at the place of linearisation. Where that is this
+block's own adjustment the difference is of second order in the change of the shared unknowns; with the `information`
+of the others this block is linearised at the adjustment of all, and a second round has no difference left.
+
+With `include` the Information it was adjusted with is passed on within its own: parts of a block, one after the other.
+
+Source: Helmert 1880; Wolf 1978, The Helmert block method.
+"""
+
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from aatri.adapters.bundle.information_of import information_of
+from aatri.arrays import Bool, Text
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.information import Information
+from aatri.artifacts.solution import Solution
+from aatri.errors import InputError
+from aatri.ids import printable
+from aatri.observations.poses import POINT, POSE
+from aatri.plugin import SILENT, Context, Field, Options, stage
+
+# relative: type checkers know stages by their folder
+from ..bundle_adjustment._adjusted import adjusted_bundle  # noqa: TID252
+from ..bundle_adjustment._self_calibration import camera_tables  # noqa: TID252
+from ..bundle_adjustment.bundle import BundleOptions, bundle_needs, bundle_uses  # noqa: TID252
+
+
+class KeepOptions(Options):
+    """What stays, beside what the block `other` has too."""
+
+    images: list[str] = Field([], description="ids of images, with * and ?")
+    points: list[str] = Field([], description="ids of points, with * and ?")
+
+
+class ReducedOptions(BundleOptions):
+    """Options of the bundle, and what stays."""
+
+    keep: KeepOptions = Field(KeepOptions(), description="images and points whose unknowns stay")
+    include: bool = Field(False, description="pass on the Information that the block is adjusted with, in its own")
+
+
+@stage(version=1, uses=bundle_uses, needs=bundle_needs)
+def reduced(
+    block: Block,
+    image_points: ImagePoints | None = None,
+    initial: Solution | None = None,
+    calibration: Solution | None = None,
+    information: Information | None = None,
+    other: Block | None = None,
+    *,
+    options: ReducedOptions = ReducedOptions(),
+    context: Context = SILENT,
+) -> Information:
+    """Adjust the block and reduce its normal equations."""
+    of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
+    keep = {
+        POSE: _chosen("image", block.images.id, options.keep.images, other.images.id if other else None),
+        POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
+    }
+    result = of.done.result
+    keep = {POSE: keep[POSE] & result.image_adjusted, POINT: keep[POINT] & result.point_adjusted}
+    if not (keep[POSE].any() or keep[POINT].any()):
+        raise InputError(
+            "nothing stays: no adjusted image or point is one of another block",
+            where=f"block {block.name}",
+            remedy="connect `other`, the block it is for, or name images and points under `keep`",
+        )
+    tables, _ = camera_tables(block, result, of.chosen)
+    included = None if information is None or of.share is None or not options.include else (information, of.share)
+    made = information_of(of.source, of.done, keep, tables.sets, included=included)
+    context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
+    return made
+
+
+def _chosen(kind: str, ids: Text, patterns: list[str], of_other: Text | None) -> Bool:
+    """What matches a pattern, or the other block has too."""
+    chosen = np.zeros(len(ids), dtype=bool) if of_other is None else np.isin(ids, of_other)
+    for pattern in patterns:
+        matching = np.array([fnmatchcase(name, pattern) for name in ids.tolist()], dtype=bool)
+        if not matching.any():
+            raise InputError(f"keep: no {kind} has an id like {printable(pattern)}", remedy="name ids of this block")
+        chosen |= matching
+    return chosen
