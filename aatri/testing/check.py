@@ -213,7 +213,7 @@ def _behaviour(
     breaches: dict[str, list[str]] = {}
     refusals = []
     for example, inputs in examples.items():
-        used = {port.name: inputs[port.name] for port in card.ports}
+        used = {port.name: inputs[port.name] for port in card.ports if port.name in inputs}
         first = call(card, used, options)
         results = [*first.manners.items()]
         if isinstance(first.error, (InputError, GeometryError)):

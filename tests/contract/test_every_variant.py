@@ -53,6 +53,8 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
         return {"path": MADE_FILES[name](folder / "made")}
     if name == "block/merged":
         return {"blocks": tuple(str(path) for path in two_parts(folder / "made"))}
+    if name == "information/reduced":
+        return {"keep": {"images": ["*"]}}
     if name == "block/part":
         return {"path": example_folder(folder / "made"), "images": ["*"]}
     if name == "block/combined":

@@ -40,7 +40,8 @@ def section(run: RunView, stage: StageView, around: Surroundings) -> PageSection
     except AatriError as error:
         made.notes.append(f"The artifact cannot be shown: {error}")
         return made
-    _SHOW[type(artifact)](made, artifact, around)
+    if type(artifact) in _SHOW:  # an Information is told by its metrics
+        _SHOW[type(artifact)](made, artifact, around)
     if hasattr(artifact, "suspects") and artifact is not around.solution:
         made.tables.extend(suspects_tables(artifact.suspects))
     return made
