@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from aatri.pipeline.methods.kernel_cache import use_kernel_cache
 
+# before NumPy is imported: as in the processes of a run, so that workers of pytest do not wait for each other's threads
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # before Numba is imported: an edit of a kernel leads to another folder, in the processes of tests too
 use_kernel_cache()
 

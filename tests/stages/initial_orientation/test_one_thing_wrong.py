@@ -49,7 +49,7 @@ def test_the_bundle_converges_after_wrong_point_numbers(share: float) -> None:
 
 
 def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
-    block = without_strips(simulated(**SMALL_UAV))
+    block = without_strips(simulated(**{**SMALL_UAV, "ties": {"random_per_image": 120.0}}))
     e, told = block.exterior, Told()
     shifted = replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, 20.0])))
     found = initial_of(shifted, told, pairs_per_image=8)

@@ -22,7 +22,7 @@ SMALL_UAV = {
     "earth": "flat",
     "refraction": "none",
     "flight": {"strips": 4, "images_per_strip": 6},
-    "ties": {"random_per_image": 120.0},
+    "ties": {"random_per_image": 70.0},
 }
 
 
