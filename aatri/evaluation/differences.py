@@ -1,8 +1,9 @@
 """Differences solution minus given at control and check points, and solution minus truth at new points.
 
-Only what is determined takes part: a coordinate the solution has, of a point with image points of its own (a control
-point nobody measured agrees with itself). A control coordinate the adjustment rejected takes no part in the control
-figures; it is counted apart. New points are those without control role in any coordinate: check points are new points.
+Only what is determined takes part: a coordinate the solution has, of a point with image points or geodetic
+observations of its own (a control point nobody measured agrees with itself). A control coordinate the adjustment
+rejected takes no part in the control figures; it is counted apart. New points are those without control role in any
+coordinate: check points are new points.
 
 The theoretical standard deviation belongs to the difference where both sides are independent (check: solution and
 given; truth: solution), and to the adjusted coordinate at control points.
@@ -42,7 +43,7 @@ NO_DIFFERENCES = PointDifferences(np.zeros(0, np.int32), np.zeros((0, 3)), np.ze
 def control_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at control coordinates, the rejected ones included."""
     ground = block.ground_points
-    measured = solution.points.rays[ground.point] > 0
+    measured = ((solution.points.rays > 0) | _of_geodetic_observations(block, solution))[ground.point]
     variance = _variances(solution.points.covariance_m2)[ground.point]
     return _differences(block, solution, (ground.role == CONTROL) & measured[:, None], variance)
 
@@ -82,6 +83,15 @@ def rejected_control(block: Block, solution: Solution) -> Int:
     residuals = solution.residuals
     rows = (residuals.kind == "control") & ~residuals.active
     return np.unique(rows_of(residuals.point[rows], block.points.id))
+
+
+def _of_geodetic_observations(block: Block, solution: Solution) -> Bool:
+    """Points between which the adjustment took geodetic observations, (n,) bool."""
+    g, residuals = block.geodetic, solution.residuals
+    adjusted = (residuals.row >= 0) & (residuals.image == "") & (residuals.point != "") & (residuals.kind != "control")
+    if not adjusted.any():
+        return np.zeros(len(block.points), dtype=bool)
+    return np.asarray(np.isin(block.points.id, np.concatenate([names[g.active] for names in (g.start, g.end, g.via)])))
 
 
 def _differences(block: Block, solution: Solution, takes_part: Bool, variance: Float) -> PointDifferences:

@@ -3,7 +3,7 @@
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing.charts import groups_chart, iterations_chart, sigma0_chart
+from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
 from aatri.report.drawing.matrices import correlation_pictures
 from aatri.report.drawing.network import ellipses_picture, network_picture
 from aatri.report.drawing.picture import Picture
@@ -108,6 +108,7 @@ def _tests(last: Solution) -> PageSection:
     made = PageSection("tests", "What was left out, and which errors could hide?")
     made.tables.extend([*suspects_tables(last.suspects), *present(proposed_numbers_table(last.proposed_numbers))])
     made.tables.extend(reliability.reliability_tables(last))
+    made.pictures.extend(present(redundancy_chart(last)))
     return made
 
 

@@ -13,10 +13,12 @@ import pytest
 
 from aatri.artifacts.solution import ParameterCovariances, Parameters
 from aatri.artifacts.suspects import Suspects
+from aatri.evaluation.accuracy import evaluate
 from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
 from aatri.report.printing import write_pdf
 from tests.made_solutions import made_block
+from tests.report.test_network import adjusted_network
 from tests.report.test_page import made_artifacts, make_run
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -66,6 +68,11 @@ def _calibrated(folder: Path) -> Path:
     return make_run(folder, made_artifacts(parameters=parameters, parameter_covariances=covariances))
 
 
+def _network(folder: Path) -> Path:
+    block, solution = adjusted_network(folder.parent)
+    return make_run(folder, {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
+
+
 def _large(folder: Path) -> Path:
     return make_run(folder, made_artifacts(made_block(columns=800, rows=10, rays=False)))
 
@@ -77,10 +84,11 @@ def _large(folder: Path) -> Path:
         _failed,
         _wrong_control,
         _calibrated,
+        _network,
         _large,
         lambda folder: make_run(folder, {}, status="interrupted"),
     ],
-    ids=["complete", "failed", "gross error", "calibration", "large", "nothing"],
+    ids=["complete", "failed", "gross error", "calibration", "network", "large", "nothing"],
 )
 def test_no_error_no_request_and_nothing_wider_than_the_screen(made, browser: sync_api.Browser, tmp_path: Path) -> None:
     address = write_report(made(tmp_path / "run")).as_uri()

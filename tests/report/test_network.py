@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aatri.evaluation.accuracy import evaluate
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.sections import network
 from aatri.report.sections.shapes import shapes_table
@@ -30,13 +31,18 @@ def test_ellipses_have_the_axes_and_the_bearing_they_were_made_of() -> None:
 
 @pytest.fixture
 def adjusted(tmp_path: Path):
+    return adjusted_network(tmp_path)
+
+
+def adjusted_network(folder: Path):
+    """Three control points and two others, measured by distances of which one is wrong."""
     rng = np.random.default_rng(3)
     places = {"A": (0, 0, 0), "B": (90, 10, 2), "C": (40, 80, 5), "P": (50, 30, 9), "Q": (20, 45, 3)}
-    (tmp_path / "block.yaml").write_text(HEAD)
+    (folder / "block.yaml").write_text(HEAD)
     rows = [
         f"{k},{x},{y},{z}," + ("0,0,0,control" if k in "ABC" else ",,,approximate") for k, (x, y, z) in places.items()
     ]
-    (tmp_path / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
+    (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z,sX,sY,sZ,role", *rows]) + "\n")
     lines = []
     for a in "ABCQ":
         for b in "PQ":
@@ -46,9 +52,9 @@ def adjusted(tmp_path: Path):
                 lines += [f"distance,{a},{b},{d + error},0.003" for error in errors.tolist()]
     wrong = np.linalg.norm(np.subtract(places["B"], places["P"])) + 0.5
     lines.append(f"distance,B,P,{wrong},0.003")
-    (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
-    (tmp_path / "relative_control.yaml").write_text("- {type: distance, points: [A, Q], value: 49.33, sigma: 0.5}\n")
-    block = tables(options=TablesOptions(path=tmp_path))
+    (folder / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *lines]) + "\n")
+    (folder / "relative_control.yaml").write_text("- {type: distance, points: [A, Q], value: 49.33, sigma: 0.5}\n")
+    block = tables(options=TablesOptions(path=folder))
     return block, bundle(block, options=BundleOptions(reliability=True))
 
 
@@ -65,6 +71,13 @@ def test_lines_are_drawn_once_and_rejected_ones_as_such(adjusted) -> None:
     assert [len(drawn[name].xy) for name in ("observed", "with a rejected observation")] == [6, 1]
     assert list(drawn["with a rejected observation"].ids) == ["B to P"]
     assert list(drawn["standard ellipses"].ids) == ["P", "Q"]
+
+
+def test_control_of_a_network_takes_part_though_no_image_shows_it(adjusted) -> None:
+    evaluation = evaluate(*adjusted)
+    d = evaluation.differences
+    assert sorted(d.point[d.kind == "control"].tolist()) == ["A", "B", "C"]
+    assert "No control point" not in evaluation.verdict
 
 
 def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:

@@ -131,6 +131,24 @@ def counts_chart(
     )
 
 
+def redundancy_chart(solution: Solution) -> Picture | None:
+    """How well observations are controlled: the redundancy numbers of image points."""
+    residuals, tests = solution.residuals, solution.tests
+    if tests is None:
+        return None
+    r = tests.redundancy[(residuals.kind == "image_point") & residuals.active]
+    r = r[np.isfinite(r)]
+    if not len(r):
+        return None
+    caption = (
+        f"Redundancy numbers of {len(r):,} image coordinates, {r.mean():.2f} in the mean: the share of an error that "
+        "shows in its own residual. What is near 0 controls nothing, and nothing controls it."
+    )
+    edges = np.linspace(0.0, 1.0, 21)
+    count = np.histogram(np.clip(r, 0.0, 1.0), edges)[0]
+    return counts_chart("redundancy", "Redundancy numbers", caption, "redundancy number", edges, count)
+
+
 def groups_chart(solution: Solution) -> Picture | None:
     """A priori beside a posteriori: the factor on the standard deviations of every group, with 95 % limits."""
     c = solution.variance_components

@@ -99,8 +99,12 @@ class Picture:
         In the order in which they are drawn.
     key : (float, str), optional
         A vector of round length, drawn to scale: its length in the units of the plan, and what it means.
-    metres_per_unit : float, optional
-        Of a plan that has a bar of its scale; None has neither bar nor arrow to the north.
+    across, up : ChartAxis, optional
+        Of a chart; a plan has none.
+    ground : bool
+        A plan is of the ground, in m: it has a bar of its scale and an arrow to the north.
+    width, height : float, px
+        On the page; the height of a plan follows from what it shows.
     """
 
     name: str
