@@ -52,6 +52,8 @@ def precision_table(solution: Solution) -> PageTable | None:
 def orientations(block: Block | None, solution: Solution) -> PageTable | None:
     """Exterior orientation of all images, strip by strip, to digits of their standard deviations."""
     images = solution.images
+    if not images.oriented.any():
+        return None
     angles = np.full((len(images), 3), np.nan)
     angles[images.oriented] = np.degrees(
         angles_from_rotation(images.ground_from_image[images.oriented], "omega-phi-kappa")
