@@ -68,7 +68,7 @@ def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
             calibrated[0] = replace(calibrated[0], unknowns=(own,), start=start)
         observed += calibrated
     notes = not_reduced(given, rows.take(np.isin(rows.reduced, ("no", "horizon"))))
-    if observed and notes:
+    if observed:
         observed[0] = replace(observed[0], notes=notes)
     return tuple(observed)
 
