@@ -11,7 +11,7 @@ import pytest
 from aatri.artifacts.block import TRUTH, Block
 from aatri.artifacts.offers import WITHOUT_SHIFT, offers_of
 from aatri.pipeline.methods.registry import find_stages
-from aatri.stages.bundle_adjustment.bundle import BundleOptions, _needs
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle_needs
 from aatri.tables.schema import columns_of, tables_of
 from tests.formats.tables.block_folder import replaced, write_folder
 from tests.reading import read_block
@@ -183,5 +183,5 @@ def test_positions_in_no_drift_group_say_where_a_block_lies_and_are_not_told_as_
         (without, {}, True),
         (without, {"per": "block"}, False),
     ):
-        (need,) = _needs(BundleOptions.model_validate({"positions": positions}))
+        (need,) = bundle_needs(BundleOptions.model_validate({"positions": positions}))
         assert bool(set(need.one_of) & {o.name for o in offers_of(given)}) == found

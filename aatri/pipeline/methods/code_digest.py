@@ -45,6 +45,7 @@ class CodeReader:
         self._files: dict[Path, dict[str, Any]] = {}
         self._codes: dict[tuple[str, Path], Code] = {}
         self._imported: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
+        self._places: dict[tuple[str, Path], tuple[str, Path] | None] = {}
 
     def code_of(self, module: str, path: Path) -> Code:
         """The code reached from a module.
@@ -90,9 +91,15 @@ class CodeReader:
         """The modules of the roots that a file imports."""
         if (file, own) not in self._imported:
             names = {_absolute(level, imported, name) for level, imported in self._file(file)["imports"]}
-            located = (_locate(imported, roots) for imported in sorted(names))
+            located = (self._place_of(imported, own, roots) for imported in sorted(names))
             self._imported[file, own] = list(dict.fromkeys(module for module in located if module is not None))
         return self._imported[file, own]
+
+    def _place_of(self, name: str, own: Path, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
+        """Module and file of a dotted name, looked for once."""
+        if (name, own) not in self._places:
+            self._places[name, own] = _locate(name, roots)
+        return self._places[name, own]
 
 
 def _own_root(module: str, path: Path) -> tuple[str, Path]:
