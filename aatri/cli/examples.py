@@ -48,7 +48,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "new": (
         ("new", "the demo"),
+        ("new survey --block sample", "the block of the tutorial, in files"),
         ("new survey --block tables", "a folder for a block of digital images"),
+        ("new survey --block film", "for film with fiducial marks"),
+        ("new survey --block reduced", "for photo coordinates that are reduced already"),
         ("new survey --from project.psz", "a pipeline for the files of another program"),
         ("new --plugin interior_orientation/mine", "a stage of your own, with a test"),
     ),

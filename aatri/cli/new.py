@@ -20,6 +20,9 @@ class BlockSource(StrEnum):
 
     simulate = "simulate"
     tables = "tables"
+    film = "film"
+    reduced = "reduced"
+    sample = "sample"
     unordered = "unordered"
     wucaps = "wucaps"
     dbat = "dbat"
@@ -30,8 +33,16 @@ class BlockSource(StrEnum):
 
 _HEAD = {
     BlockSource.tables: """\
-# A block given as tables: fill in block.yaml, images.csv ... in the folder `block` beside this file.
-# Film with measured fiducials takes interior_orientation/affine, digital images interior_orientation/calibrated.
+# Digital images in strips, measured in pixels: fill in block.yaml, images.csv ... in the folder `block` beside this
+# file.
+""",
+    BlockSource.film: """\
+# Film in strips with measured fiducial marks: fill in block.yaml, images.csv, fiducials.csv ... in the folder `block`
+# beside this file. Two or three marks: interior_orientation/similarity.
+""",
+    BlockSource.reduced: """\
+# Photo coordinates in mm, reduced already: fill in block.yaml, images.csv ... in the folder `block` beside this file.
+# Refraction and earth curvature are off, as they usually are corrected then; lens distortion is what block.yaml says.
 """,
     BlockSource.unordered: """\
 # Digital images of any arrangement, given as tables without strips or order: fill in block.yaml, images.csv ... in the
@@ -98,15 +109,26 @@ _WITH_START = {
     BlockSource.colmap: ("{use: block/colmap, with: {path: sparse}}", _MINIMAL),
 }
 """Blocks with start values of all images: how they are read, and the datum."""
-_LINES = {
-    BlockSource.tables: {"block": "{use: block/tables, with: {path: block}}"},
-    BlockSource.wucaps: {
-        "block": "{use: block/wucaps, with: {path: block}}",
-        "interior": "{use: interior_orientation/calibrated, from: {block}}",
-        "refined": "{use: image_refinement/systematic, from: {block, image_points: interior}, "
-        "with: {refraction: false, earth_curvature: false}}",
-    },
+_TABLES = {"block": "{use: block/tables, with: {path: block}}"}
+_CALIBRATED = {"interior": "{use: interior_orientation/calibrated, from: {block}}"}
+_CORRECTED = {
+    "refined": "{use: image_refinement/systematic, from: {block, image_points: interior}, "
+    "with: {refraction: false, earth_curvature: false}}"
 }
+_LINES = {
+    BlockSource.tables: {**_TABLES, **_CALIBRATED},
+    BlockSource.film: _TABLES,
+    BlockSource.reduced: {**_TABLES, **_CALIBRATED, **_CORRECTED},
+    BlockSource.wucaps: {"block": "{use: block/wucaps, with: {path: block}}", **_CALIBRATED, **_CORRECTED},
+}
+"""What the lines of the demo become: stage -> text."""
+_IMAGES = {
+    BlockSource.tables: "digital",
+    BlockSource.unordered: "digital",
+    BlockSource.film: "film",
+    BlockSource.reduced: "reduced",
+}
+"""Blocks whose folder is written to be filled in, and what their images are."""
 
 
 @reports_errors
@@ -157,10 +179,15 @@ def new(
     else:
         text = _text(block, folder, path)
     files = {written: text}
-    if not sources and block in (BlockSource.tables, BlockSource.unordered):
+    if not sources and block in _IMAGES:
         from aatri.cli.new_block import block_templates
 
-        files |= block_templates(folder / "block")
+        files |= block_templates(folder / "block", _IMAGES[block])
+    if not sources and block is BlockSource.sample:
+        from aatri.cli.new_block import sample_folder
+
+        tables = sorted((sample_folder() / "quarry").iterdir())
+        files |= {folder / "quarry" / path.name: path.read_text(encoding="utf-8") for path in tables}
     _write(files)
     narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {written}"))
 
@@ -184,6 +211,10 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     demo = demo_path().read_text(encoding="utf-8")
     if block is BlockSource.simulate:
         return demo
+    if block is BlockSource.sample:
+        from aatri.cli.new_block import sample_folder
+
+        return (sample_folder() / "pipeline.yaml").read_text(encoding="utf-8")
     if block is BlockSource.unordered:
         return _HEAD[block] + _UNORDERED
     if block is BlockSource.photos:

@@ -1,4 +1,4 @@
-"""Templates of a block folder: block.yaml and every table, commented, to be filled in."""
+"""Templates of a block folder: block.yaml and the tables, commented, to be filled in, by what the images are."""
 
 from pathlib import Path
 
@@ -15,15 +15,34 @@ sigma: {image: 5, fiducial: 5, control: [0.02, 0.02, 0.03], position: [0.1, 0.1,
 # terrain_height: 100                    # mean height of the terrain, m
 cameras:
   cam:
-    kind: digital                        # film | digital
-    image_coordinates: pixel             # photo (mm, fiducial centre, y up) | comparator (mm) | pixel
+@CAMERA@"""
+
+CAMERAS = {
+    "digital": """\
+    kind: digital
+    image_coordinates: pixel             # image_points.csv is in pixels; photo: in mm, see `aatri new --block reduced`
     pixel: {size: 0.004, origin: top-left-corner, y: down}       # size in mm
-    format: [6000, 4000]                 # columns, rows of a digital image; mm of film
-    principal_distance: 50.0             # mm
-    principal_point: [0.0, 0.0]          # mm, x right, y up
+    format: [6000, 4000]                 # columns, rows
+""",
+    "film": """\
+    kind: film
+    image_coordinates: comparator        # as measured, mm, y up; a scan: pixel, with pixel: {size, origin, y}
+    format: [230, 230]                   # mm
+    fiducials: {"1": [106.0, -106.0], "2": [-106.0, -106.0], "3": [-106.0, 106.0], "4": [106.0, 106.0]}   # mm
+""",
+    "reduced": """\
+    kind: film                           # film | digital
+    image_coordinates: photo             # mm from the fiducial or image centre, x right, y up; reduced already
+    format: [230, 230]                   # mm of film; columns, rows of a digital image
+""",
+}
+"""What block.yaml says of the camera, by what was measured."""
+
+_LENS = """\
+    principal_distance: @C@            # mm
+    principal_point: [0.0, 0.0]          # mm, x right, y up; [0, 0] where coordinates count from it already
     distortion: {model: none}            # none | brown | table | opencv | fisheye | bal
     # sigmas: {principal_distance: .inf, principal_point: [.inf, .inf]}      # 0 fixed, .inf free, else weighted
-    # fiducials: {"1": [106.0, -106.0], "2": [-106.0, -106.0], "3": [-106.0, 106.0], "4": [106.0, 106.0]}   # film
 """
 
 TABLES = {
@@ -73,6 +92,24 @@ table,row_a,coord_a,row_b,coord_b,value
 }
 
 
-def block_templates(folder: Path) -> dict[Path, str]:
-    """The files of a block folder, by path."""
-    return {folder / "block.yaml": BLOCK_YAML} | {folder / name: text for name, text in TABLES.items()}
+def block_templates(folder: Path, images: str = "digital") -> dict[Path, str]:
+    """The files of a block folder, by path.
+
+    Parameters
+    ----------
+    folder : Path
+    images : {'digital', 'film', 'reduced'}
+        What was measured; fiducials.csv is there for film alone.
+    """
+    settings = BLOCK_YAML.replace("@CAMERA@", CAMERAS[images] + _LENS).replace(
+        "@C@", "50.0 " if images == "digital" else "153.0"
+    )
+    tables = {name: text for name, text in TABLES.items() if name != "fiducials.csv" or images == "film"}
+    return {folder / "block.yaml": settings} | {folder / name: text for name, text in tables.items()}
+
+
+def sample_folder() -> Path:
+    """The block of the tutorial: beside the code in a wheel, in docs of a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    packed = package / "pipeline" / "sample"
+    return packed if packed.is_dir() else package.parent / "docs" / "tutorial"

@@ -23,7 +23,7 @@ from ._as_read import EditOptions
 class ModelsOptions(EditOptions):
     """Options of block/models."""
 
-    path: InputPath = Field(description="file of lines: model point X Y Z [sigma] [centre]")
+    path: InputPath = Field(description="file of lines: model point X Y Z, then perhaps sigma, and `centre`")
     control: InputPath | None = Field(None, description="control points: point X Y Z, m; null: none")
     check: InputPath | None = Field(None, description="check points: point X Y Z, m; null: none")
     axes: Literal["east,north,up", "north,east,up"] = Field(

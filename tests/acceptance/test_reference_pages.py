@@ -84,7 +84,7 @@ def _column(name: str, c: Column) -> str:
     shape = "".join(f"[{n}]" for n in c.shape)
     more = [f"row in {c.refers}"] if c.refers and f"row in {c.refers}" not in c.doc else []
     more += [] if c.digest else ["enters no digest"]
-    return f"| `{name}` | {c.dtype}{shape}{'?' if c.optional else ''} | {c.unit} | {'; '.join([c.doc, *more])} |"
+    return f"| `{name}` | `{c.dtype}{shape}{'?' if c.optional else ''}` | {c.unit} | {'; '.join([c.doc, *more])} |"
 
 
 def _uses(card: StageCard) -> list[str]:

@@ -46,7 +46,9 @@ def _picture(report: str, title: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "pictures"), [("tutorial.md", True), ("other_programs.md", False)])
+@pytest.mark.parametrize(
+    ("page", "pictures"), [("tutorial.md", True), ("other_programs.md", False), ("what_now.md", False)]
+)
 def test_what_a_page_shows_is_what_happens(tmp_path: Path, page: str, pictures: bool) -> None:
     project = tmp_path / "tutorial"
     shutil.copytree(FOLDER, project)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -10,18 +11,41 @@ from typer.testing import CliRunner
 from aatri.cli.main import app
 from aatri.errors import AatriError
 from aatri.formats.tables.source import FILES
+from aatri.formats.tables.reader import read_block as read
 from tests.reading import read_block
 
 
-def _made(tmp_path: Path) -> Path:
-    result = CliRunner().invoke(app, ["new", str(tmp_path), "--block", "tables"])
+def _made(tmp_path: Path, block: str = "tables") -> Path:
+    result = CliRunner().invoke(app, ["new", str(tmp_path), "--block", block])
     assert result.exit_code == 0, result.stderr
     return tmp_path / "block"
 
 
 def test_every_file_of_the_contract_has_a_template(tmp_path: Path) -> None:
-    assert {path.name for path in _made(tmp_path).iterdir()} == set(FILES)
+    assert {path.name for path in _made(tmp_path, "film").iterdir()} == set(FILES)
     assert "block/tables" in (tmp_path / "pipeline.yaml").read_text()
+
+
+def test_what_is_given_decides_what_is_asked(tmp_path: Path) -> None:
+    for block, camera, interior in (
+        ("tables", "image_coordinates: pixel", "interior_orientation/calibrated"),
+        ("film", "image_coordinates: comparator", "interior_orientation/affine"),
+        ("reduced", "image_coordinates: photo", "interior_orientation/calibrated"),
+    ):
+        folder = _made(tmp_path / block, block)
+        settings = (folder / "block.yaml").read_text()
+        assert camera in settings
+        assert interior in (tmp_path / block / "pipeline.yaml").read_text()
+        assert (folder / "fiducials.csv").exists() == (block == "film")
+        assert ("    pixel: {" in settings) == (block == "tables")
+        assert ("    fiducials: {" in settings) == (block == "film")
+        with pytest.raises(AatriError, match=r"images.csv: no rows"):
+            read_block(folder)
+
+
+def test_the_sample_is_that_of_the_tutorial_and_is_read(tmp_path: Path) -> None:
+    assert CliRunner().invoke(app, ["new", str(tmp_path), "--block", "sample"]).exit_code == 0
+    assert len(read_block(tmp_path / "quarry").images) == 15
 
 
 def test_the_templates_say_what_to_fill_in(tmp_path: Path) -> None:
@@ -47,3 +71,35 @@ def test_the_commented_rows_of_the_templates_are_rows(tmp_path: Path, monkeypatc
     assert len(block.image_points) == len(block.ground_points) == 3
     assert block.exterior.position_use.tolist() == [1]
     assert len(block.geodetic) == len(block.relative_control) == 0
+
+
+def _filled(folder: Path, *changes: tuple[str, str]) -> Path:
+    """The sample, with another block.yaml."""
+    assert CliRunner().invoke(app, ["new", str(folder), "--block", "sample"]).exit_code == 0
+    path = folder / "quarry" / "block.yaml"
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return folder / "quarry"
+
+
+def test_coordinates_of_a_map_in_a_local_frame_are_asked_about(tmp_path: Path) -> None:
+    told: list[str] = []
+    reporter = SimpleNamespace(log=lambda _: None, warn=told.append, progress=lambda *_: None)
+    read(_filled(tmp_path / "stated"), reporter)
+    assert told == []
+    read(_filled(tmp_path / "asked", ("earth_curvature: ignore", "#")), reporter)
+    (question,) = told
+    assert "block.yaml:6:" in question
+    assert "is this a map?" in question
+    assert "E 5002" in question
+
+
+@pytest.mark.parametrize("name", ["origin: top-left-corner", "y: down"])
+def test_pixel_axes_of_photo_coordinates_are_refused(tmp_path: Path, name: str) -> None:
+    other = {"origin: top-left-corner": "y: down", "y: down": "origin: top-left-corner"}[name]
+    changes = ("image_coordinates: pixel", "image_coordinates: photo"), (f", {other}", "")
+    with pytest.raises(AatriError, match=r"block.yaml:\d+:\d+: .*bears on nothing: image_coordinates is photo"):
+        read(_filled(tmp_path, *changes))

@@ -19,6 +19,7 @@ from aatri.formats.tables.geodetic import geodetic_columns
 from aatri.formats.tables.geographic import with_metric_frame
 from aatri.formats.tables.ground import ground_point_columns
 from aatri.formats.tables.images import fiducial_point_columns, image_columns, image_point_columns
+from aatri.formats.tables.map_or_not import map_or_not
 from aatri.formats.tables.portable import Bodies, joined, without_bodies
 from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.rigs import rig_member_table
@@ -93,6 +94,8 @@ def _block(source: Source) -> Block:
         raise
     raise_all(source.problems)
     settings = source.settings
+    if question := map_or_not(source, ground):
+        source.reporter.warn(question)
     height = settings.terrain_height
     if height is not None:
         source.reporter.log(
