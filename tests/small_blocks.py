@@ -105,7 +105,7 @@ class Small:
                     "principal_distance": C_MM,
                     "principal_point": [0.0, 0.0],
                     "format": [30000, 30000],
-                    "pixel": {"size": 0.005, "origin": "image-centre", "y": "up"},
+                    "pixel": {"size": 0.005},
                     **self.camera,
                 },
                 **self.more_cameras,

@@ -134,7 +134,10 @@ _IMAGES = {
 @reports_errors
 def new(
     folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
-    path: Annotated[Path | None, typer.Argument(help="With --block photos: the folder of the photographs.")] = None,
+    path: Annotated[
+        Path | None,
+        typer.Argument(autocompletion=complete_path, help="With --block photos: the folder of the photographs."),
+    ] = None,
     block: Annotated[
         BlockSource,
         typer.Option(

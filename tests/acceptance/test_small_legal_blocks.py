@@ -66,7 +66,7 @@ def unused_camera(small: Small) -> None:
             "image_coordinates": "photo",
             "principal_distance": 80.0,
             "format": [30000, 30000],
-            "pixel": {"size": 0.005, "origin": "image-centre", "y": "up"},
+            "pixel": {"size": 0.005},
         }
     }
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from aatri.cli.main import app
 from aatri.errors import AatriError
-from aatri.formats.tables.source import FILES
 from aatri.formats.tables.reader import read_block as read
+from aatri.formats.tables.source import FILES
 from tests.reading import read_block
 
 

@@ -66,7 +66,8 @@ def _camera(block: Block, k: int) -> dict[str, Any]:
     written: dict[str, Any] = {"kind": str(c.kind[k]), "image_coordinates": str(c.image_coordinates[k])}
     if np.isfinite(c.pixel_size_mm[k]).all():
         pixel = {"size": c.pixel_size_mm[k].tolist()}
-        pixel |= {key: str(v) for key, v in (("origin", c.pixel_origin[k]), ("y", c.pixel_y[k])) if v}
+        if c.image_coordinates[k] == "pixel":
+            pixel |= {"origin": str(c.pixel_origin[k]), "y": str(c.pixel_y[k])}
         written["pixel"] = pixel
     if np.isfinite(c.format[k]).all():
         written["format"] = c.format[k].tolist()
