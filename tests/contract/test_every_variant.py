@@ -18,7 +18,11 @@ from aatri.artifacts.builder import block_of
 from aatri.artifacts.image_points import ImagePoints
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.block.photos import PhotosOptions, photos
+from aatri.stages.initial_orientation.graph import graph
+from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.connected import connected
+from aatri.stages.tie_points.sift import sift
+from aatri.stages.tie_points.thin import ThinOptions, thin
 from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
@@ -69,7 +73,9 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
     """Inputs of a variant that cannot take those of the usual chain."""
     if name == "model_adjustment/given_models":
         return {"block": models_of_a_block()}
-    if name.startswith("tie_points/"):
+    if name == "tie_points/lsm":
+        return oriented_photographs()
+    if name == "tie_points/sift":
         return {"block": photographed_block()}
     if name.startswith("fiducial_marks/"):
         return {"block": block_of_scans()}
@@ -87,11 +93,19 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
 
 
 @cache
-def photographed_block() -> Block:
-    """Two photographs, without image points."""
+def photographed_block(strips: int = 1) -> Block:
+    """Two photographs of a strip, without image points."""
     folder = Path(tempfile.mkdtemp(prefix="aatri-photographs-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return photos(options=PhotosOptions(path=flown(folder, strips=1, per_strip=2).folder))
+    return photos(options=PhotosOptions(path=flown(folder, strips, 2).folder))
+
+
+@cache
+def oriented_photographs() -> dict[str, Artifact]:
+    """Four photographs with some tie points, oriented."""
+    block = thin(sift(photographed_block(2)), options=ThinOptions(cells=4))
+    oriented = graph(block, calibrated(block), rng=np.random.default_rng(1))
+    return {"block": block, "solution": oriented}
 
 
 @cache

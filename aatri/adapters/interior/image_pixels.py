@@ -1,16 +1,18 @@
 """Image points that were found in pixels, put into a Block, and rays of pixels before they are in one."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.block import Block, FiducialPoints, MeasuredPoints, Points
+from aatri.artifacts.block import Block, FiducialPoints, MeasuredPoints, Points, Rejects
 from aatri.artifacts.builder import image_point_order
 from aatri.camera.pixels import mm_from_pixel
 from aatri.tables.schema import Table, columns_of, tables_of
+
+T = TypeVar("T", bound=Table)
 
 CELLS = 8
 """Cells along each side of an image in which its points are counted."""
@@ -18,12 +20,26 @@ CELLS = 8
 
 def covered_cells(block: Block) -> Float:
     """Share of the cells of each image with an active image point, (n_images,)."""
-    points = block.image_points.take(np.flatnonzero(block.image_points.active))
-    first = from_first_pixel(block)
-    pixel = np.einsum("nij,nj->ni", np.linalg.inv(first[:, :, :2])[points.image], points.xy - first[points.image, :, 2])
-    cell = np.clip(pixel / block.cameras.format[block.images.camera[points.image]] * CELLS, 0, CELLS - 1).astype(int)
-    seen = np.unique(np.column_stack([points.image, cell]), axis=0)
+    use = block.image_points.active
+    image, cell = block.image_points.image[use], cells_of(block, CELLS)[use]
+    seen = np.unique(np.column_stack([image, cell]), axis=0)
     return np.bincount(seen[:, 0], minlength=len(block.images)) / CELLS**2
+
+
+def cells_of(block: Block, cells: int) -> Int:
+    """Number of the cell in which each image point lies, of cells x cells of its image, (n,)."""
+    points, cameras, of_image = block.image_points, block.cameras, block.images.camera[block.image_points.image]
+    share = np.zeros((len(points), 2))
+    for camera in np.unique(of_image).tolist():
+        some = of_image == camera
+        if cameras.image_coordinates[camera] == "pixel":
+            linear = mm_from_pixel(np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]),
+                                   cameras.format[camera])  # fmt: skip
+            share[some] = (points.xy[some] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
+        else:
+            share[some] = points.xy[some] / cameras.format[camera] + 0.5
+    column, row = np.clip(np.nan_to_num(share, nan=0.5) * cells, 0, cells - 1).astype(np.int64).T
+    return np.asarray(row * cells + column)
 
 
 def pixel_matrices(block: Block) -> Float:
@@ -75,8 +91,7 @@ def with_fiducials(block: Block, image: Int, fiducial: Int, xy: Float, sigma_mm:
     """
     others = block.fiducial_points.take(~np.isin(block.fiducial_points.image, image))
     further = FiducialPoints.of(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma_mm)
-    names = columns_of(FiducialPoints)
-    rows = FiducialPoints(**{n: np.concatenate([getattr(others, n), getattr(further, n)]) for n in names})
+    rows = joined_rows(others, further)
     return replace(block, fiducial_points=rows.take(np.lexsort((rows.fiducial, rows.image))))
 
 
@@ -111,6 +126,31 @@ def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma
     return replace(block, **tables)
 
 
+def with_measured(block: Block, rows: Int, xy_px: Float, sigma_px: Float, aside: Int, reason: str) -> Block:
+    """The block with other coordinates of some of its image points, and some set aside.
+
+    Parameters
+    ----------
+    rows : (m,) int
+        In image_points.
+    xy_px, sigma_px : (n, 2) float64, px
+        Of all image points, from the centre of the first pixel; those of other rows do not count.
+    aside : (k,) int
+        Rows that are not used any more, and why.
+    """
+    points, active = block.image_points, block.image_points.active.copy()
+    active[aside] = False
+    names = [f"{block.images.id[points.image[k]]}/{block.points.id[points.point[k]]}" for k in aside.tolist()]
+    further = Rejects.of(kind="image_point", id=names, reason=reason) if names else Rejects.empty()
+    rejects = joined_rows(block.rejects, further)
+    matrix = from_first_pixel(block)[points.image[rows]]
+    xy, sigma_mm = points.xy.copy(), points.sigma_mm.copy()
+    xy[rows] = np.einsum("nij,nj->ni", matrix[:, :, :2], xy_px[rows]) + matrix[:, :, 2]
+    sigma_mm[rows] = sigma_px[rows] * block.cameras.pixel_size_mm[block.images.camera[points.image[rows]]]
+    changed = replace(points, xy=xy, sigma_mm=sigma_mm, active=active)
+    return replace(block, image_points=changed.take(image_point_order(changed)), rejects=rejects)
+
+
 def without_image_points(block: Block, which: Bool) -> Block:
     """The block without some of its image points, and without points that nothing names any more."""
     tables: dict[str, Any] = {name: rows for name in tables_of(Block) if (rows := getattr(block, name)) is not None}
@@ -125,10 +165,10 @@ def without_image_points(block: Block, which: Bool) -> Block:
     return replace(block, **(tables | {"points": Points(id=block.points.id[named])}))
 
 
-def joined_rows(first: MeasuredPoints, second: MeasuredPoints) -> MeasuredPoints:
-    """Two tables of image points one below the other."""
-    names = columns_of(MeasuredPoints)
-    return MeasuredPoints(**{n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names})
+def joined_rows(first: T, second: T) -> T:
+    """Two tables of a kind one below the other."""
+    names = columns_of(type(first))
+    return type(first)(**{n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names})
 
 
 def _renumbered(rows: Table, at: Int) -> Table:

@@ -1,0 +1,88 @@
+"""The rays of one point matched by least squares: every image point brought onto the patch of the best one.
+
+The reference is the image point with the median size of feature, or the most precise: its window is the template, and
+the windows of the others are brought onto it by an affine transformation, gain and offset, from the turn and scale that
+two rays' orientations or features say. A ray that correlates less than the limit, or moves farther than its standard
+deviation lets it, is not measured anew.
+
+Source: Gruen 1985, South African Journal of Photogrammetry 14, 175.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.artifacts.features import FoundMarks, ScanMarks
+from aatri.errors import InputError
+from aatri.pixels.least_squares_matching import least_squares_match
+from aatri.pixels.reading import Grey, grey_image
+from aatri.regular_file import content_of
+
+AROUND = 2
+"""Half side of the window that is searched, by that of the template."""
+
+
+def matched_rays(left: str, right: str, contents: list[str], half_px: int, places: list[list[float]]) -> ScanMarks:
+    """Image points of the right image by the patches of the left one.
+
+    Parameters
+    ----------
+    left, right : str
+        Files.
+    contents : list of str
+        SHA-256 that the block has of both.
+    half_px : int
+        Half side of a patch.
+    places : list of 8 float
+        x, y in the left image, x, y nearly in the right one, px from the centre of the first; and the linear map
+        (row by row) of pixels of the left image to those of the right one.
+
+    Raises
+    ------
+    InputError
+        If a file is not the one that the block was made with.
+    """
+    for path, content in zip((left, right), contents):
+        if content_of(path) != content:
+            what = "is not there, or has changed since the block was read"
+            raise InputError(what, where=path, remedy="run the stage again that names it: aatri run --redo STAGE")
+    a, b = grey_image(left), grey_image(right)
+    rows = [_ray(a, b, half_px, np.array(place)) for place in places]
+    table = np.array(rows).reshape(-1, 5)
+    return ScanMarks(
+        width_px=b.shape[1],
+        height_px=b.shape[0],
+        marks=FoundMarks(
+            xy_px=table[:, :2], sigma_px=table[:, 2:4], correlation=table[:, 4], second=np.zeros(len(table))
+        ),
+    )
+
+
+def _ray(a: Grey, b: Grey, half: int, place: Float) -> tuple[float, ...]:
+    lost = (np.nan, np.nan, np.nan, np.nan, 0.0)
+    from_a, near_b, linear = place[:2], place[2:4], place[4:].reshape(2, 2)
+    template, centre = _patch(a, from_a, half + 1)
+    if template is None:
+        return lost
+    # the patch of the left image about the point itself: shifted by parts of a pixel on both sides alike
+    offset = from_a - centre
+    window, corner = _patch(b, near_b, AROUND * half)
+    if window is None:
+        return lost
+    reach = AROUND * half
+    start = near_b - corner + reach - linear @ offset
+    found = least_squares_match(window, template[1:-1, 1:-1], start, "affine", linear)
+    if found is None:
+        return lost
+    xy = found.xy_px + found.linear @ offset + corner - reach
+    return (*xy, *found.sigma_px, found.correlation)
+
+
+def _patch(image: Grey, centre: Float, half: int) -> tuple[Float | None, Int]:
+    """The window about a whole pixel next to a place, and that pixel; None where it leaves the image."""
+    at = np.round(centre).astype(np.int64)
+    (x, y), (height, width) = at, image.shape
+    if x < half or y < half or x + half >= width or y + half >= height:
+        return None, at
+    return image[y - half : y + half + 1, x - half : x + half + 1].astype(np.float64), at

@@ -1,0 +1,117 @@
+"""Least squares matching of the rays of every tie point, guided by a first orientation.
+
+    g(A u + p) + v = a t(u + s + B u) + b      t: patch of the reference image, g: another image; A affine
+    A = J_b J_a^-1,   J = d(x, y) / d(X, Y)    start, from the orientations and a level ground at the point
+
+The reference of a point is its image point of median standard deviation; all others are measured against its patch. An
+image point that correlates less than `min_correlation`, or moves by more than `max_shift_px`, is left out: it is
+another place, and listed among the rejects; so are those of a point with fewer than two. Standard deviations are those
+of least squares, times 3, because neighbouring pixels are not independent; the reference has the median of those
+measured against it.
+
+Image points of control stay. Source: Gruen 1985, South African Journal of Photogrammetry 14, 175; Ackermann 1984.
+"""
+
+import numpy as np
+
+from aatri.adapters.interior.image_pixels import from_first_pixel, pixel_matrices, with_measured
+from aatri.adapters.solution import check_same_block
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.features import ScanMarks
+from aatri.artifacts.solution import Solution
+from aatri.errors import InputError
+from aatri.geometry.vectors import finite_rows
+from aatri.pixels.ray_matching import matched_rays
+from aatri.plugin import SILENT, Context, Field, Options, stage
+from aatri.progress import Item
+
+
+class LsmOptions(Options):
+    """Options of least squares matching."""
+
+    half_px: int = Field(10, ge=4, description="half side of a patch, px")
+    min_correlation: float = Field(0.8, gt=0, lt=1, description="an image point that is less like its reference goes")
+    max_shift_px: float = Field(1.5, gt=0, description="an image point that moves farther goes, px")
+    smallest_sigma_px: float = Field(
+        0.05, gt=0, description="no image point is more precise than this: relief within a patch is not affine, px"
+    )
+
+
+@stage(version=1, uses=())
+def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(), context: Context = SILENT) -> Block:
+    """Measure tie points anew."""
+    check_same_block(block, solution=solution)
+    points = block.image_points
+    is_tie = finite_rows(solution.points.xyz_m)
+    is_tie[block.ground_points.point] = False
+    usable = points.active & is_tie[points.point] & finite_rows(solution.images.position_m)[points.image]
+    rows = np.flatnonzero(usable & (block.images.path[points.image] != ""))
+    reference = _references(points.point[rows], points.sigma_mm[rows, 0])
+    own = from_first_pixel(block)
+    inverse = np.linalg.inv(own[:, :, :2])
+    xy_px = np.einsum("nij,nj->ni", inverse[points.image], points.xy - own[points.image, :, 2])
+    to_px = np.linalg.inv(pixel_matrices(block)[:, :, :2])
+    linear = to_px[points.image[rows]] @ _ground_derivatives(block, solution, rows)
+    pair = np.column_stack([points.image[rows[reference]], points.image[rows]])
+    other = np.flatnonzero(reference != np.arange(len(rows)))
+    if not len(other):
+        raise InputError("no tie point in two oriented images", where=block.name, remedy="see the Solution it takes")
+    images, of = np.unique(pair[other], axis=0, return_inverse=True)
+    work, members = [], []
+    for k, (a, b) in enumerate(images.tolist()):
+        some = other[of.ravel() == k]
+        affine = linear[some] @ np.linalg.inv(linear[reference[some]])
+        places = np.column_stack([xy_px[rows[reference[some]]], xy_px[rows[some]], affine.reshape(-1, 4)])
+        files = tuple(str(block.images.path[i]) for i in (a, b))
+        contents = [str(block.images.content[i]) for i in (a, b)]
+        name = f"{block.images.id[a]} and {block.images.id[b]}"
+        work.append(Item(name, files, (contents, options.half_px, places.tolist())))
+        members.append(rows[some])
+    found = [kept.load().marks for kept in context.mapped(matched_rays, work, ScanMarks, "pairs")]
+    at = np.concatenate(members)
+    xy, sigma, like = (np.concatenate([getattr(f, n) for f in found]) for n in ("xy_px", "sigma_px", "correlation"))
+    moved = np.hypot(*(xy - xy_px[at]).T)
+    good = (like >= options.min_correlation) & (moved <= options.max_shift_px)
+    context.log(f"{int(good.sum())} of {len(at)} image points are matched; they moved by "
+                f"{np.median(moved[good]) if good.any() else 0:.2f} px in the median")  # fmt: skip
+    made_px, sigma_px = xy_px.copy(), np.full((len(points), 2), np.nan)
+    made_px[at[good]], sigma_px[at[good]] = xy[good], np.maximum(sigma[good], options.smallest_sigma_px)
+    heads = rows[reference == np.arange(len(rows))]
+    sigma_px[heads] = _medians(points.point[at[good]], sigma_px[at[good]], len(block.points))[points.point[heads]]
+    measured = finite_rows(sigma_px)
+    alone = np.bincount(points.point[measured], minlength=len(block.points)) < 2
+    measured &= ~alone[points.point]
+    return with_measured(
+        block, np.flatnonzero(measured), made_px, sigma_px, rows[~measured[rows]], "not matched by least squares"
+    )
+
+
+def _references(point: Int, sigma: Float) -> Int:
+    """The row of the reference of each image point's point, (n,): that of median standard deviation."""
+    order = np.lexsort((sigma, point))
+    ids, first, count = np.unique(point[order], return_index=True, return_counts=True)
+    return np.asarray(order[first + (count - 1) // 2][np.searchsorted(ids, point)])
+
+
+def _ground_derivatives(block: Block, solution: Solution, rows: Int) -> Float:
+    """d(x, y) / d(X, Y) of image points (n, 2, 2), mm per m, on level ground at their point."""
+    points = block.image_points.take(rows)
+    R = solution.images.ground_from_image[points.image]
+    c_mm = block.cameras.principal_distance_mm[block.images.camera[points.image]]
+    u = np.einsum("nji,nj->ni", R, solution.points.xyz_m[points.point] - solution.images.position_m[points.image])
+    dx = -c_mm[:, None, None] * (
+        R.swapaxes(1, 2)[:, :2, :2] / u[:, 2, None, None]
+        - u[:, :2, None] * R.swapaxes(1, 2)[:, 2, None, :2] / u[:, 2, None, None] ** 2
+    )
+    return np.asarray(dx)
+
+
+def _medians(point: Int, sigma_px: Float, n_points: int) -> Float:
+    """Median of the standard deviations of each point's image points, (n_points, 2); NaN where there are none."""
+    made = np.full((n_points, 2), np.nan)
+    for axis in (0, 1):
+        order = np.lexsort((sigma_px[:, axis], point))
+        ids, first, count = np.unique(point[order], return_index=True, return_counts=True)
+        made[ids, axis] = sigma_px[order, axis][first + (count - 1) // 2]
+    return made
