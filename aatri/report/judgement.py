@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
@@ -36,19 +37,27 @@ def judgement(run: RunView) -> str:
         return "The pipeline does not fit the block and was not run on; what stands here is what was made before."
     done = sum(stage.status == "done" for stage in run.stages)
     left = f"The run is not complete: {done} of {len(run.stages)} stages are done." if done < len(run.stages) else ""
+    purpose = _of_purpose(run.last(Evaluation))
     if not solutions or solution is None:
-        return " ".join(filter(None, [left, "Nothing has been adjusted yet."]))
+        return " ".join(filter(None, [left, purpose or "Nothing has been adjusted yet."]))
     evaluations = run.evaluated()
     figures = with_check_counts(evaluations[-1].metrics) if evaluations else {}
     sentences = [
         left,
         _contradiction(solution),
-        _accuracy(figures),
+        purpose or _accuracy(figures),
         _sigma0(solutions[-1].metrics),
         *wrong_observations(solution).values(),
         _image_points_left_out(solution),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _of_purpose(evaluation: Evaluation | None) -> str:
+    """What an evaluation says that is not of differences at points: of epochs, designs, free strips."""
+    if evaluation is None or len(evaluation.differences) or not evaluation.verdict:
+        return ""
+    return f"{evaluation.verdict[0].upper()}{evaluation.verdict[1:].rstrip('.')}."
 
 
 def _contradiction(solution: Solution) -> str:

@@ -142,3 +142,16 @@ def test_a_pipeline_that_does_not_fit_its_block_is_the_first_problem(tmp_path: P
     assert page["problems"][0]["text"] == "stage absolute: neither control nor positions"
     assert page["problems"][0]["remedy"] == "give control"
     assert page["judgement"].startswith("The pipeline does not fit the block")
+
+
+def test_an_evaluation_of_another_purpose_is_the_judgement(tmp_path: Path) -> None:
+    """Epochs, designs and free strips have no check points, and say what they were made for."""
+    block = made_block()
+    solution = made_solution(block)
+    evaluation = evaluate(block, solution)
+    nothing = evaluation.differences.take(np.zeros(len(evaluation.differences), dtype=bool))
+    moved = replace(evaluation, differences=nothing, verdict="one of 40 points has moved: P7")
+    write_report(make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": moved}))
+    page = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert page["judgement"].startswith("One of 40 points has moved: P7.")
+    assert "Nothing independent" not in page["judgement"]

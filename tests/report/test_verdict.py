@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from aatri.report.verdict import external_lights, internal_lights
+from aatri.report.verdict import Light, _check, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView
 
 
@@ -56,3 +56,12 @@ def test_the_evaluation_of_a_result_counts_and_not_the_set_ups_that_come_after_i
     accuracy, plotter = stage("evaluation", {"check_points": 5}), stage("plotter", {"single_models": 3})
     assert [s.name for s in RunView(Path(), {}, (accuracy, plotter)).evaluated()] == ["evaluation"]
     assert [s.name for s in RunView(Path(), {}, (plotter,)).evaluated()] == ["plotter"]
+
+
+@pytest.mark.parametrize(
+    ("points", "theory", "state"), [(30, "look", "good"), (16, "good", "good"), (16, "look", "look")]
+)
+def test_few_check_points_are_good_where_theory_explains_their_errors(points: int, theory: str, state: str) -> None:
+    light = _check({"check_points": points, "check_rmse_x_m": 0.012, "check_rmse_y_m": 0.1}, Light("", theory, ""))
+    assert light.state == state
+    assert light.words.startswith(f"RMSE X 12, Y 100 mm at {points} check points")
