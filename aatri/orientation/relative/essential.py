@@ -85,6 +85,9 @@ class FromConsensus:
         drawn, fits = np.zeros(len(count), dtype=np.int64), np.zeros(len(portion.active), dtype=bool)
         portion.all_pairs(consensus, portion.chosen, portion.table, self.max_samples, poses, costs, drawn, fits)
         portion.chosen[:] &= np.isfinite(costs[:, 0])
+        # of five points, or of a plane, they are rotations to some digits only, and what follows turns them as they are
+        some = np.isfinite(costs)
+        poses[some, :, :3] = nearest_rotation(poses[some, :, :3])
         portion.pose[:] = poses[:, 0]
         portion.active[:] &= fits
         row = np.repeat(np.arange(len(count)), count)

@@ -58,6 +58,14 @@ def test_over_a_plane_every_wrong_orientation_is_called_ambiguous_and_the_second
         assert any("ambiguous" in text for text in made.orientations.warnings[k])
 
 
+def test_orientations_are_rotations_to_the_last_digits() -> None:
+    rng = np.random.default_rng(5)
+    for planar in (False, True):
+        made = essential_orientations(*rays_of([trial(rng, noise=1.0, planar=planar) for _ in range(100)]))
+        R = made.orientations.left_from_right[made.orientations.formed]
+        assert np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max() < 1e-12
+
+
 def test_the_other_orientation_over_a_plane_maps_it_the_same_way() -> None:
     rng = np.random.default_rng(6)
     R, b, m = Rotation.random(random_state=3).as_matrix(), rng.normal(size=3), rng.normal(size=3)
