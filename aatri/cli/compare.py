@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run
+from aatri.cli.arguments.completion import complete_run, one_of_words
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
@@ -23,6 +23,12 @@ def compare(
     ],
     variants: Annotated[bool, typer.Option("--variants", help="Compare a run with those of its variants.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Also figures that are equal.")] = False,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--form", autocompletion=one_of_words("markdown", "csv"), help="The key figures to paste: markdown or csv."
+        ),
+    ] = "",
     json: AsJson = False,
 ) -> None:
     """Show key figures and options of runs side by side, the first stage that differs from the first run, and why.
@@ -32,7 +38,7 @@ def compare(
     from aatri.cli.arguments.locate import find_run
     from aatri.cli.terminal.compare_tables import say_side_by_side, shown_value
     from aatri.cli.terminal.key_figures import say_key_figures
-    from aatri.pipeline.plan.compare import metric_rows, option_rows, parting, read_run
+    from aatri.pipeline.plan.compare import changes, metric_rows, option_rows, parting, read_run
     from aatri.pipeline.store.inside import VARIANTS, names_in
 
     folders = [find_run(path).folder for path in runs]
@@ -48,12 +54,23 @@ def compare(
     compared = [read_run(folder, name) for folder, name in zip(folders, names)]
     options, metrics = option_rows(compared), metric_rows(compared)
     partings = {run.name: parting(compared[0], run) for run in compared[1:]}
+    if form:
+        from aatri.cli.terminal.key_figures import key_figures, pasted
+
+        if form not in ("markdown", "csv"):
+            raise SpecError(f"no form {form!r}", remedy="markdown or csv")
+        say(pasted(*key_figures(compared), form))
+        return
     if json:
         say_json(
             {
                 "runs": {run.name: str(run.folder) for run in compared},
                 "options": dict(options),
                 "metrics": dict(metrics),
+                "changes": {
+                    run.name: [{"stage": stage, **reason.plain()} for stage, reason in changes(compared[0], run)]
+                    for run in compared[1:]
+                },
                 "differences": {n: _plain(p) for n, p in partings.items()},
             }
         )
@@ -74,6 +91,9 @@ def compare(
                 else "the figures are equal\n"
             )
     for run in compared[1:]:
+        for stage, reason in changes(compared[0], run):
+            if reason.why != "options":  # these stand in the table
+                say(f"{run.name}: changed: {stage}: {reason}")
         missing = [stage for stage in compared[0].stages if stage not in run.records]
         without = f"; it has no result of {', '.join(missing)}" if missing else ""
         say(f"{run.name}: {_parting_text(partings[run.name], compared[0])}{without}")

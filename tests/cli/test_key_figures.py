@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aatri.cli.terminal.key_figures import say_key_figures
+from aatri.cli.terminal.key_figures import key_figures, pasted, say_key_figures
 from aatri.pipeline.plan.compare import Compared
 
 
@@ -22,7 +22,7 @@ def _run(name: str, check_m: float, sigma0: float, points: int = 50) -> Compared
 @pytest.mark.parametrize(
     ("other", "says"),
     [
-        (0.0208, "+4.0%, within chance (10%)"),  # 1 / sqrt(2 * 50)
+        (0.0208, "within chance"),  # 1 / sqrt(2 * 50)
         (0.03, "+50.0%"),
         (0.02 * (1 + 1e-9), ""),
     ],
@@ -37,6 +37,16 @@ def test_a_difference_is_held_against_its_own_uncertainty(capsys, other: float, 
 def test_few_points_tell_little(capsys) -> None:
     say_key_figures([_run("one", 0.02, 1.0, points=2), _run("two", 0.03, 1.2, points=2)])
     text = capsys.readouterr().out
-    assert "within chance (50%)" in text
+    assert "within chance" in text
     assert "+20.0%" in text  # sigma0
     assert "seconds" in text
+
+
+def test_a_table_can_be_pasted() -> None:
+    head, rows = key_figures([_run("one", 0.02, 1.0), _run("a|b", 0.03, 1.0)])
+    lines = pasted(head, rows, "markdown").splitlines()
+    assert lines[0] == "| key figures | one | a\\|b | difference |"
+    assert lines[1] == "|---|---:|---:|---:|"
+    assert lines[2] == "| accuracy: check points, RMSE X mm | 20.0 | 30.0 | +50.0% |"
+    assert pasted(head, rows, "csv").splitlines()[1] == '"accuracy: check points, RMSE X mm",20.0,30.0,+50.0%'
+    assert key_figures([_run(name, 0.02, 1.0) for name in "abc"])[0] == ["key figures", "a", "b", "c"]

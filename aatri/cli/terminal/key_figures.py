@@ -8,6 +8,8 @@ the number of points.
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,12 +31,29 @@ ROUNDING = 1e-6
 
 def say_key_figures(runs: Sequence[Compared]) -> None:
     """Print the key figures of two runs, one table."""
-    names = [run.name for run in runs]
+    head, rows = key_figures(runs)
+    say_table(head, rows, head[1:-1])
+    say()
+
+
+def key_figures(runs: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of the key figures; of two runs with the difference, where chance does not explain it."""
     rows = [*_accuracies(runs), *_of_solutions(runs)]
     seconds = [sum(float(r["seconds"]) for r in run.records.values()) for run in runs]
     rows.append(["seconds", *(f"{s:.1f}" for s in seconds), ""])
-    say_table(("key figures", *names, "difference"), rows, names)
-    say()
+    head = ["key figures", *(run.name for run in runs), "difference"]
+    return (head, rows) if len(runs) == 2 else (head[:-1], [row[:-1] for row in rows])
+
+
+def pasted(head: Sequence[str], rows: Sequence[Sequence[str]], form: str) -> str:
+    """A table to be pasted into a text (markdown) or a spreadsheet (csv)."""
+    if form == "csv":
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([head, *rows])
+        return text.getvalue().rstrip("\n")
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in (head, *rows)]
+    lines = [f"| {' | '.join(row)} |" for row in cells]
+    return "\n".join([lines[0], f"|---|{'---:|' * (len(head) - 1)}", *lines[1:]])
 
 
 def _accuracies(runs: Sequence[Compared]) -> list[list[str]]:
@@ -78,7 +97,7 @@ def _difference(values: Sequence[Any], figures: Sequence[Any], points: str, axis
     if not points or not text or not fewest:
         return text
     change, chance = abs(values[1] - values[0]) / max(values), (2 * fewest) ** -0.5
-    return f"{text}, within chance ({chance:.0%})" if change <= chance else text
+    return "within chance" if change <= chance else text
 
 
 def _change(values: Sequence[Any]) -> str:

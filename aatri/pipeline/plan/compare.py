@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.reasons import Reason, differences, flat
+from aatri.pipeline.plan.reasons import Reason, Why, differences, flat
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.objects import artifact_file
 
@@ -113,6 +113,18 @@ def parting(one: Compared, other: Compared) -> Parting | None:
         largest = largest_difference(artifact_file(one.folder, a), artifact_file(other.folder, b))
         return Parting(stage, differences(a["parts"], b["parts"]), environment, largest)
     return None
+
+
+def changes(one: Compared, other: Compared) -> list[tuple[str, Reason]]:
+    """What was changed between two runs, by stage: method, option, file, code; not what only follows from it."""
+    follows = (Why.input, Why.upstream_maybe)
+    both = [stage for stage in one.stages if stage in one.records and stage in other.records]
+    return [
+        (stage, reason)
+        for stage in both
+        for reason in differences(one.records[stage]["parts"], other.records[stage]["parts"])
+        if reason.why not in follows
+    ]
 
 
 def largest_difference(one: Path, other: Path) -> float:
