@@ -12,6 +12,7 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import predicted
+from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.weight_functions import weights
 from aatri.arrays import Float
 from aatri.notes import Note
@@ -24,9 +25,6 @@ ROUNDS = 40
 
 STAYS = 0.01
 """Largest change of a weight, as a share of it, that counts no more."""
-
-CONTROLLED = 1e-3
-"""Least redundancy number a residual is standardised by."""
 
 
 @dataclass(frozen=True)

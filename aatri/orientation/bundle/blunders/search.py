@@ -13,7 +13,7 @@ The limit counts the tests, and knows the tails of the errors (`fitted_sigmas`).
 
 Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
 of a kind is rejected than its redundancy answers for (`adjustment.statistics.room`): where more disagrees single gross
-errors explain nothing, and all of the kind stay. With a redundancy below `FEW` large |w| may come of standard
+errors explain nothing, and all of the kind stay. With a redundancy below `ESTIMABLE` large |w| may come of standard
 deviations that are too small: only what stands out by the tau test too goes.
 
 Source: Baarda 1968; Huber 1964; Foerstner 1983; docs/formulas.md 6.7, 7.3.

@@ -7,23 +7,16 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
+from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.adjustment.statistics.tau import tau_limit
+from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
-
-WELL_CONTROLLED = 1e-3
-"""Components with a smaller redundancy number are not tested: what controls them could not be told apart."""
-
-
-FEW = 10
-"""Redundancy below which sigma0 a priori cannot be taken for granted: that from which variances are estimable."""
-
-STANDS_OUT = 3.29
-"""Limit, as that of |w|, of the tau test of small networks."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +38,7 @@ class TestedBlock:
     @property
     def small(self) -> bool:
         """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
-        return self.result.adjusted.redundancy < FEW
+        return self.result.adjusted.redundancy < ESTIMABLE
 
     @cached_property
     def test(self) -> Float:
@@ -54,7 +47,7 @@ class TestedBlock:
         if self.options.tau:
             unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
         elif self.small and adjusted.redundancy > 0:
-            unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, STANDS_OUT), adjusted.redundancy) / limit)
+            unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, SINGLE_LIMIT), adjusted.redundancy) / limit)
         return np.asarray(self.plain / (unit * self.tails))
 
     def controlled(self, rows: Int) -> Bool:
@@ -81,7 +74,7 @@ def residuals_and_redundancy(found: AdjustedObservations, state: State, rows: In
     records = found.observed.records
     v = whitened_residuals(records, state, rows)
     r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", found.covariance[rows])
-    return v, np.where(records.observed_components()[rows] & (r > WELL_CONTROLLED), r, 0.0)
+    return v, np.where(records.observed_components()[rows] & (r > CONTROLLED), r, 0.0)
 
 
 def gains_of(found: AdjustedObservations, state: State, rows: Int) -> Float:

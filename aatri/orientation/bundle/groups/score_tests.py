@@ -19,7 +19,8 @@ from scipy.special import chdtri
 
 from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
 from aatri.adjustment.records import whitened
-from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.statistics.attribution import CONTROLLED, SEPARABLE
+from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
@@ -31,13 +32,6 @@ from aatri.orientation.bundle.result import BundleResult
 
 ALARM = 1e-3
 """Probability that a block without errors is told a group: shared by the candidates, and of each by all its tests."""
-
-MEDIAN, CONTROLLED = 0.4549, 1e-3
-"""Median of chi-square of one degree; least redundancy number of a residual that counts."""
-
-AS_GOOD = 0.02
-"""Share of a gain by which another explanation may fall short of it and cannot be told apart: beyond `SEPARABLE`, since
-one step from a wrong model is not exact."""
 
 MOST_TRIED, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
@@ -89,14 +83,14 @@ def significant_groups(
     left = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
     groups: list[Group] = []
     while left and len(groups) < MOST_TRIED:
-        most = max(t.gain for t in left)
-        if groups and most < EXPLAINS * groups[0].gain:
+        gain = np.array([t.gain for t in left])
+        if groups and gain.max() < EXPLAINS * groups[0].gain:
             break
-        as_good = [t for t in left if t.gain >= most - max(SEPARABLE, AS_GOOD * most)]
-        best = min(as_good, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
+        near = [t for t, is_near in zip(left, as_good(gain)) if is_near]
+        best = min(near, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
         group = _confirmed(block, adjusted, result, best, single, known)
         if group is not None:
-            groups.append(_with_alternatives(group, [t for t in as_good if t is not best]))
+            groups.append(_with_alternatives(group, [t for t in near if t is not best]))
         left = [t for t in left if t is not best]
     return groups
 
@@ -206,7 +200,11 @@ def _residuals(
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
     w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
     of_group = np.isin(rows, group.rows)
-    return v[of_group], after[of_group], float(np.sqrt(max(1.0, np.median(w2) / MEDIAN if len(w2) else 1.0)))
+    return (
+        v[of_group],
+        after[of_group],
+        float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0))),
+    )
 
 
 def _most_fit_better(before: Float, after: Float) -> bool:
