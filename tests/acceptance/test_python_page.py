@@ -6,6 +6,7 @@ APPROVE=1 pytest -m slow tests/acceptance/test_python_page.py     writes the out
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
@@ -46,7 +47,8 @@ def test_the_page_is_what_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     pytest.importorskip("pandas")
-    pytest.importorskip("ipykernel")
+    if importlib.util.find_spec("ipykernel") is None:
+        pytest.skip("no kernel for notebooks")
     project = Path(shutil.copytree(ROOT / "docs" / "tutorial", tmp_path / "tutorial"))
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     notebook = nbformat.read(ROOT / "examples" / "quarry.ipynb", as_version=4)

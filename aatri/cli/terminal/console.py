@@ -129,7 +129,8 @@ def show_in_browser(page: Path) -> None:
 
 def in_notebook() -> bool:
     """Whether this process computes the cells of a notebook."""
-    return "ipykernel" in sys.modules
+    shell = sys.modules.get("IPython")
+    return "ipykernel" in sys.modules and shell is not None and shell.get_ipython() is not None
 
 
 def is_terminal() -> bool:
