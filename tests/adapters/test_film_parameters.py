@@ -12,6 +12,8 @@ from aatri.stages.interior_orientation.affine import affine
 from aatri.tables.digest import content_digest
 from tests.stages.chain import run_chain, simulated
 
+THREE_IMAGES = {"strips": 1, "images_per_strip": 3, "cross_strips": 0}
+
 
 def test_pixel_cameras_carry_no_film_unknowns() -> None:
     made = run_chain(
@@ -23,7 +25,7 @@ def test_pixel_cameras_carry_no_film_unknowns() -> None:
 
 
 def test_film_with_measured_fiducials_carries_six_an_image() -> None:
-    block = simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0})
+    block = simulated(preset="rc30", flight=THREE_IMAGES, ties={"new_points": 60})
     rows = film_parameters(block, affine(block))
     assert rows is not None
     assert rows.free.shape == (3, 6)
@@ -32,9 +34,7 @@ def test_film_with_measured_fiducials_carries_six_an_image() -> None:
 
 @pytest.mark.parametrize(("model", "open_"), [("similarity", 4), ("affine", 6), ("bilinear", 8), ("projective", 8)])
 def test_as_many_are_weighted_as_the_transformation_leaves_open(model: str, open_: int) -> None:
-    block = simulated(
-        preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0}, camera={"fiducials": 8}
-    )
+    block = simulated(preset="rc30", flight=THREE_IMAGES, ties={"new_points": 60}, camera={"fiducials": 8})
     rows = film_parameters(block, find_stages().card(f"interior_orientation/{model}").function(block))
     assert rows is not None
     assert rows.free.shape == (3, open_)

@@ -149,7 +149,8 @@ def test_every_column_of_a_block_is_offered_or_known_to_be_read() -> None:
 
 
 def test_the_stages_of_the_demo_use_all_that_the_demo_offers() -> None:
-    offers = _offers(simulated(preset="rc30", flight={"strips": 1, "images_per_strip": 3, "cross_strips": 0}))
+    flight = {"strips": 1, "images_per_strip": 3, "cross_strips": 0}
+    offers = _offers(simulated(preset="rc30", flight=flight, ties={"new_points": 60}))
     registry, used = find_stages(), set()
     for name in (
         "interior_orientation/affine",
