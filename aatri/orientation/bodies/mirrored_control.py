@@ -17,6 +17,9 @@ CLEARLY_UPWARDS = 0.17
 FEWEST_MIRRORED, CLEARLY = 5, 0.2
 """Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
+FLAT = 1e-3
+"""Misfit, as a share of the extent, of points that are not mirrored: they fit, or lie in a plane and fit either way."""
+
 
 def exchanged_of(places: GivenPlaces, fewest: int = FEWEST) -> Int:
     """Two control points with each other's number, among places known in full; none otherwise."""
@@ -69,7 +72,7 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
     if full.sum() >= FEWEST_MIRRORED:
         x, X = kept.xyz[full], kept.observed_m[full]
         as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
-        if other < CLEARLY * as_it_is:
+        if other < CLEARLY * as_it_is and as_it_is > FLAT * float(np.linalg.norm(np.ptp(X, axis=0))):
             return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
         if as_it_is < CLEARLY * other:
             return ""
