@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aatri.cli.arguments.completion import complete_run, one_of_words
+from aatri.cli.arguments.completion import complete_path, complete_run, one_of_words
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 from aatri.errors import SpecError
@@ -29,6 +29,10 @@ def compare(
             "--form", autocompletion=one_of_words("markdown", "csv"), help="The key figures to paste: markdown or csv."
         ),
     ] = "",
+    page: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", autocompletion=complete_path, help="A page with the pictures side by side."),
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Show key figures and options of runs side by side, the first stage that differs from the first run, and why.
@@ -60,6 +64,13 @@ def compare(
         if form not in ("markdown", "csv"):
             raise SpecError(f"no form {form!r}", remedy="markdown or csv")
         say(pasted(*key_figures(compared), form))
+        return
+    if page is not None:
+        from aatri.cli.compare_page import write_page
+        from aatri.cli.terminal.key_figures import key_figures
+
+        write_page(page, compared, *key_figures(compared))
+        say(str(page))
         return
     if json:
         say_json(

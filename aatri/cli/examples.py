@@ -24,6 +24,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("compare run calibrated", "key figures, and what was changed"),
         ("compare runs/block --variants", "a run with its variants"),
         ("compare run calibrated --form markdown", "one table to paste"),
+        ("compare run calibrated --page both.html", "the pictures of both side by side"),
     ),
     "edit": (("edit", "what the adjustment proposes"), ("edit --apply 1,3-5", "write some of it into edits.yaml")),
     "design": (("design", "all layouts of ./pipeline.yaml side by side"),),

@@ -139,6 +139,10 @@ def test_variants_are_run_and_compared(project: Path) -> None:
     assert "far: parts from out at stage s: options offset: 0.0 -> 9.0 (more than the last bits, largest" in text
     assert "equal to those of out" in aatri("compare", "out", "out").stdout
     assert aatri("compare", "out").exit_code == 2
+    assert aatri("compare", "pipeline.yaml", "--variants", "--page", "both.html").stdout == "both.html\n"
+    page = Path("both.html").read_text(encoding="utf-8")
+    assert page.count("<p>far</p>") == page.count("<p>out</p>") == page.count("<h2>")
+    assert "http" not in page.replace("http://www.w3.org", "")
     assert json.loads(aatri("status", "out/variants/far", "--json").stdout)["stages"][1]["state"] == "done"
 
 

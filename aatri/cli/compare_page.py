@@ -1,0 +1,37 @@
+"""A page with the pictures of runs side by side, for `aatri compare --page`."""
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from aatri.pipeline.plan.compare import Compared
+
+_STYLE = (
+    "main{max-width:none}.row{display:flex;gap:1em;flex-wrap:wrap}.row>div{flex:1;min-width:20em}svg{max-width:100%}"
+)
+"""Added to the style of the report, which the pictures are drawn for."""
+
+
+def write_page(path: Path, runs: Sequence[Compared], head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Write the key figures, and every picture that one of the runs has, a column a run."""
+    from aatri.formats.text.written_files import write_files
+    from aatri.report.drawing.svg import drawn
+    from aatri.report.page import seen_in
+    from aatri.report.questions import all_pictures
+
+    pictures = [all_pictures(*seen_in(run.folder)) for run in runs]
+    lines = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in (head, *rows)]
+    parts = [f"<h1>{escape(' and '.join(run.name for run in runs))}</h1><table>"]
+    parts += [f"<tr>{line}</tr>" for line in lines]
+    parts.append("</table>")
+    for name in dict.fromkeys(name for of in pictures for name in of):
+        title = next(of[name].title for of in pictures if name in of)
+        columns = [
+            f"<div><p>{escape(run.name)}</p>{drawn(of[name]) if name in of else 'none'}</div>"
+            for run, of in zip(runs, pictures)
+        ]
+        parts.append(f'<h2>{escape(title)}</h2><div class="row">{"".join(columns)}</div>')
+    style = files("aatri.report").joinpath("templates", "style.css").read_text(encoding="utf-8") + _STYLE
+    start = f'<!doctype html><html lang="en"><meta charset="utf-8"><style>{style}</style><main>'
+    write_files(path.parent, {path.name: f"{start}{''.join(parts)}</main></html>\n"})
