@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from aatri.pipeline.plan.compare import Compared
@@ -32,6 +31,7 @@ def write_page(path: Path, runs: Sequence[Compared], head: Sequence[str], rows: 
             for run, of in zip(runs, pictures)
         ]
         parts.append(f'<h2>{escape(title)}</h2><div class="row">{"".join(columns)}</div>')
-    style = files("aatri.report").joinpath("templates", "style.css").read_text(encoding="utf-8") + _STYLE
-    start = f'<!doctype html><html lang="en"><meta charset="utf-8"><style>{style}</style><main>'
+    rendered = [page for run in runs if (page := run.folder / "report.html").is_file()]
+    style = rendered[0].read_text(encoding="utf-8").partition("<style>")[2].partition("</style>")[0] if rendered else ""
+    start = f'<!doctype html><html lang="en"><meta charset="utf-8"><style>{style}{_STYLE}</style><main>'
     write_files(path.parent, {path.name: f"{start}{''.join(parts)}</main></html>\n"})
