@@ -36,7 +36,7 @@ from aatri.testing.properties import (
 
 PHOTO_MM, LENGTH = 0.3, 0.01
 """Allowed: of photo coordinates, mm (the gross errors of the example have 0.2); of lengths, as a share of base or
-distance. Built-in methods are off by a twentieth of it at most."""
+distance. Built-in methods are off by a quarter of it at most."""
 
 FACTOR, FACTOR_WITH_FILM = 3.0, 10.0
 """Allowed between standard deviations and what they are of; the second where errors of film and lens come on top."""

@@ -9,7 +9,7 @@ from aatri.arrays import Float
 from aatri.geometry.rotations import log_rotation
 
 TURN_RAD = 0.01
-"""Allowed of rotations; built-in methods are off by a twentieth of it at most."""
+"""Allowed of rotations; built-in methods are off by a quarter of it at most."""
 
 ROUNDING, SHARE_OF_SIGMA = 1e-6, 0.1
 """Allowed of what is equal but for rounding: as a share of itself; of residuals, as a share of sigma."""
