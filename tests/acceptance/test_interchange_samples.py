@@ -15,7 +15,7 @@ from tests.acceptance.small_block import aatri
 
 MISSING = {
     "bingo": r"image point B1_1.JPG/31 measured twice, 1.28777 apart",
-    "borea": r"terrain_test0.mes:2: 7 of its image points are otherwise in",
+    "borea": r"terrain_test0.mes:2: 7 of its image points have other coordinates in",
     "micmac/Ori-MMV1": r"brown differs by up to 0.062 px, more than 0.05 px",
     "micmac/Saisies-MMV1": r"several folders with orientations: Ori-Ground_mm3d",
     "odm": r"no source says which camera took 4 images",

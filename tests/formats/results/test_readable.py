@@ -137,7 +137,7 @@ def test_an_unknown_table_and_one_without_values_say_what_there_is() -> None:
 
 
 def test_every_kind_of_artifact_is_known_by_name() -> None:
-    assert list(KINDS) == ["Block", "ImagePoints", "Models", "Strips", "Solution", "Evaluation"]
+    assert list(KINDS) == ["Block", "ImagePoints", "Models", "Strips", "Solution", "Evaluation", "Information"]
 
 
 def _read(path: Path) -> list[dict[str, str]]:
