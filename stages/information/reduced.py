@@ -24,7 +24,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
-from aatri.ids import printable
+from aatri.ids import printable, shown
 from aatri.observations.poses import POINT, POSE
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -67,6 +67,7 @@ def reduced(
         POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
     }
     result = of.done.result
+    _tell_lost_rays(block, keep[POINT] & ~result.point_adjusted, context)
     keep = {POSE: keep[POSE] & result.image_adjusted, POINT: keep[POINT] & result.point_adjusted}
     if not (keep[POSE].any() or keep[POINT].any()):
         raise InputError(
@@ -79,6 +80,18 @@ def reduced(
     made = information_of(of.source, of.done, keep, tables.sets, included=included)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made
+
+
+def _tell_lost_rays(block: Block, undetermined: Bool, context: Context) -> None:
+    """What is seen of shared points that this block alone does not determine says nothing of the others."""
+    m = block.image_points
+    rays = np.bincount(m.point[m.active], minlength=len(block.points)) * undetermined
+    if rays.any():
+        lost = f"{int(rays.sum())} image points of {int((rays > 0).sum())} shared points are lost"
+        names = shown(block.points.id[rays > 0].tolist())
+        context.warn(
+            f"{lost}, this block alone does not determine the points: {names}; let the blocks share more images"
+        )
 
 
 def _chosen(kind: str, ids: Text, patterns: list[str], of_other: Text | None) -> Bool:

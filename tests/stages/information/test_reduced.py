@@ -14,6 +14,7 @@ from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError
 from aatri.formats.merging.part import part_of
+from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.information.reduced import ReducedOptions, reduced
@@ -67,6 +68,33 @@ def apart(part: Solution, joint: Solution) -> float:
     sigma_p = np.sqrt(np.einsum("nii->ni", joint.points.covariance_m2[point]))
     known = (sigma_p > 0).all(axis=1)
     return float(max(np.abs(dx / sigma).max(), np.abs(dp[known] / sigma_p[known]).max()))
+
+
+class Ear(Silent):
+    """Keeps the warnings."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)
+
+
+def test_rays_of_shared_points_that_the_block_does_not_determine_are_named() -> None:
+    block = block_of_strips(False, 3)
+    a, b = cut(block, 0, 2), cut(block, 1, 3)
+    m = a.image_points
+    shared = np.isin(a.points.id[m.point], b.points.id)
+    point = m.point[shared][0]
+    rows = np.flatnonzero(m.point == point)
+    active = m.active.copy()
+    active[rows[1:]] = False
+    a = replace(a, image_points=replace(m, active=active))
+    ear = Ear()
+    reduced(a, _points(a), other=b, options=ReducedOptions(**PLAIN), context=ear)
+    (told,) = [text for text in ear.warnings if "are lost" in text]
+    assert told.startswith("1 image points of 1 shared points")
+    assert str(a.points.id[point]) in told
 
 
 @pytest.mark.parametrize(
