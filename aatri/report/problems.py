@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from aatri.artifacts.block import Block
+from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
 from aatri.notes import CONTRADICTION
@@ -50,6 +52,7 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
         ReportedProblem(f"{refusal['where']}: {refusal['what']}", str(refusal["remedy"]))
         for refusal in run.overview.get("refused") or ()
     ]
+    failures += _unreadable(run)
     warnings = [ReportedProblem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
     of_lights = [
@@ -59,6 +62,16 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     ]
     others = [warning for warning in warnings if warning not in contradictions]
     return [*failures, *contradictions, *_of_solution(run), *of_lights, *others]
+
+
+def _unreadable(run: RunView) -> list[ReportedProblem]:
+    """Results that are there and cannot be read: what the page would show of them is missing."""
+    for kind in (Block, Solution, Evaluation):
+        run.last(kind)
+    return [
+        ReportedProblem(f"The result of {stage} cannot be read: {error.what}", error.remedy or "aatri run", stage)
+        for stage, error in run.unreadable.items()
+    ]
 
 
 def _of_solution(run: RunView) -> list[ReportedProblem]:

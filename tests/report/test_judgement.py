@@ -155,3 +155,13 @@ def test_an_evaluation_of_another_purpose_is_the_judgement(tmp_path: Path) -> No
     page = json.loads((tmp_path / "run" / "report.json").read_text())
     assert page["judgement"].startswith("One of 40 points has moved: P7.")
     assert "Nothing independent" not in page["judgement"]
+
+
+def test_a_result_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    _page(tmp_path)
+    (stored,) = (tmp_path / "run" / "objects" / "block").rglob("artifact.h5")
+    stored.chmod(0o644)
+    stored.write_bytes(b"of another version")
+    write_report(tmp_path / "run")
+    page = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert page["problems"][0]["text"].startswith("The result of block cannot be read: ")

@@ -51,6 +51,8 @@ class RunView:
     stages: tuple[StageView, ...]
     kept: dict[str, Artifact] = field(default_factory=dict, repr=False)
     """Artifacts that `last` has read: large ones are not read twice."""
+    unreadable: dict[str, AatriError] = field(default_factory=dict, repr=False)
+    """By stage, what `last` could not read: a file that is gone or damaged, or of another version."""
 
     def of_kind(self, kind: type[Artifact]) -> list[StageView]:
         """The finished stages with artifacts of a kind, in order."""
@@ -80,7 +82,8 @@ class RunView:
         for stage in reversed(self.evaluated() if kind.kind == "Evaluation" else self.of_kind(kind)):
             try:
                 artifact = self.artifact(stage)
-            except AatriError:
+            except AatriError as error:
+                self.unreadable[stage.name] = error
                 continue
             self.kept[stage.name] = artifact
             return artifact if isinstance(artifact, kind) else None
