@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aatri.errors import SpecError
+from aatri.plugin import Port
 
 if TYPE_CHECKING:
     from aatri.plugin import Role, StageCard
@@ -92,7 +93,7 @@ def _needs_options(card: StageCard) -> bool:
 def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
     role, _, name = use.partition("/")
     camel = "".join(word.capitalize() for word in name.split("_"))
-    ports = [f"{port}: {kind.__name__}" for port, kind in declared.ports.items()]
+    ports = [f"{p.name}: {p.kind.__name__}{' | None = None' * p.optional}" for p in _ports(declared, start)]
     extras = [f"options: {camel}Options = {camel}Options()"]
     extras += ["rng: np.random.Generator"] if start and start.wants_rng else []
     extras.append("context: Context = SILENT")
@@ -120,6 +121,11 @@ def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
     )
 
 
+def _ports(declared: Role, start: StageCard | None) -> tuple[Port, ...]:
+    """The ports of the variant it starts from; else those of the role."""
+    return start.ports if start is not None else tuple(Port(name, kind, False) for name, kind in declared.ports.items())
+
+
 def _uses(start: StageCard | None) -> str:
     """What the built-in variant uses with its defaults, as it is written."""
     names = (start.used_with(start.options() if start.options else None) if start else None) or ()
@@ -128,7 +134,7 @@ def _uses(start: StageCard | None) -> str:
 
 
 def _imports(declared: Role, start: StageCard | None) -> str:
-    kinds = {*declared.ports.values(), declared.kind}
+    kinds = {*(port.kind for port in _ports(declared, start)), declared.kind}
     lines = {f"from {kind.__module__} import {kind.__name__}" for kind in kinds}
     lines.add("from aatri.plugin import SILENT, Context, Field, Options, stage")
     if start is not None:

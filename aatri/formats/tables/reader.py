@@ -31,7 +31,7 @@ from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.frames.tangent import check_convertible
-from aatri.ids import did_you_mean
+from aatri.ids import did_you_mean, shown
 from aatri.progress import SILENT, Reporter
 
 NETWORK = {"geodetic.csv", "relative_control.yaml"}
@@ -96,6 +96,10 @@ def _block(source: Source) -> Block:
     settings = source.settings
     if question := map_or_not(source, ground):
         source.reporter.warn(question)
+    if idle := [
+        k for k, c in settings.cameras.items() if c.image_coordinates != "pixel" and c.pixel and c.pixel.origin
+    ]:
+        source.reporter.log(f"pixel: origin and y bear on nothing, image coordinates are in mm: camera {shown(idle)}")
     height = settings.terrain_height
     if height is not None:
         source.reporter.log(

@@ -99,11 +99,6 @@ class CameraSettings(YamlSection):
                 raise ValueError("image_coordinates: pixel needs pixel: {size: ..., origin: ..., y: ...}")
             if self.format is None and self.pixel.origin != "image-centre":
                 raise ValueError("image_coordinates: pixel needs format: [columns, rows]")
-        elif self.pixel is not None:
-            for name in ("origin", "y"):
-                if getattr(self.pixel, name) is not None:
-                    what = f"bears on nothing: image_coordinates is {self.image_coordinates}, whose axes are known"
-                    raise FaultAt(what, "pixel", name)
         names = ["principal_distance", *VECTORS, *PARAMETERS[self.distortion.model]]
         for name, sigma in self.sigmas.items():
             if name not in names:
