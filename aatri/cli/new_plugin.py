@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import keyword
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from aatri.errors import SpecError
-from aatri.plugin import Port
 
 if TYPE_CHECKING:
     from aatri.plugin import Role, StageCard
@@ -93,7 +92,9 @@ def _needs_options(card: StageCard) -> bool:
 def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
     role, _, name = use.partition("/")
     camel = "".join(word.capitalize() for word in name.split("_"))
-    ports = [f"{p.name}: {p.kind.__name__}{' | None = None' * p.optional}" for p in _ports(declared, start)]
+    ports = [
+        f"{port}: {kind.__name__}{' | None = None' * may_lack}" for port, kind, may_lack in _ports(declared, start)
+    ]
     extras = [f"options: {camel}Options = {camel}Options()"]
     extras += ["rng: np.random.Generator"] if start and start.wants_rng else []
     extras.append("context: Context = SILENT")
@@ -121,9 +122,11 @@ def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
     )
 
 
-def _ports(declared: Role, start: StageCard | None) -> tuple[Port, ...]:
-    """The ports of the variant it starts from; else those of the role."""
-    return start.ports if start is not None else tuple(Port(name, kind, False) for name, kind in declared.ports.items())
+def _ports(declared: Role, start: StageCard | None) -> list[tuple[str, type[Any], bool]]:
+    """Name, kind, and whether it may be absent, of the ports of the variant it starts from; else those of the role."""
+    if start is None:
+        return [(port, kind, False) for port, kind in declared.ports.items()]
+    return [(port.name, port.kind, port.optional) for port in start.ports]
 
 
 def _uses(start: StageCard | None) -> str:
@@ -134,7 +137,7 @@ def _uses(start: StageCard | None) -> str:
 
 
 def _imports(declared: Role, start: StageCard | None) -> str:
-    kinds = {*(port.kind for port in _ports(declared, start)), declared.kind}
+    kinds = {*(kind for _, kind, _ in _ports(declared, start)), declared.kind}
     lines = {f"from {kind.__module__} import {kind.__name__}" for kind in kinds}
     lines.add("from aatri.plugin import SILENT, Context, Field, Options, stage")
     if start is not None:
