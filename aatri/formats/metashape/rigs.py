@@ -63,12 +63,12 @@ def rigs_of(
         angle_sigma_rad=np.where(mounted[:, None], np.nan, np.zeros((n, 3))),
         angle_free=np.broadcast_to(mounted[:, None], (n, 3)),
     )
-    exposure = list(dict.fromkeys(c.master or c.id for c in cameras))
+    number = {key: k for k, key in enumerate(dict.fromkeys(c.master or c.id for c in cameras), 1)}
     rig = [sensors[slaves[c.sensor].master if c.sensor in slaves else c.sensor].name
            if c.sensor in slaves or c.sensor in masters else "" for c in cameras]  # fmt: skip
     columns: dict[str, list[Any]] = {
         "rig": rig,
         "member": [sensors[c.sensor].name if name else "" for c, name in zip(cameras, rig)],
-        "sequence": [1.0 + exposure.index(c.master or c.id) for c in cameras],
+        "sequence": [float(number[c.master or c.id]) for c in cameras],
     }
     return columns, table

@@ -24,7 +24,7 @@ SHORT = 12
 
 PACKAGE = Path(aatri.__file__).resolve().parent
 _STAGES = PACKAGE / "stages" if (PACKAGE / "stages" / "block").is_dir() else PACKAGE.parent / "stages"
-_BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
+BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
 _PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -68,7 +68,7 @@ class CodeReader:
 
     def _code_of(self, module: str, path: Path) -> Code:
         own, root = _own_root(module, path)
-        roots = {**_BUILT_IN, own: root}
+        roots = {**BUILT_IN, own: root}
         files: dict[str, str] = {}
         digests: dict[str, str] = {}
         waiting = [(module, path)]

@@ -13,18 +13,19 @@ import uuid
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import aatri
 from aatri.errors import ResourceError, SpecError
+from aatri.pipeline.methods.code_digest import BUILT_IN
 from aatri.pipeline.run.context import Tell
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
 
 LOCAL = "local:"
-COMPARED = ("aatri", "python", "numpy", "scipy", "h5py", "code")
+COMPARED = ("aatri", "python", "numpy", "scipy", "numba", "h5py", "code")
 """What a worker must have as this process has it, for a stage's key names the code here."""
 
 
@@ -134,11 +135,12 @@ def _about(path: str) -> tuple[str, dict[str, str]]:
 
 
 def _versions() -> dict[str, str]:
-    """Versions, and a digest of the code of aatri."""
-    digest, package = hashlib.sha256(), Path(aatri.__file__).parent
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
-    return {**environment(), "code": digest.hexdigest()[:12]}
+    """Versions, and a digest of the code of aatri and of its stages, which lie beside it in a checkout."""
+    digest = hashlib.sha256()
+    for package, folder in sorted(BUILT_IN.items()):
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(f"{package}/{path.relative_to(folder).as_posix()}".encode() + b"\0" + path.read_bytes())
+    return {**environment(), "numba": version("numba"), "code": digest.hexdigest()[:12]}
 
 
 class _Workers:

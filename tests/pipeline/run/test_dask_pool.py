@@ -100,3 +100,13 @@ def test_a_worker_with_other_versions_or_without_the_folder_is_refused(tmp_path:
         dask_pool._check(Client(lambda path: (Path(path).read_text(), {**own, "numpy": "1.0"})), tmp_path)
     dask_pool._check(Client(lambda path: (Path(path).read_text(), own)), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_code_that_is_compared_has_the_stages_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (dask_pool.BUILT_IN["aatri.stages"] / "block" / "simulate.py").exists()
+    monkeypatch.setattr(dask_pool, "BUILT_IN", {"aatri": tmp_path / "a", "aatri.stages": tmp_path / "stages"})
+    (tmp_path / "a").mkdir()
+    (tmp_path / "stages").mkdir()
+    before = dask_pool._versions()["code"]
+    (tmp_path / "stages" / "new.py").write_text("")
+    assert dask_pool._versions()["code"] != before
