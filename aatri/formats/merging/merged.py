@@ -2,9 +2,9 @@
 
 Table by table the rows of a block are looked for among those of the blocks before it, by what identifies them: images,
 points, cameras and strips by their ids, image points by image and point, given coordinates by their point, positions by
-their image. Equal rows count once. Measurements of one thing that agree are averaged, see `twice`; sights on the ground
-that differ are further sights. What identifies nothing new but says other things is a conflict. Frame, earth curvature
-and system of rotations have to be the same.
+their image. Equal rows count once. Measurements of one thing that agree are averaged, see `settlement`; sights on the
+ground that differ are further sights. What identifies nothing new but says other things is a conflict. Frame, earth
+curvature and system of rotations have to be the same.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,8 +20,8 @@ from aatri.errors import InputError, raise_all
 from aatri.formats.merging.conditions import merged_conditions
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
 from aatri.formats.merging.rows import Joined, appended, joined_by, with_rows
+from aatri.formats.merging.settlement import Conflicts, Duplicates, Settlement
 from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
-from aatri.formats.merging.twice import Conflicts, Duplicates, Twice
 from aatri.ids import printable, shown
 from aatri.progress import Reporter
 from aatri.tables.schema import columns_of, tables_of
@@ -110,15 +110,15 @@ def merged(
     """
     block, called = blocks[0], names[0]
     for other, second in zip(blocks[1:], names[1:]):
-        twice = Twice(called, second, duplicates, conflicts, sigmas)
-        block = _merged_pair(block, other, twice, reporter, unconnected=unconnected)
+        settlement = Settlement(called, second, duplicates, conflicts, sigmas)
+        block = _merged_pair(block, other, settlement, reporter, unconnected=unconnected)
         called = f"{called}, {second}"
     name = name or "+".join(dict.fromkeys(b.name for b in blocks))
     return replace(in_canonical_order(block), name=name)
 
 
-def _merged_pair(a: Block, b: Block, twice: Twice, reporter: Reporter, *, unconnected: bool) -> Block:
-    _check_frames(a, b, twice)
+def _merged_pair(a: Block, b: Block, settlement: Settlement, reporter: Reporter, *, unconnected: bool) -> Block:
+    _check_frames(a, b, settlement)
     place: dict[str, Int] = {"files": np.append(len(a.files) + np.arange(len(b.files)), -1)}
     tables: dict[str, Any] = {"files": appended(a.files, b.files)}
     count: dict[str, tuple[int, int]] = {}
@@ -130,22 +130,22 @@ def _merged_pair(a: Block, b: Block, twice: Twice, reporter: Reporter, *, unconn
         fresh = ~joined.equal if name == "geodetic" else joined.fresh  # one sight more is no contradiction
         if name != "geodetic" and len(joined.differing):
             pairs = DifferingRows(joined.row[joined.differing], joined.differing, _namer(b, name), _reader(b, name))
-            first = _settled(a, name, first, second, pairs, twice)
+            first = _settled(a, name, first, second, pairs, settlement)
         if name in WHOLE:
-            _check_whole(a, name, (first, second), joined, twice)
+            _check_whole(a, name, (first, second), joined, settlement)
         if name in ("images", "image_points"):
             again = joined.equal & second.active
             first = with_rows(first, joined.row[again], active=True)
         place[name] = np.append(np.where(fresh, len(first) + np.cumsum(fresh) - 1, joined.row), -1)
         tables[name] = appended(first, second.take(fresh))
         count[name] = int((~fresh).sum()), int(fresh.sum())
-    conditions = merged_conditions(a, b, twice)
-    if twice.faults and (fault := _datum_fault(a, b, twice)):
-        twice.faults.insert(0, fault)
-    raise_all(twice.faults)
+    conditions = merged_conditions(a, b, settlement)
+    if settlement.faults and (fault := _datum_fault(a, b, settlement)):
+        settlement.faults.insert(0, fault)
+    raise_all(settlement.faults)
     count["relative_control"] = 0, len(conditions[0]) - len(a.relative_control)
-    _check_common(count, twice, unconnected=unconnected)
-    _tell(count, twice, reporter)
+    _check_common(count, settlement, unconnected=unconnected)
+    _tell(count, settlement, reporter)
     heights = [h for h in (a.terrain_height_m, b.terrain_height_m) if np.isfinite(h)]
     return replace(
         a,
@@ -170,15 +170,15 @@ def _both(a: Block, b: Block, name: str, place: dict[str, Int]) -> tuple[Any, An
     return first, replace(second, **moved)
 
 
-def _settled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRows, twice: Twice) -> Any:
+def _settled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRows, settlement: Settlement) -> Any:
     """The rows of the first table, after what the second says otherwise."""
     if name in ("image_points", "fiducial_points"):
         kind = "image point" if name == "image_points" else "fiducial"
         pixel = (a.cameras.image_coordinates == "pixel")[:, None]
         mm_per_unit = np.where(pixel, a.cameras.pixel_size_mm, 1.0)[a.images.camera]
-        return measured(first, second, pairs, twice, kind, mm_per_unit)
+        return measured(first, second, pairs, settlement, kind, mm_per_unit)
     settle: dict[str, Any] = {"images": images, "ground_points": ground, "exterior": exterior}
-    return settle.get(name, excluded)(first, second, pairs, twice)
+    return settle.get(name, excluded)(first, second, pairs, settlement)
 
 
 def _reader(b: Block, name: str) -> Callable[[int], str]:
@@ -213,36 +213,36 @@ def _namer(b: Block, name: str) -> Callable[[int], str]:
     return named
 
 
-def _check_frames(a: Block, b: Block, twice: Twice) -> None:
+def _check_frames(a: Block, b: Block, settlement: Settlement) -> None:
     """Frame, earth curvature and rotations have to be the same: values of one block mean the same in the other."""
     frames = [(f.axes[0], f.crs[0], f.vertical[0]) for f in (a.frames, b.frames)]
     if frames[0] != frames[1]:
         words = [" ".join(filter(None, (crs, vertical, f"({axes})"))) for axes, crs, vertical in frames]
         raise InputError(
-            f"{twice.first} is in the frame {words[0]}, {twice.second} in {words[1]}",
+            f"{settlement.first} is in the frame {words[0]}, {settlement.second} in {words[1]}",
             remedy="bring one into the frame of the other: `block/combined` with `crs` and `vertical`",
         )
     for name in SAME_IN_ALL:
         values = getattr(a, name), getattr(b, name)
         if values[0] != values[1] and not all(isinstance(v, float) and np.isnan(v) for v in values):
-            twice.faults.add(
-                f"{name} is {values[0]} in {twice.first}, {values[1]} in {twice.second}",
+            settlement.faults.add(
+                f"{name} is {values[0]} in {settlement.first}, {values[1]} in {settlement.second}",
                 remedy="state the same in both blocks (block.yaml)",
             )
-    raise_all(twice.faults)
+    raise_all(settlement.faults)
 
 
-def _check_whole(a: Block, name: str, tables: tuple[Any, Any], joined: Joined, twice: Twice) -> None:
+def _check_whole(a: Block, name: str, tables: tuple[Any, Any], joined: Joined, settlement: Settlement) -> None:
     """What belongs to a camera of both blocks has to be in both: a parameter in one alone is another camera."""
     first, second = tables
     for camera in np.intersect1d(second.camera, np.arange(len(a.cameras))).tolist():
         own = second.camera == camera
         counts = int((first.camera == camera).sum()), int(own.sum())
         if counts[0] != counts[1] or (own & joined.fresh).any():
-            twice.conflict(f"camera {printable(str(a.cameras.id[camera]))}: rows of {name}", counts)
+            settlement.conflict(f"camera {printable(str(a.cameras.id[camera]))}: rows of {name}", counts)
 
 
-def _datum_fault(a: Block, b: Block, twice: Twice) -> InputError | None:
+def _datum_fault(a: Block, b: Block, settlement: Settlement) -> InputError | None:
     """An error where all common control differs by one shift: another datum, not errors of points."""
     rows, xyz, covariance = [], [], []
     _, i, j = np.intersect1d(
@@ -255,35 +255,38 @@ def _datum_fault(a: Block, b: Block, twice: Twice) -> InputError | None:
         covariance.append(np.diagonal(ground.covariance_m2, axis1=1, axis2=2))
     both = rows[0] & rows[1]
     shift, sigma = (xyz[1] - xyz[0])[both], np.sqrt(covariance[0] + covariance[1])[both]
-    if len(shift) < FEWEST_SHIFTED or not (np.abs(shift) > twice.sigmas * sigma).any(axis=1).all():
+    if len(shift) < FEWEST_SHIFTED or not (np.abs(shift) > settlement.sigmas * sigma).any(axis=1).all():
         return None
     common = np.median(shift, axis=0)
-    if (np.abs(shift - common) > np.maximum(twice.sigmas * sigma, SAME_SHIFT * np.abs(common).max())).any():
+    if (np.abs(shift - common) > np.maximum(settlement.sigmas * sigma, SAME_SHIFT * np.abs(common).max())).any():
         return None
     return InputError(
-        f"all {len(shift)} common control points of {twice.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
-        f"{common[2]:.3f}) m from those of {twice.first}: another datum",
-        remedy=f"bring {twice.second} into the datum of {twice.first} before they are merged",
+        f"all {len(shift)} common control points of {settlement.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
+        f"{common[2]:.3f}) m from those of {settlement.first}: another datum",
+        remedy=f"bring {settlement.second} into the datum of {settlement.first} before they are merged",
     )
 
 
-def _check_common(count: dict[str, tuple[int, int]], twice: Twice, *, unconnected: bool) -> None:
+def _check_common(count: dict[str, tuple[int, int]], settlement: Settlement, *, unconnected: bool) -> None:
     if not (count["images"][0] or count["points"][0] or unconnected):
         raise InputError(
-            f"{twice.first} and {twice.second} have neither an image nor a point in common",
+            f"{settlement.first} and {settlement.second} have neither an image nor a point in common",
             remedy="give common points the same id (`rename`), or set `unconnected: true` to adjust them side by side",
         )
     if not any(count[name][1] for name in OBSERVATIONS if name in count):
+        first, second = settlement.first, settlement.second
         raise InputError(
-            f"{twice.second} holds nothing that {twice.first} does not hold: the same block twice, or a part of it",
+            f"{second} holds nothing that {first} does not hold: the same block twice, or a part of it",
             remedy="leave it out, or give its ids a prefix if it is another block",
         )
 
 
-def _tell(count: dict[str, tuple[int, int]], twice: Twice, reporter: Reporter) -> None:
-    for text in twice.warnings:
+def _tell(count: dict[str, tuple[int, int]], settlement: Settlement, reporter: Reporter) -> None:
+    for text in settlement.warnings:
         reporter.warn(text)
-    for kind, averaged in twice.means.items():
-        reporter.log(f"{kind}: {len(averaged)} averaged over {twice.first} and {twice.second}: {shown(averaged)}")
+    for kind, averaged in settlement.means.items():
+        reporter.log(
+            f"{kind}: {len(averaged)} averaged over {settlement.first} and {settlement.second}: {shown(averaged)}"
+        )
     common = [f"{n[0]} {name.replace('_', ' ')}" for name, n in count.items() if n[0] and name != "rejects"]
-    reporter.log(f"common to {twice.first} and {twice.second}: {', '.join(common) or 'nothing'}")
+    reporter.log(f"common to {settlement.first} and {settlement.second}: {', '.join(common) or 'nothing'}")

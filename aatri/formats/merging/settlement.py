@@ -22,8 +22,8 @@ Conflicts = Literal["refuse", "first"]
 
 
 @dataclass
-class Twice:
-    """What was found twice with other values.
+class Settlement:
+    """What becomes of what two blocks say of one thing with other values, and what was told of it.
 
     Attributes
     ----------
