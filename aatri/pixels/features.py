@@ -51,7 +51,7 @@ def features_of(path: str, mask: str, content: str, most: int, cells: int) -> Fe
     found = content_of(path, mask)
     if not found or found != content:
         what = "has changed since the block was read" if found else "is not there"
-        raise InputError(what, where=path, remedy="run the stage again that names it: aatri run --redo STAGE")
+        raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
     seen = None if not mask else np.asarray(grey_image(mask) > 0)
     grey = grey_image(path)
     if seen is not None and seen.shape != grey.shape:

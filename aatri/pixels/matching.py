@@ -10,6 +10,7 @@ Source: Lowe 2004 (ratio); Arandjelovic & Zisserman 2012 (roots).
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.features import Features, Keypoints, MatchedKeypoints, Matches
@@ -80,10 +81,12 @@ def near_pairs(position_m: Float, neighbours: int) -> Int:
         NaN where not known: such images pair with none.
     """
     known = np.flatnonzero(np.isfinite(position_m[:, :2]).all(axis=1))
-    apart = np.linalg.norm(position_m[known, None, :2] - position_m[None, known, :2], axis=2)
-    order = np.argsort(apart, axis=1, kind="stable")[:, 1 : neighbours + 1]
-    pairs = np.column_stack([np.repeat(known, order.shape[1]), known[order.ravel()]])
-    return np.unique(np.sort(pairs, axis=1), axis=0).reshape(-1, 2)
+    if len(known) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    near = KDTree(position_m[known, :2]).query(position_m[known, :2], k=min(neighbours + 1, len(known)))[1]
+    pairs = np.column_stack([np.repeat(known, near.shape[1]), known[near.ravel()]])
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def consecutive_pairs(order: Int, neighbours: int) -> Int:

@@ -46,7 +46,7 @@ def matched_rays(left: str, right: str, contents: list[str], half_px: int, place
     for path, content in zip((left, right), contents):
         if content_of(path) != content:
             what = "is not there, or has changed since the block was read"
-            raise InputError(what, where=path, remedy="run the stage again that names it: aatri run --redo STAGE")
+            raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
     a, b = grey_image(left), grey_image(right)
     rows = [_ray(a, b, half_px, np.array(place)) for place in places]
     table = np.array(rows).reshape(-1, 5)

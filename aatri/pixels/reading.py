@@ -154,7 +154,7 @@ def _tiff(path: str) -> Any:
 
 def _unreadable(path: str, error: Exception) -> InputError:
     if not Path(path).exists():
-        remedy = "put it back, or run the stage that names it again (aatri run --redo)"
+        remedy = "put it back, or make the stage again that names it: aatri run --force STAGE"
         return InputError("is not there", where=path, remedy=remedy)
     what = f"cannot be read as a picture: {printable(str(error))[:200]}"
     return InputError(what, where=path, remedy="copy it anew from its source")

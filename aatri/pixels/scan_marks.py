@@ -39,7 +39,7 @@ def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMark
     """
     if content_of(path) != content:
         what = "is not there, or has changed since the block was read"
-        raise InputError(what, where=path, remedy="run the stage again that names it: aatri run --redo STAGE")
+        raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
     given = json.loads(settings)
     template = (
         whole_image(picture).astype(float) if picture else drawn(given["shape"], given["size_px"], given["stroke_px"])
