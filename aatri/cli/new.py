@@ -89,7 +89,8 @@ stages:
 """
 _PHOTOS = """\
 # Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions give the bundle `with: {{datum: free}}`; measured control goes into the block with `aatri measure`.
+# Without positions give the bundle `with: {{datum: free}}`; control measured elsewhere: `aatri export RUN:block tables
+# FOLDER` writes a block folder, whose ground_points.csv and image_points.csv take it.
 run: runs/block
 seed: 1
 stages:
