@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.api.frames import html_table, number, to_dataframe
+from aatri.api.plots import Plots
 from aatri.errors import ArtifactError, SpecError
 from aatri.ids import did_you_mean
 from aatri.tables.schema import Artifact, tables_of
@@ -128,6 +129,24 @@ class Run(Mapping[str, Stage]):
         rows = [(s.name, n, v) for s in self._stages.values() if s.record for n, v in s.metrics.items()]
         stages, names, values = zip(*rows) if rows else ((), (), ())
         return frame_of({"stage": list(stages), "figure": list(names), "value": list(values)}, {})
+
+    def plot(self, *names: str) -> Plots:
+        """Pictures of the report, which notebooks show and `save` writes.
+
+        Parameters
+        ----------
+        *names : str
+            Of pictures (`plan`, `ties`), or of questions that several answer (`residuals`, `accuracy`); none: all.
+
+        Raises
+        ------
+        NoPicture
+            If the run has none of a name.
+        """
+        from aatri.report.page import seen_in
+        from aatri.report.questions import gallery
+
+        return Plots(gallery(*seen_in(self.folder)).chosen(names or ("all",), str(self.folder)))
 
     def _repr_html_(self) -> str:
         rows = []

@@ -17,9 +17,9 @@ def write_page(path: Path, runs: Sequence[Compared], head: Sequence[str], rows: 
     from aatri.formats.text.written_files import write_files
     from aatri.report.drawing.svg import drawn
     from aatri.report.page import seen_in
-    from aatri.report.questions import all_pictures
+    from aatri.report.questions import gallery
 
-    pictures = [all_pictures(*seen_in(run.folder)) for run in runs]
+    pictures = [gallery(*seen_in(run.folder)).pictures for run in runs]
     lines = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in (head, *rows)]
     parts = [f"<h1>{escape(' and '.join(run.name for run in runs))}</h1><table>"]
     parts += [f"<tr>{line}</tr>" for line in lines]

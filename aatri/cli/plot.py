@@ -15,10 +15,10 @@ def complete_picture(ctx: typer.Context, incomplete: str) -> list[str]:
     """Pictures of the run that the command line names, for the shell."""
     with contextlib.suppress(Exception):
         from aatri.report.page import seen_in
-        from aatri.report.questions import all_pictures
+        from aatri.report.questions import gallery
 
-        names = ["all", *all_pictures(*seen_in(find_run(Path(ctx.params["run"])).folder))]
-        return [name for name in names if name.startswith(incomplete)]
+        there = gallery(*seen_in(find_run(Path(ctx.params["run"])).folder))
+        return [name for name in ("all", *there.questions, *there.pictures) if name.startswith(incomplete)]
     return []
 
 
@@ -30,7 +30,7 @@ def plot(
         typer.Argument(
             metavar="[NAME]...",
             autocompletion=complete_picture,
-            help="Of pictures, or `all`; without any, they are listed.",
+            help="Of pictures or questions, or `all`; without any, they are listed.",
         ),
     ] = None,
     form: Annotated[
@@ -41,30 +41,18 @@ def plot(
     ] = Path(),
 ) -> None:
     """Draw pictures of the report by matplotlib, each as a file."""
-    from aatri.errors import SpecError
     from aatri.formats.text.written_files import write_files
-    from aatri.ids import did_you_mean
     from aatri.report.page import seen_in
-    from aatri.report.plotting import FORMATS, plotted
-    from aatri.report.questions import all_pictures
+    from aatri.report.plotting import file_name, plotted
+    from aatri.report.questions import gallery
 
-    if form not in FORMATS:
-        raise SpecError(f"no format {form!r}{did_you_mean(form, FORMATS)}", remedy=f"one of {', '.join(FORMATS)}")
-    pictures = all_pictures(*seen_in(find_run(run).folder))
+    there = gallery(*seen_in(find_run(run).folder))
     if not names:
-        say_table(("name", "picture"), [[name, picture.title] for name, picture in pictures.items()])
+        rows = [[name, there.pictures[name].title, q] for q, listed in there.questions.items() for name in listed]
+        say_table(("name", "picture", "of"), rows)
         return
-    for name in names:
-        if name != "all" and name not in pictures:
-            remedy = f"one of {', '.join(pictures)}" if pictures else "the run has none"
-            raise SpecError(f"no picture {name!r}{did_you_mean(name, pictures)}", where=str(run), remedy=remedy)
-    asked = list(pictures) if "all" in names else names
-    files = {f"{_plain(name)}.{form}": plotted(pictures[name], form) for name in asked}
+    chosen = there.chosen(names, str(run))
+    files = {file_name(picture, form): plotted(picture, form) for picture in chosen.values()}
     write_files(into, files)
     for file in files:
         say(str(into / file))
-
-
-def _plain(name: str) -> str:
-    """A name as a file name: ids of cameras may have anything."""
-    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name)

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from aatri.errors import InputError
+from aatri.errors import InputError, SpecError
+from aatri.ids import did_you_mean
 from aatri.report.drawing.picture import COLOURS, ChartAxis, Marks, Picture
 from aatri.report.drawing.scales import length_text, round_below
 
@@ -16,6 +17,11 @@ MOST_LABELS = 200
 SYMBOLS = {"dots": "o", "triangles": "^", "circles": "o", "crosses": "x"}
 SIZE_PX = 9.0
 """Width of triangles, circles and crosses."""
+
+
+def file_name(picture: Picture, form: str) -> str:
+    """A file for a picture: ids of cameras, which are in names, may have any character."""
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in picture.name) + f".{form}"
 
 
 def plotted(picture: Picture, form: str) -> bytes:
@@ -31,7 +37,11 @@ def plotted(picture: Picture, form: str) -> bytes:
     ------
     InputError
         If matplotlib is not installed.
+    SpecError
+        If there is no such format.
     """
+    if form not in FORMATS:
+        raise SpecError(f"no format {form!r}{did_you_mean(form, FORMATS)}", remedy=f"one of {', '.join(FORMATS)}")
     try:
         import matplotlib
         from matplotlib.figure import Figure

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
 from aatri.notes import CONTRADICTION
@@ -26,6 +27,7 @@ class ReportedProblem:
     section: str = ""
 
 
+LACKS = "The result of {} cannot be read, and what this page would say from it is missing"
 OF_OBSERVATIONS = {
     "control": "compare numbers and coordinates with their source, then measure again in the images",
     "position": "compare times and antenna with the record of the flight",
@@ -66,10 +68,10 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
 
 def _unreadable(run: RunView) -> list[ReportedProblem]:
     """Results that are there and cannot be read: what the page would show of them is missing."""
-    for kind in (Block, Solution, Evaluation):
+    for kind in (Block, ImagePoints, Solution, Evaluation):
         run.last(kind)
     return [
-        ReportedProblem(f"The result of {stage} cannot be read: {error.what}", error.remedy or "aatri run", stage)
+        ReportedProblem(f"{LACKS.format(stage)}: {error.what}", error.remedy or "aatri run", stage)
         for stage, error in run.unreadable.items()
     ]
 

@@ -1,8 +1,13 @@
 """The sections of the page: each one question, answered by pictures and tables of the last result."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.errors import SpecError
+from aatri.ids import did_you_mean
 from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
 from aatri.report.drawing.matrices import correlation_pictures
 from aatri.report.drawing.network import ellipses_picture, network_picture
@@ -42,9 +47,43 @@ def questions(run: RunView, around: Surroundings) -> list[PageSection]:
     return [section for section in made if not section.empty]
 
 
-def all_pictures(run: RunView, around: Surroundings) -> dict[str, Picture]:
-    """All pictures of the sections by name."""
-    return {picture.name: picture for section in questions(run, around) for picture in section.pictures}
+class NoPicture(SpecError, KeyError):
+    """A run has no picture of this name."""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """The pictures of a run by name, and the names of those that answer a question."""
+
+    pictures: Mapping[str, Picture]
+    questions: Mapping[str, Sequence[str]]
+
+    def chosen(self, names: Sequence[str], where: str) -> dict[str, Picture]:
+        """Pictures by their names, the names of their questions, or `all`.
+
+        Raises
+        ------
+        NoPicture
+            If there is none of a name; `where` is the run.
+        """
+        groups = {**self.questions, "all": list(self.pictures)}
+        for name in names:
+            if name not in groups and name not in self.pictures:
+                remedy = f"one of {', '.join(self.pictures)}" if self.pictures else "the run has none"
+                hint = did_you_mean(name, [*self.pictures, *self.questions])
+                raise NoPicture(f"no picture {name!r}{hint}", where=where, remedy=remedy)
+        return {
+            one: self.pictures[one] for name in names for one in ([name] if name in self.pictures else groups[name])
+        }
+
+
+def gallery(run: RunView, around: Surroundings) -> Gallery:
+    """All pictures of the page."""
+    sections = [section for section in questions(run, around) if section.pictures]
+    return Gallery(
+        {picture.name: picture for section in sections for picture in section.pictures},
+        {section.name: [picture.name for picture in section.pictures] for section in sections},
+    )
 
 
 def _where(around: Surroundings) -> PageSection:

@@ -25,6 +25,7 @@ STEP = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", flags=r
 @pytest.mark.slow
 def test_the_page_is_what_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pandas")
+    pytest.importorskip("matplotlib")
     project = Path(shutil.copytree(ROOT / "docs" / "tutorial", tmp_path / "tutorial"))
     monkeypatch.chdir(project)
     page, names = PAGE.read_text(encoding="utf-8"), {"__name__": "page"}

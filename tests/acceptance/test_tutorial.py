@@ -15,6 +15,10 @@ from pathlib import Path
 
 import pytest
 
+from aatri.report.drawing.standalone import standalone
+from aatri.report.page import seen_in
+from aatri.report.questions import gallery
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/tutorial"
 SECONDS = re.compile(r"\d+\.\d\d$")
@@ -48,17 +52,6 @@ def _same_number(a: str, b: str) -> bool:
         return False
 
 
-def _picture(report: str, title: str) -> str:
-    """A picture of the report as a file of its own, with the light colours of the page."""
-    svg = next(s for s in re.findall(r"<svg.*?</svg>", report, flags=re.DOTALL) if title in s)
-    style = report[report.index("<style>") : report.index("</style>")]
-    colours = dict(re.findall(r"--(\w+): (#\w+)", style[: style.index("@media")]))
-    rules = "\n".join(line for line in style.splitlines() if line.startswith("svg ") and not line.startswith("svg {"))
-    for name, colour in colours.items():
-        rules = rules.replace(f"var(--{name})", colour)
-    return svg.replace(">", f' xmlns="http://www.w3.org/2000/svg"><style>\n{rules}\n</style>', 1) + "\n"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("page", "pictures"), [("tutorial.md", True), ("other_programs.md", False), ("what_now.md", False)]
@@ -78,7 +71,7 @@ def test_what_a_page_shows_is_what_happens(tmp_path: Path, page: str, pictures: 
         printed, expected = _without_seconds(done.stdout), _without_seconds(shown)
         assert _alike(printed, expected), f"$ {command}\n{done.stderr}\n{printed}\n instead of\n{expected}"
         if command.startswith("aatri run") and not drawn:
-            picture = _picture((project / "run/report.html").read_text(encoding="utf-8"), "Block plan")
+            picture = standalone(gallery(*seen_in(project / "run")).pictures["plan"])
             if os.environ.get("APPROVE"):
                 (FOLDER / "plan.svg").write_text(picture, encoding="utf-8")
             drawn = (FOLDER / "plan.svg").read_text(encoding="utf-8") == picture

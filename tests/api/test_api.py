@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import re
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from aatri.pipeline.store import run_folder as store
 from tests.made_solutions import made_block, made_solution
 from tests.made_up_stages import made_up_registry, write_pipeline
 from tests.pipeline.made_runs import bare_record
+from tests.report.test_page import made_artifacts, make_run
 
 LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
 
@@ -156,3 +160,20 @@ def test_a_pipeline_of_a_dict_is_written_for_the_command_line_too(
     assert list(aatri.open("runs/two.yaml")) == ["block", "interior"]
     with pytest.raises(SpecError, match="needs `run`"):
         aatri.run({"stages": {}})
+
+
+def test_pictures_of_a_run_are_shown_and_saved(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    run = aatri.open(make_run(tmp_path / "run", made_artifacts(made_block(columns=6))))
+    plots = run.plot("ties", "accuracy")  # a picture, and all that answer a question
+    assert next(iter(plots.pictures)) == "ties"
+    assert {"differences_plan", "differences_height"} <= set(plots.pictures)
+    images = re.findall(r"base64,([^\"]+)", plots._repr_html_())
+    assert len(images) == len(plots.pictures)
+    for image, picture in zip(images, plots.pictures.values()):
+        drawing = ElementTree.fromstring(base64.b64decode(image))
+        assert drawing.find("{http://www.w3.org/2000/svg}title").text == picture.title  # type: ignore[union-attr]
+    saved = run.plot("ties").save(tmp_path / "figures", "png")
+    assert [path.read_bytes()[:4] for path in saved] == [b"\x89PNG"]
+    with pytest.raises(KeyError, match="did you mean 'ties'"):
+        run.plot("tiess")

@@ -43,7 +43,7 @@ def element(name: str, *children: str, **attributes: object) -> Markup:
 def drawn(picture: Picture) -> Markup:
     """A picture with its legend as an element of the page."""
     shown = [m for m in picture.marks if len(m.xy)]
-    marks, furniture, height = _plan(picture, shown) if picture.across is None else _chart(picture, shown)
+    marks, furniture, height = parts_of(picture)
     many = sum(len(m.xy) for m in shown if m.shape != "line") > MANY
     image = element(
         "svg",
@@ -55,23 +55,31 @@ def drawn(picture: Picture) -> Markup:
         width=picture.width,
         class_=("plan" if picture.across is None else "chart") + (" many" if many else ""),
     )
-    return element("div", image, _legend(shown), class_="picture", data_name=picture.name)
+    samples = [
+        element("li", element("svg", sample(m), viewBox="0 0 16 12", width=16, height=12), f" {m.name}")
+        for m in shown
+        if m.name
+    ]
+    legend = element("ul", *samples, class_="legend") if samples else Markup("")
+    return element("div", image, legend, class_="picture", data_name=picture.name)
 
 
-def _legend(marks: list[Marks]) -> Markup:
-    entries = []
-    for m in marks:
-        if m.name:
-            place = np.array([[8.0, 6.0]])
-            if m.shape == "segments":
-                place = np.array([[[1.0, 6.0], [15.0, 6.0]]])
-            elif m.shape == "line":
-                place = np.array([[1.0, 6.0], [15.0, 6.0]])
-            elif m.shape == "areas":
-                place = np.array([[[2.0, 2.0], [14.0, 2.0], [14.0, 10.0], [2.0, 10.0]]])
-            sample = element("svg", _path(m, place, 4.5), viewBox="0 0 16 12", width=16, height=12)
-            entries.append(element("li", sample, f" {m.name}"))
-    return element("ul", *entries, class_="legend") if entries else Markup("")
+def parts_of(picture: Picture, *, tells: bool = True) -> tuple[list[Markup], list[Markup], float]:
+    """The marks of a picture, what stands around them, and its height; `tells`: with what the pointer is told."""
+    shown = [m for m in picture.marks if len(m.xy)]
+    return (_plan if picture.across is None else _chart)(picture, shown, tells)
+
+
+def sample(marks: Marks, x: float = 0.0, y: float = 0.0) -> Markup:
+    """A mark of a kind for the legend, 16 by 12 px from a corner."""
+    place = np.array([[8.0, 6.0]])
+    if marks.shape == "segments":
+        place = np.array([[[1.0, 6.0], [15.0, 6.0]]])
+    elif marks.shape == "line":
+        place = np.array([[1.0, 6.0], [15.0, 6.0]])
+    elif marks.shape == "areas":
+        place = np.array([[[2.0, 2.0], [14.0, 2.0], [14.0, 10.0], [2.0, 10.0]]])
+    return _path(marks, place + np.array([x, y]), 4.5)
 
 
 def _path(marks: Marks, px: Float, size: float = SIZE, more: Mapping[str, object] = NOTHING) -> Markup:
@@ -100,18 +108,18 @@ def _path(marks: Marks, px: Float, size: float = SIZE, more: Mapping[str, object
     return element("path", d=d, class_=" ".join(classes), stroke_width=float(marks.width), **filled, **more)
 
 
-def _paths(marks: list[Marks], px: list[Float]) -> list[Markup]:
-    """A path for each kind of marks, with what the pointer is told."""
+def _paths(marks: list[Marks], px: list[Float], tells: bool) -> list[Markup]:
+    """A path for each kind of marks, with what the pointer is told if `tells`."""
     paths = []
     for m, at in zip(marks, px):
         if m.shape == "texts":
             continue
         more: dict[str, object] = {}
-        if m.shape != "line":
+        if m.shape != "line" and tells:
             more = {"data_ids": "\n".join(m.ids), "data_tells": "\n".join(m.tells), "data_shape": m.shape}
-        if m.seen_from:
+        if m.seen_from and tells:
             more["data_seen"] = ";".join(",".join(str(k) for k in images) for images in m.seen_from)
-        if m.sees:
+        if m.sees and tells:
             more["data_sees"] = "1"
         paths.append(_path(m, at, more=more))
     return paths
@@ -131,12 +139,12 @@ def _labels(marks: list[Marks], px: list[Float], width: float, height: float) ->
     return written
 
 
-def _plan(picture: Picture, marks: list[Marks]) -> tuple[list[Markup], list[Markup], float]:
+def _plan(picture: Picture, marks: list[Marks], tells: bool) -> tuple[list[Markup], list[Markup], float]:
     plan = plan_of(np.concatenate([m.xy.reshape(-1, 2) for m in marks]), width=picture.width)
     px = [plan.px(m.xy.reshape(-1, 2)).reshape(m.xy.shape) for m in marks]
     furniture = [*(_bar_and_north(plan) if picture.ground else []), *_key(picture, plan)]
     height = plan.height_px + (34.0 if furniture else 0.0)
-    return [*_paths(marks, px), *_labels(marks, px, plan.width_px, plan.height_px)], furniture, height
+    return [*_paths(marks, px, tells), *_labels(marks, px, plan.width_px, plan.height_px)], furniture, height
 
 
 def _bar_and_north(plan: GroundPlan) -> list[Markup]:
@@ -169,7 +177,7 @@ def _key(picture: Picture, plan: GroundPlan) -> list[Markup]:
     ]
 
 
-def _chart(picture: Picture, marks: list[Marks]) -> tuple[list[Markup], list[Markup], float]:
+def _chart(picture: Picture, marks: list[Marks], tells: bool) -> tuple[list[Markup], list[Markup], float]:
     assert picture.across is not None
     assert picture.up is not None
     longest = max([len(name) for name in picture.up.names.values()], default=0)
@@ -196,7 +204,7 @@ def _chart(picture: Picture, marks: list[Marks]) -> tuple[list[Markup], list[Mar
         middle = (TOP + foot) / 2
         texts.append(text(13, middle, picture.up.title, "", "middle", transform=f"rotate(-90 13 {middle:.1f})"))
     labels = _labels(marks, px, picture.width, picture.height)
-    return [*lines, base, *_paths(marks, px), *labels], texts, picture.height
+    return [*lines, base, *_paths(marks, px, tells), *labels], texts, picture.height
 
 
 def scale_of(axis: ChartAxis, start_px: float, end_px: float) -> Scale:
