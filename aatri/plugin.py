@@ -74,10 +74,18 @@ class CodeFile(InputFile):
 
 def _from_project(path: Path, info: ValidationInfo) -> Path:
     base = (info.context or {}).get("base")
-    full = Path(base) / path if base is not None else path
+    full = _short(Path(base) / path) if base is not None else path
     if what := wrong_path(full):
         raise ValueError(what)
     return full
+
+
+def _short(path: Path) -> Path:
+    """A path without `..`, as messages show it: from the working folder if it is below, else whole."""
+    if ".." not in path.parts or path.name == "..":
+        return path
+    folder, here = path.parent.resolve(), Path.cwd()
+    return (folder.relative_to(here) if folder.is_relative_to(here) else folder) / path.name
 
 
 def _permitted(path: Path, info: ValidationInfo) -> Path:

@@ -1,7 +1,9 @@
 """`aatri new MINE --from PATH`: a pipeline for files of other programs, recognised by their content.
 
 What is there decides: with start values of all images a bundle follows the block at once; without them strips, where
-all images have one, else the graph of the images. Without control and observed positions the datum is free.
+all images have one, else the graph of the images. Without control and observed positions the datum is free. Cameras
+that the other program has estimated from the same image points are start values of a self-calibration; standard
+deviations of image points that no file states are estimated.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aatri.cli.terminal.console import NARRATED, narrate
+from aatri.codes import CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,6 +28,15 @@ FEWEST_RAYS = 3
 FEWEST = 3
 """Control points or positions that are a datum."""
 
+CALIBRATED = "self_calibration: {set: brown_conrady, remove: true}"
+"""As programs of computer vision have it; what the block does not determine is taken out."""
+COMPONENTS = "variance_components: {groups: [kind], apply: true}"
+"""Where no file states standard deviations of image points: they come from the residuals."""
+MAY_BE_OBSERVED = """\
+      # positions of the files are start values; of measured ones say `use: observed` beside their path, and here:
+      # position_sigma: [0.1, 0.1, 0.1]   # m
+      # attitude_sigma_deg: 0.01
+"""
 INTERIOR = "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
 REFINED = """\
   refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
@@ -33,14 +45,14 @@ REFINED = """\
 ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
 WITH_START = f"""\
   # the files have start values of every image, so that the adjustment begins with them
-{INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{datum}}}}
+{INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{with}}}}
 """
-NETWORK = "  # no images: a network\n  bundle:   {use: bundle_adjustment/bundle, from: {block}{datum}}\n"
+NETWORK = "  # no images: a network\n  bundle:   {use: bundle_adjustment/bundle, from: {block}{with}}\n"
 OF_GRAPH = f"""\
   # images without start values and without strips: oriented along the graph of their pairs
 {INTERIOR}{REFINED}\
   initial:  {{use: initial_orientation/graph, from: {{block, image_points: refined}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{datum}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{with}}}}
 """
 OF_STRIPS = f"""\
   # strips without start values: models, strips, their orientation by control, then the bundle
@@ -48,7 +60,7 @@ OF_STRIPS = f"""\
   models:   {{use: relative_orientation/dependent, from: {{block, image_points: refined}}}}
   strips:   {{use: strip_formation/scale_transfer, from: {{block, models}}}}
   absolute: {{use: absolute_orientation/similarity, from: {{block, image_points: refined, strips}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}{{with}}}}
 """
 
 
@@ -68,7 +80,6 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     """
     import numpy as np
 
-    from aatri.codes import CONTROL
     from aatri.formats.parts.assembled import assembled
     from aatri.formats.parts.format import Reading
     from aatri.formats.registry.sources import read_all
@@ -76,7 +87,7 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     sources, parts = read_all(paths, Reading(), NARRATED)
     alone = len(sources) == 1 and bool(sources[0].format.stage)
     if not parts:
-        return _text(sources, folder, OF_STRIPS)
+        return _text(sources, folder, _with(OF_STRIPS, []))
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:
@@ -89,17 +100,17 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     if lacking:
         narrate(f"missing: {', '.join(lacking)}")
     _check_enough(block, str(paths[0]))
-    stages = _stages(block)
+    stages = _stages(block, _options(sources, parts))
     if len(block.fiducial_points):  # film on a comparator
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
-    return _text(sources, folder, stages)
+    observed = (block.exterior.position_use == OBSERVED_VALUE).any()
+    positions = len(block.exterior) and any("positions" in s.format.carries for s in sources)
+    return _text(sources, folder, stages, may_be_observed=bool(positions and not observed))
 
 
 def _check_enough(block: Block, where: str) -> None:
     """Refuse images that nothing orients: without image points, or with too few and no observed position."""
     import numpy as np
-
-    from aatri.codes import OBSERVED_VALUE
 
     images, points = len(block.images), len(block.image_points)
     enough = np.bincount(block.image_points.image, minlength=images) >= FEWEST_RAYS
@@ -147,22 +158,38 @@ def _lacking(block: Block) -> list[str]:
     return [what for what, there in found.items() if not there]
 
 
-def _stages(block: Block) -> str:
+def _options(sources: Sequence[Recognised], parts: Sequence[BlockParts]) -> list[str]:
+    """Options of a bundle by what the files do not know: cameras, and standard deviations of image points."""
+    formats = {s.format.name: s.format for s in sources}
+    cameras = [formats[p.format] for p in parts if p.cameras and p.format in formats]
+    points = [formats[p.format] for p in parts if p.image_points and p.format in formats]
+    calibrated = any(f.estimates_cameras for f in cameras)
+    assumed = any("standard deviations" not in f.carries for f in points)
+    return [CALIBRATED] * calibrated + [COMPONENTS] * assumed
+
+
+def _stages(block: Block, options: list[str]) -> str:
+    """The stages after the block; `options` of its bundle."""
     if not len(block.images):
         return _of_network(_has_datum(block))
     if _has_start(block):
-        return (WITH_START + ACCURACY).replace("{datum}", "" if _has_datum(block) else ", with: {datum: minimal}")
+        return _with(WITH_START + ACCURACY, [*["datum: minimal"] * (not _has_datum(block)), *options])
     if (block.images.strip >= 0).all() and _has_datum(block):
-        return OF_STRIPS + ACCURACY
-    return (OF_GRAPH + ACCURACY).replace("{datum}", "" if _has_datum(block) else ", with: {datum: free}")
+        return _with(OF_STRIPS + ACCURACY, options)
+    return _with(OF_GRAPH + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
 
 
 def _of_network(has_datum: bool) -> str:
-    return NETWORK.replace("{datum}", "" if has_datum else ", with: {datum: free, datum_over: marked}")
+    return _with(NETWORK, [] if has_datum else ["datum: free, datum_over: marked"])
 
 
-def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
-    """The pipeline with the line that reads the block."""
+def _with(stages: str, options: Sequence[str]) -> str:
+    """The stages, the bundle with its options."""
+    return stages.replace("{with}", f", with: {{{', '.join(options)}}}" if options else "")
+
+
+def _text(sources: Sequence[Recognised], folder: Path, stages: str, *, may_be_observed: bool = False) -> str:
+    """The pipeline with the line that reads the block; `may_be_observed`: its start positions may be measured ones."""
     named = [(s, json.dumps(path_from(s.path, folder), ensure_ascii=False)) for s in sources]
     if len(sources) == 1 and sources[0].format.stage:
         block = f"  block:    {{use: {sources[0].format.stage}, with: {{path: {named[0][1]}}}}}\n"
@@ -175,6 +202,7 @@ def _text(sources: Sequence[Recognised], folder: Path, stages: str) -> str:
             "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
             "      image_sigma_px: 1.0\n"
             "      control_sigma: [0.0, 0.0, 0.0]     # m, of control without a standard deviation; 0 is exact\n"
+            f"{MAY_BE_OBSERVED * may_be_observed}"
             "      sources:                           # the first with images says which there are\n" + lines
         )
     count = f"{len(sources)} source{'s' * (len(sources) != 1)}"

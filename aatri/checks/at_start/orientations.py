@@ -1,8 +1,9 @@
 """Orientations held against the points that their images show.
 
 Seen: heights of the wrong sign, exchanged axes, angles of another convention; control with a wrong id or coordinate.
-Test: more than 5 % of the points of a camera lie behind it; all its images look up at points above them; a control
-point projects beyond the format, by more than a tenth of it, of an image that shows it (orientations are approximate).
+Test: more than 5 % of the points of a camera lie behind it; all its images look up at points above them, where
+something says which way is up (the model of another program may lie as it likes); a control point projects beyond the
+format, by more than a tenth of it, of an image that shows it (orientations are approximate).
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BEHIND, CONTROL_MARGIN, UPWARDS
+from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import control_of
 from aatri.units import length
@@ -29,6 +31,7 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         Of the block's points; NaN where not known.
     """
     points, findings = block.image_points, []
+    upright = _is_upright(block)
     usable = points.active & block.images.active[points.image]
     usable &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
     image, point = points.image[usable], points.point[usable]
@@ -42,11 +45,18 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         if behind > BEHIND:
             text, remedy = f"{behind:.0%} of its points lie behind it", "check axes, angles and the sign of heights"
             findings.append(Finding("orientations", "warning", text, remedy, where=where, statistic=behind))
-        elif float(np.mean(height[of_camera] < -UPWARDS * np.abs(depth[of_camera]))) > 1 - BEHIND:
+        elif upright and float(np.mean(height[of_camera] < -UPWARDS * np.abs(depth[of_camera]))) > 1 - BEHIND:
             text, remedy = "all its images look up at points above them", "unless this is a ceiling, check the sign of "
             remedy += "heights and the order of axes"
             findings.append(Finding("orientations", "warning", text, remedy, where=where))
     return findings
+
+
+def _is_upright(block: Block) -> bool:
+    """Whether something says which way is up: a coordinate system, a height of control, or an observed position."""
+    heights = control_of(block).given[:, 2]
+    observed = block.exterior.position_use == OBSERVED_VALUE
+    return block.frames.crs[0] != "local" or bool(heights.any() or observed.any())
 
 
 def control_outside(block: Block, position_m: Float, ground_from_image: Float) -> list[Finding]:

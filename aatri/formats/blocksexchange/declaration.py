@@ -17,4 +17,5 @@ BLOCKSEXCHANGE = Format(
     page="docs/formats.md#blocksexchange", read=read_blocksexchange, write=write_blocksexchange,
     written=("cameras", "distortion", "image points", "control", "check points", "start values of points",
              "start orientations", "frame", "standard deviations"),
+    estimates_cameras=True,
 )  # fmt: skip

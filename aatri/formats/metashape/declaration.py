@@ -22,4 +22,5 @@ METASHAPE = Format(
     page="docs/formats.md#metashape-and-photoscan", read=read_metashape, write=write_metashape,
     written=("cameras", "distortion", "control", "check points", "positions", "start orientations",
              "standard deviations", "frame"),
+    estimates_cameras=True,
 )  # fmt: skip

@@ -24,4 +24,5 @@ MICMAC = Format(
     drops=("check points", "strips", "times", "frame", "rigs", "film"),
     page="docs/formats.md#micmac", read=read_micmac, files_of=all_files, write=write_micmac,
     written=("cameras", "distortion", "image points", "control", "start orientations"),
+    estimates_cameras=True,
 )  # fmt: skip

@@ -60,6 +60,7 @@ RECONSTRUCTION = Format(
     page=PAGE, read=read_reconstruction, write=write_opensfm,
     written=("cameras", "distortion", "image points", "control", "start orientations", "start values of points",
              "times", "frame"),
+    estimates_cameras=True,
 )  # fmt: skip
 TRACKS = Format(
     "opensfm_tracks", "OpenSfM tracks.csv", _tracks, "a first line OPENSFM_TRACKS_VERSION",

@@ -26,4 +26,5 @@ OPF = Format(
     page="docs/formats.md#opf", read=read_opf, files_of=_files, write=write_opf,
     written=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "start orientations", "frame", "standard deviations"),
+    estimates_cameras=True,
 )  # fmt: skip

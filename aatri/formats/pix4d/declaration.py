@@ -18,4 +18,5 @@ PIX4D = Format(
     carries=("cameras", "distortion", "start orientations"),
     drops=("image points", "control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
     page="docs/formats.md#pix4d-parameters", read=read_pix4d, files_of=all_files,
+    estimates_cameras=True,
 )  # fmt: skip

@@ -136,6 +136,7 @@ COLMAP = _format(
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
     page="docs/formats.md#colmap-models", files_of=all_files, write=write_colmap_model, written=OF_MODELS,
+    estimates_cameras=True,
 )  # fmt: skip
 PAIRS = _format(
     "pairs", "pair files of models", _pairs, "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",

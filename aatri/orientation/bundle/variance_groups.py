@@ -1,7 +1,8 @@
 """Variance components of a bundle: the standard deviations of groups of observations, from their own residuals.
 
 The block is adjusted, each group gets the factor sqrt(v'P v / r) on its standard deviations, and the block is adjusted
-with them, until no factor moves by more than `SAME`. See `adjustment.statistics.variance_components`.
+with them, until no factor moves by more than `SAME`. A group that fits without residuals (made-up observations) keeps
+its standard deviation. See `adjustment.statistics.variance_components`.
 """
 
 from collections.abc import Sequence
@@ -69,7 +70,8 @@ def variance_components(
             remedy="raise memory_gb, or leave out variance_components",
         )
     n = len(groups.names)
-    factor, frozen = np.ones(n), np.zeros(n, dtype=bool)
+    first = sigmas_of_groups(result.observations, result.adjusted.state, groups.number, n)
+    factor, frozen = np.ones(n), first.factor < 1 / FARTHEST  # these have no residuals
     now, adjusted = given, result
     for _ in range(ROUNDS):
         sigmas = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
@@ -104,7 +106,13 @@ def variance_notes(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool) 
         notes.append(Note("warning", f"standard deviations from the residuals, {what}", tuple(texts)))
     others = [names[g] for g in np.flatnonzero(~sigmas.estimable).tolist()]
     if others:
-        notes.append(Note("note", "standard deviation not estimable (redundancy below 10), as given", tuple(others)))
+        notes.append(
+            Note(
+                "note",
+                "standard deviation not estimable (redundancy below 10, or no residuals), as given",
+                tuple(others),
+            )
+        )
     if not texts:
         notes.append(Note("note", "variance components: the given standard deviations fit the residuals"))
     return notes

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
+from aatri.codes import NO_ROLE
 from tests.made_solutions import made_block
 
 MADE = made_block()
@@ -38,6 +39,13 @@ def test_cameras_that_look_up_and_points_behind_them_are_warned_of() -> None:
     position, rotation, xyz = _start()
     _, warning = unlikely_orientations(BLOCK, position, rotation, xyz * [1, 1, 100.0])
     assert "of its points lie behind it" in warning.sentence
+
+
+def test_a_model_that_nothing_sets_upright_may_look_up() -> None:
+    ground = BLOCK.ground_points
+    unknown = replace(ground, role=np.full_like(ground.role, NO_ROLE))
+    local = replace(BLOCK, ground_points=unknown, frames=replace(BLOCK.frames, crs=np.array(["local"])))
+    assert all(finding.level == "note" for finding in unlikely_orientations(local, *_start(turn=-1.0)))
 
 
 def test_control_outside_of_what_its_images_show_is_named() -> None:

@@ -32,6 +32,13 @@ def applied(blocks: tuple[Block, Block]) -> Solution:
     return _adjusted(blocks[1], apply=True)
 
 
+def test_made_up_observations_without_residuals_keep_their_standard_deviations(blocks: tuple[Block, Block]) -> None:
+    components = _adjusted(blocks[0], apply=True).variance_components
+    assert components is not None
+    assert (components.factor == 1.0).all()
+    assert set(components.verdict.tolist()) == {"not estimable"}
+
+
 def test_the_factors_put_in_are_found_within_their_limits(applied: Solution) -> None:
     c = applied.variance_components
     assert c is not None
