@@ -18,10 +18,8 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.features import Features, Keypoints
-from aatri.errors import InputError
 from aatri.extras import of_extra
-from aatri.pixels.reading import Grey, grey_image
-from aatri.regular_file import content_of
+from aatri.pixels.reading import Grey, grey_and_mask
 
 CONTRAST, EDGE, SIGMA, OCTAVE_LAYERS = 0.02, 10.0, 1.6, 3
 """Of Lowe, with half his threshold of contrast: the spreading chooses."""
@@ -46,17 +44,9 @@ def features_of(path: str, mask: str, content: str, most: int, cells: int) -> Fe
     Raises
     ------
     InputError
-        If the files are not those that the block was made with.
+        As `grey_and_mask`.
     """
-    found = content_of(path, mask)
-    if not found or found != content:
-        what = "has changed since the block was read" if found else "is not there"
-        raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
-    seen = None if not mask else np.asarray(grey_image(mask) > 0)
-    grey = grey_image(path)
-    if seen is not None and seen.shape != grey.shape:
-        what = f"has {seen.shape[1]} x {seen.shape[0]} pixels, its image {grey.shape[1]} x {grey.shape[0]}"
-        raise InputError(what, where=mask, remedy="a mask has the size of its image")
+    grey, seen = grey_and_mask(path, mask, content)
     return Features(keypoints=keypoints_of(grey, most, cells, seen))
 
 

@@ -14,10 +14,8 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
-from aatri.errors import InputError
 from aatri.pixels.least_squares_matching import least_squares_match
-from aatri.pixels.reading import Grey, grey_image
-from aatri.regular_file import content_of
+from aatri.pixels.reading import Grey, check_content, grey_image
 
 AROUND = 2
 """Half side of the window that is searched, by that of the template."""
@@ -44,9 +42,7 @@ def matched_rays(left: str, right: str, contents: list[str], half_px: int, place
         If a file is not the one that the block was made with.
     """
     for path, content in zip((left, right), contents):
-        if content_of(path) != content:
-            what = "is not there, or has changed since the block was read"
-            raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
+        check_content(content, path)
     a, b = grey_image(left), grey_image(right)
     rows = [_ray(a, b, half_px, np.array(place)) for place in places]
     table = np.array(rows).reshape(-1, 5)
@@ -86,3 +82,19 @@ def _patch(image: Grey, centre: Float, half: int) -> tuple[Float | None, Int]:
     if x < half or y < half or x + half >= width or y + half >= height:
         return None, at
     return image[y - half : y + half + 1, x - half : x + half + 1].astype(np.float64), at
+
+
+def median_rows(point: Int, sigma: Float) -> Int:
+    """Of each image point (n,) the row of that image point of its point which has the median standard deviation."""
+    order = np.lexsort((sigma, point))
+    ids, first, count = np.unique(point[order], return_index=True, return_counts=True)
+    return np.asarray(order[first + (count - 1) // 2][np.searchsorted(ids, point)])
+
+
+def medians_of_points(point: Int, sigma_px: Float, n_points: int) -> Float:
+    """Median standard deviations (n_points, 2) of the image points (n, 2) of each point; NaN where there are none."""
+    made = np.full((n_points, 2), np.nan)
+    for axis in (0, 1):
+        rows = median_rows(point, sigma_px[:, axis])
+        made[point, axis] = sigma_px[rows, axis]
+    return made

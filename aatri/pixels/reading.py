@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.arrays import Bool
 from aatri.errors import InputError
 from aatri.extras import of_extra
 from aatri.ids import printable
+from aatri.regular_file import content_of
 
 Grey = npt.NDArray[np.uint8]
 Samples = npt.NDArray[Any]
@@ -39,6 +41,37 @@ def grey_image(path: str) -> Grey:
         If it is not there, is no picture or ends before its time.
     """
     return stretched(whole_image(path))
+
+
+def grey_and_mask(path: str, mask: str, content: str) -> tuple[Grey, Bool | None]:
+    """An image (height, width) and where features may be, None for everywhere.
+
+    Parameters
+    ----------
+    path, mask : str
+        Files; a mask is 0 where no feature is to be, `""` is none.
+    content : str
+        SHA-256 that the block has of both.
+
+    Raises
+    ------
+    InputError
+        If the files are not those that the block was made with, or their sizes differ.
+    """
+    check_content(content, path, mask)
+    grey, seen = grey_image(path), np.asarray(grey_image(mask) > 0) if mask else None
+    if seen is not None and seen.shape != grey.shape:
+        what = f"has {seen.shape[1]} x {seen.shape[0]} pixels, its image {grey.shape[1]} x {grey.shape[0]}"
+        raise InputError(what, where=mask, remedy="a mask has the size of its image")
+    return grey, seen
+
+
+def check_content(content: str, *paths: str) -> None:
+    """A fault where files are not those that the block was made with."""
+    digest = content_of(*paths)
+    if not digest or digest != content:
+        what = "has changed since the block was read" if digest else "is not there"
+        raise InputError(what, where=paths[0], remedy="make the stage again that names it: aatri run --force STAGE")
 
 
 def whole_image(path: str) -> Samples:

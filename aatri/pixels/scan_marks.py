@@ -1,5 +1,7 @@
 """The fiducial marks of one scan: a window around each place where one may be, in any turn of the scan.
 
+    (x, y) = T (u, v)        similarity on the calibrated marks: which way the film lay, and which marks fit it
+
 A film lies in a scanner in four ways, on either side, so that calibrated marks may lie at eight sets of places. Each
 place is looked at once; only windows of the file are read.
 """
@@ -10,13 +12,16 @@ import json
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
-from aatri.errors import InputError
 from aatri.pixels.mark_search import best_place
-from aatri.pixels.reading import TIFF, Samples, size_px, whole_image, window
+from aatri.pixels.reading import TIFF, Samples, check_content, size_px, whole_image, window
 from aatri.pixels.templates import drawn
-from aatri.regular_file import content_of
+
+FEWEST = 3
+"""Marks of a transformation with redundancy."""
+ALIKE_MM = 0.01
+"""Difference of residuals that says nothing of which way the film lay."""
 
 
 def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMarks:
@@ -37,9 +42,7 @@ def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMark
     InputError
         If the file is not the one that the block was made with.
     """
-    if content_of(path) != content:
-        what = "is not there, or has changed since the block was read"
-        raise InputError(what, where=path, remedy="make the stage again that names it: aatri run --force STAGE")
+    check_content(content, path)
     given = json.loads(settings)
     template = (
         whole_image(picture).astype(float) if picture else drawn(given["shape"], given["size_px"], given["stroke_px"])
@@ -73,3 +76,73 @@ def ways_of_scanning() -> Float:
     turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
     upright, mirrored = np.diag([1.0, -1.0]), np.diag([-1.0, -1.0])
     return np.array([turn @ side for side in (upright, mirrored) for turn in turns])
+
+
+def places_of_ways(marks_px: Float, near_px: float) -> tuple[Float, Int]:
+    """Where marks may lie in a scan.
+
+    Parameters
+    ----------
+    marks_px : (m, 2) float64, px
+        Calibrated, from the middle of the film, x right, y up.
+    near_px : float
+        Places that are nearer to each other are one.
+
+    Returns
+    -------
+    places_px : (k, 2) float64, px
+        From the centre of the scan, x right, y down.
+    place : (8, m) int64
+        By way of scanning: the place of each mark.
+    """
+    of_ways = np.einsum("wij,mj->wmi", ways_of_scanning(), marks_px)
+    places = list[Float]()
+    place = np.zeros(of_ways.shape[:2], dtype=np.int64)
+    for way, mark in np.ndindex(*place.shape):
+        apart = [float(np.abs(p - of_ways[way, mark]).max()) for p in places]
+        if not apart or min(apart) > near_px:
+            places.append(of_ways[way, mark])
+            apart.append(0.0)
+        place[way, mark] = int(np.argmin(apart))
+    return np.array(places), place
+
+
+def fitting_ways(marks_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[Bool, Int]:
+    """Ways of scanning that explain where marks were found.
+
+    Parameters
+    ----------
+    marks_mm : (m, 2) float64, mm
+        Calibrated, x right, y up.
+    scan_mm : (8, m, 2) float64, mm
+        Found, by way of scanning, x right, y down.
+    like : (8, m) bool
+        Marks that are like their template.
+    limit_mm : float
+        A mark with a larger residual is left out, the worst first.
+
+    Returns
+    -------
+    used : (8, m) bool
+        Marks that fit.
+    good : (k,) int64
+        The ways with most marks and residuals that are alike; none where fewer than three fit.
+    """
+    fits = [_fit(way @ marks_mm.T, xy, ok, limit_mm) for way, xy, ok in zip(ways_of_scanning(), scan_mm, like)]
+    used, rms = np.array([fit[0] for fit in fits]), np.array([fit[1] for fit in fits])
+    most = used.sum(axis=1) == max(FEWEST, used.sum(axis=1).max())
+    return used, np.flatnonzero(most & (rms <= rms[most].min(initial=np.inf) + ALIKE_MM))
+
+
+def _fit(film_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[Bool, float]:
+    """Marks that fit a similarity without mirroring, the worst left out one by one, and the RMS of their residuals."""
+    film, scan, used = film_mm[0] + 1j * film_mm[1], scan_mm[:, 0] + 1j * scan_mm[:, 1], like.copy()
+    while used.sum() >= FEWEST:
+        A = np.column_stack([film[used], np.ones(used.sum())])
+        x = np.linalg.lstsq(A, scan[used], rcond=None)[0]
+        residual = np.abs(A @ x - scan[used])
+        upright = abs(np.angle(x[0])) < np.pi / 4  # another way of scanning has the other turns
+        if residual.max() <= limit_mm and upright:
+            return used, float(np.sqrt((residual**2).mean()))
+        used[np.flatnonzero(used)[int(residual.argmax())]] = False
+    return np.zeros(len(used), dtype=bool), np.inf

@@ -20,12 +20,12 @@ import numpy as np
 
 from aatri.adapters.interior.film_marks import film_images
 from aatri.adapters.interior.image_pixels import of_camera, with_fiducials
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.features import ScanMarks
 from aatri.errors import InputError
 from aatri.ids import shown
-from aatri.pixels.scan_marks import scan_marks, ways_of_scanning
+from aatri.pixels.scan_marks import fitting_ways, places_of_ways, scan_marks
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 from aatri.progress import Item
 from aatri.regular_file import content_of
@@ -101,16 +101,8 @@ def _places_px(block: Block, camera: int, options: TemplateOptions) -> tuple[Flo
     if not len(marks) or not np.isfinite(size_mm).all():
         what = f"camera {cameras.id[camera]} has no {'pixel size' if len(marks) else 'calibrated fiducials'}"
         raise InputError(what, where="block.yaml", remedy="give both to the camera")
-    of_ways = np.einsum("wij,mj->wmi", ways_of_scanning(), block.fiducials.xy_mm[marks]) / size_mm
-    places, near = list[Float](), options.search_mm / float(size_mm.mean()) / 4
-    place = np.zeros(of_ways.shape[:2], dtype=np.int64)
-    for way, mark in np.ndindex(*place.shape):
-        apart = [float(np.abs(p - of_ways[way, mark]).max()) for p in places]
-        if not apart or min(apart) > near:
-            places.append(of_ways[way, mark])
-            apart.append(0.0)
-        place[way, mark] = int(np.argmin(apart))
-    return np.array(places), place, marks
+    near_px = options.search_mm / float(size_mm.mean()) / 4
+    return *places_of_ways(block.fiducials.xy_mm[marks] / size_mm, near_px), marks
 
 
 def _measured(
@@ -122,24 +114,18 @@ def _measured(
     size_mm, ids = block.cameras.pixel_size_mm[camera], block.fiducials.id[marks]
     like = np.isfinite(of.xy_px).all(axis=1) & (np.abs(of.correlation) >= options.min_correlation)
     like &= of.second <= options.max_second
-    fits = [
-        _fit(
-            way @ block.fiducials.xy_mm[marks].T, of.xy_px[place[w]] * size_mm, like[place[w]], options.max_residual_mm
-        )
-        for w, way in enumerate(ways_of_scanning())
-    ]
-    count = np.array([used.sum() for used, _ in fits])
-    rms = np.array([residual for _, residual in fits])
-    if count.max() < FEWEST:
-        context.warn(f"{name}: {int(count.max())} of {len(marks)} fiducial marks found: the image is not measured")
+    scan_mm = of.xy_px[place] * size_mm
+    used_of_ways, good = fitting_ways(block.fiducials.xy_mm[marks], scan_mm, like[place], options.max_residual_mm)
+    if not len(good):
+        most = int(like[place].sum(axis=1).max())
+        context.warn(f"{name}: {most} of {len(marks)} fiducial marks found: the image is not measured")
         return []
-    good = np.flatnonzero((count == count.max()) & (rms <= rms[count == count.max()].min() + ALIKE_MM))
     way = int(good[0])
     if len(good) > 1 or way:
         how = f"{way % 4 * 90} degrees{', mirrored' if way > 3 else ''}"
         others = f"; {len(good) - 1} other ways fit as well: marks that lie alike cannot tell" if len(good) > 1 else ""
         (context.log if not way else context.warn)(f"{name}: the film lay turned by {how}{others}")
-    used: Bool = fits[way][0]
+    used = used_of_ways[way]
     if not used.all():
         context.warn(f"{name}: fiducial marks not found: {shown(ids[~used].tolist())}")
     at = place[way][used]
@@ -147,24 +133,3 @@ def _measured(
     xy = of.xy_px[at] @ matrix[:, :2].T + matrix[:, 2]
     sigma_mm = np.maximum(of.sigma_px[at], SMALLEST_SIGMA_PX) * size_mm
     return [(image, int(m), xy[k], sigma_mm[k]) for k, m in enumerate(marks[used])]
-
-
-FEWEST = 3
-"""Marks of a transformation with redundancy."""
-ALIKE_MM = 0.01
-"""Difference of residuals that says nothing of which way the film lay."""
-
-
-def _fit(film_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[Bool, float]:
-    """Marks that fit a similarity without mirroring, the worst left out one by one, and the RMS of their residuals."""
-    film, used = film_mm[0] + 1j * film_mm[1], like.copy()
-    scan = scan_mm[:, 0] + 1j * scan_mm[:, 1]
-    while used.sum() >= FEWEST:
-        A = np.column_stack([film[used], np.ones(used.sum())])
-        x = np.linalg.lstsq(A, scan[used], rcond=None)[0]
-        residual = np.abs(A @ x - scan[used])
-        upright = abs(np.angle(x[0])) < np.pi / 4  # another way of scanning has the other turns
-        if residual.max() <= limit_mm and upright:
-            return used, float(np.sqrt((residual**2).mean()))
-        used[np.flatnonzero(used)[int(residual.argmax())]] = False
-    return np.zeros(len(used), dtype=bool), np.inf

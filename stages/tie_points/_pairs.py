@@ -18,10 +18,10 @@ from aatri.plugin import Context
 from aatri.progress import Kept
 
 if TYPE_CHECKING:
-    from .sift import SiftOptions
+    from ._features import FeatureOptions
 
 
-def chosen_pairs(block: Block, images: Int, features: Sequence[Kept], options: SiftOptions, context: Context) -> Int:
+def chosen_pairs(block: Block, images: Int, features: Sequence[Kept], options: FeatureOptions, context: Context) -> Int:
     """Pairs (m, 2) of images as the options say, by their places among `images`.
 
     Raises

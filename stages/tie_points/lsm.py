@@ -16,13 +16,13 @@ import numpy as np
 
 from aatri.adapters.interior.image_pixels import from_first_pixel, pixel_matrices, with_measured
 from aatri.adapters.solution import check_same_block
-from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.features import ScanMarks
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
+from aatri.geometry.collinearity import collinearity
 from aatri.geometry.vectors import finite_rows
-from aatri.pixels.ray_matching import matched_rays
+from aatri.pixels.ray_matching import matched_rays, median_rows, medians_of_points
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.progress import Item
 
@@ -47,12 +47,17 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     is_tie[block.ground_points.point] = False
     usable = points.active & is_tie[points.point] & finite_rows(solution.images.position_m)[points.image]
     rows = np.flatnonzero(usable & (block.images.path[points.image] != ""))
-    reference = _references(points.point[rows], points.sigma_mm[rows, 0])
+    reference = median_rows(points.point[rows], points.sigma_mm[rows, 0])
     own = from_first_pixel(block)
     inverse = np.linalg.inv(own[:, :, :2])
     xy_px = np.einsum("nij,nj->ni", inverse[points.image], points.xy - own[points.image, :, 2])
     to_px = np.linalg.inv(pixel_matrices(block)[:, :, :2])
-    linear = to_px[points.image[rows]] @ _ground_derivatives(block, solution, rows)
+    poses = solution.images.take(points.image[rows])
+    c_mm = block.cameras.principal_distance_mm[block.images.camera[points.image[rows]]]
+    by_ground = collinearity(
+        poses.position_m, poses.ground_from_image, solution.points.xyz_m[points.point[rows]], c_mm
+    )[2]
+    linear = to_px[points.image[rows]] @ by_ground[:, :, :2]  # level ground at the point
     pair = np.column_stack([points.image[rows[reference]], points.image[rows]])
     other = np.flatnonzero(reference != np.arange(len(rows)))
     if not len(other):
@@ -78,40 +83,12 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     made_px, sigma_px = xy_px.copy(), np.full((len(points), 2), np.nan)
     made_px[at[good]], sigma_px[at[good]] = xy[good], np.maximum(sigma[good], options.smallest_sigma_px)
     heads = rows[reference == np.arange(len(rows))]
-    sigma_px[heads] = _medians(points.point[at[good]], sigma_px[at[good]], len(block.points))[points.point[heads]]
+    sigma_px[heads] = medians_of_points(points.point[at[good]], sigma_px[at[good]], len(block.points))[
+        points.point[heads]
+    ]
     measured = finite_rows(sigma_px)
     alone = np.bincount(points.point[measured], minlength=len(block.points)) < 2
     measured &= ~alone[points.point]
     return with_measured(
         block, np.flatnonzero(measured), made_px, sigma_px, rows[~measured[rows]], "not matched by least squares"
     )
-
-
-def _references(point: Int, sigma: Float) -> Int:
-    """The row of the reference of each image point's point, (n,): that of median standard deviation."""
-    order = np.lexsort((sigma, point))
-    ids, first, count = np.unique(point[order], return_index=True, return_counts=True)
-    return np.asarray(order[first + (count - 1) // 2][np.searchsorted(ids, point)])
-
-
-def _ground_derivatives(block: Block, solution: Solution, rows: Int) -> Float:
-    """d(x, y) / d(X, Y) of image points (n, 2, 2), mm per m, on level ground at their point."""
-    points = block.image_points.take(rows)
-    R = solution.images.ground_from_image[points.image]
-    c_mm = block.cameras.principal_distance_mm[block.images.camera[points.image]]
-    u = np.einsum("nji,nj->ni", R, solution.points.xyz_m[points.point] - solution.images.position_m[points.image])
-    dx = -c_mm[:, None, None] * (
-        R.swapaxes(1, 2)[:, :2, :2] / u[:, 2, None, None]
-        - u[:, :2, None] * R.swapaxes(1, 2)[:, 2, None, :2] / u[:, 2, None, None] ** 2
-    )
-    return np.asarray(dx)
-
-
-def _medians(point: Int, sigma_px: Float, n_points: int) -> Float:
-    """Median of the standard deviations of each point's image points, (n_points, 2); NaN where there are none."""
-    made = np.full((n_points, 2), np.nan)
-    for axis in (0, 1):
-        order = np.lexsort((sigma_px[:, axis], point))
-        ids, first, count = np.unique(point[order], return_index=True, return_counts=True)
-        made[ids, axis] = sigma_px[order, axis][first + (count - 1) // 2]
-    return made

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
+from aatri.artifacts.block import Block
 from aatri.formats.merging.part import part_of
 from aatri.tables.hdf5 import write
 from aatri.testing.example_inputs import example_block
@@ -26,6 +29,35 @@ def colmap_model(folder: Path) -> Path:
     (folder / "images.txt").write_text("\n".join(images) + "\n")
     (folder / "points3D.txt").write_text("\n".join(rows) + "\n")
     return folder
+
+
+def colmap_database(block: Block, path: Path) -> Path:
+    """COLMAP's database of two photographs, its tables as COLMAP makes them, with the features that `sift` finds."""
+    from aatri.pixels.features import features_of
+    from aatri.pixels.matching import matches_of
+
+    rows = block.images.take(np.arange(2))
+    features = [features_of(p, "", c, 4000, 16) for p, c in zip(rows.path.tolist(), rows.content.tolist())]
+    pairs = matches_of(*features, 0.8).pairs
+    width, height = block.cameras.format[0].tolist()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.executescript(
+            "CREATE TABLE cameras (camera_id INTEGER, model INTEGER, width INTEGER, height INTEGER, params BLOB);"
+            "CREATE TABLE images (image_id INTEGER, name TEXT, camera_id INTEGER);"
+            "CREATE TABLE keypoints (image_id INTEGER, rows INTEGER, cols INTEGER, data BLOB);"
+            "CREATE TABLE matches (pair_id INTEGER, rows INTEGER, cols INTEGER, data BLOB);"
+            "CREATE TABLE two_view_geometries (pair_id INTEGER, rows INTEGER, cols INTEGER, data BLOB);"
+        )
+        database.execute("INSERT INTO cameras VALUES (1, 0, ?, ?, x'')", (int(width), int(height)))
+        for number, (file, of) in enumerate(zip(rows.path.tolist(), features), 1):
+            k = of.keypoints
+            table = np.column_stack([k.xy_px + 0.5, k.size_px / 2, k.angle_rad]).astype("<f4")
+            database.execute("INSERT INTO images VALUES (?, ?, 1)", (number, Path(file).name))
+            database.execute("INSERT INTO keypoints VALUES (?, ?, 4, ?)", (number, len(table), table.tobytes()))
+        both = np.column_stack([pairs.left, pairs.right]).astype("<u4")
+        pair_id = 2147483647 + 2
+        database.execute("INSERT INTO matches VALUES (?, ?, 2, ?)", (pair_id, len(both), both.tobytes()))
+    return path
 
 
 def pair_files(folder: Path) -> Path:

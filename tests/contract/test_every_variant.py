@@ -27,7 +27,7 @@ from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
-from tests.contract.made_files import colmap_model, model_file, pair_files, two_parts
+from tests.contract.made_files import colmap_database, colmap_model, model_file, pair_files, two_parts
 from tests.made_photographs import flown
 from tests.made_scans import scan, scanned_block
 
@@ -55,6 +55,8 @@ def needed_options(name: str, folder: Path, request: pytest.FixtureRequest) -> d
     """Options for variants in which some have no default: files to read."""
     if name in MADE_FILES:
         return {"path": MADE_FILES[name](folder / "made")}
+    if name == "tie_points/database":
+        return {"path": colmap_database(photographed_block(), folder / "made.db")}
     if name == "block/merged":
         return {"blocks": tuple(str(path) for path in two_parts(folder / "made"))}
     if name == "information/reduced":
@@ -75,7 +77,7 @@ def needed_inputs(name: str) -> dict[str, Artifact] | None:
         return {"block": models_of_a_block()}
     if name == "tie_points/lsm":
         return oriented_photographs()
-    if name == "tie_points/sift":
+    if name in ("tie_points/sift", "tie_points/colmap", "tie_points/database"):
         return {"block": photographed_block()}
     if name.startswith("fiducial_marks/"):
         return {"block": block_of_scans()}
@@ -138,6 +140,8 @@ def models_of_a_block() -> Block:
     "name", [pytest.param(v, marks=[pytest.mark.slow] if v.endswith("/alternating") else []) for v in VARIANTS]
 )
 def test_every_variant_keeps_its_contract(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if name == "tie_points/colmap":
+        pytest.importorskip("pycolmap")
     report = check_stage(name, options=needed_options(name, tmp_path, request), inputs=needed_inputs(name))
     assert {"contract", "method", "options", "runs", "kind", "file", "repeatable"} <= {c.name for c in report.checks}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from aatri.orientation.relative.tracks import tracks_of
 from aatri.pixels.matching import all_pairs, coarse_pairs, consecutive_pairs, matched, near_pairs
-from aatri.pixels.tracks import tracks_of
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

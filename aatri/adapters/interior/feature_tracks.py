@@ -1,0 +1,143 @@
+"""Tie points of a Block from matched features: each pair checked by five points, what passes joined to tracks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adapters.interior.image_pixels import pixel_matrices, with_image_points
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.errors import InputError
+from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.tracks import tracks_of
+from aatri.progress import Reporter
+
+SMALLEST_PX = 4.0
+"""Diameter up to which features are as good as small ones get."""
+
+
+@dataclass(frozen=True)
+class MatchedFeatures:
+    """Features of images, and what agrees between two of them."""
+
+    images: Int
+    """(k,). Rows in the images of the Block."""
+    xy_px: Sequence[Float]
+    """Of each image (n, 2), from the centre of the first pixel."""
+    size_px: Sequence[Float]
+    """Of each image (n,): diameters."""
+    pairs: Int
+    """(m, 2). Places of both images among `images`."""
+    matches: Sequence[Int]
+    """Of each pair (p, 2): rows of features in both."""
+
+
+def with_tie_points(
+    block: Block,
+    features: MatchedFeatures,
+    *,
+    sigma_px: float,
+    min_matches: int,
+    snooping_limit: float,
+    prefix: str,
+    reporter: Reporter,
+) -> Block:
+    """The block with tie points; those of control that it has stay.
+
+    Parameters
+    ----------
+    sigma_px : float
+        Standard deviation of the smallest features; of others it grows with their size.
+    min_matches : int
+        A pair with fewer matches, before or after its check, is left out.
+    snooping_limit : float
+        A match is rejected beyond this test statistic of its pair.
+    prefix : str
+        What the ids of tie points begin with.
+
+    Raises
+    ------
+    InputError
+        If no pair has enough matches, or none is left.
+    """
+    sigmas_px = [sigma_px * np.maximum(size / SMALLEST_PX, 1.0) for size in features.size_px]
+    first = np.concatenate([[0], np.cumsum([len(xy) for xy in features.xy_px])])
+    matches = _checked(block, features, sigmas_px, min_matches, snooping_limit, reporter)
+    ends = [np.zeros((0, 2), np.int64), *(first[features.pairs[k]] + rows for k, rows in matches.items())]
+    left, right = np.concatenate(ends).T
+    tracks = tracks_of(left, right, first)
+    rays = np.bincount(tracks.track)
+    reporter.log(f"{len(rays)} tie points with {len(tracks.track)} image points, {int((rays > 2).sum())} in three "
+                 f"images and more; {tracks.refused} refused with two places in one image")  # fmt: skip
+    if not len(rays):
+        raise InputError("no tie points: the images have nothing in common", where=block.name, remedy="see the log")
+    names = np.array([f"{prefix}{k + 1:0{len(str(len(rays)))}d}" for k in range(len(rays))])
+    at = first[tracks.image] + tracks.keypoint
+    return with_image_points(
+        block,
+        features.images[tracks.image],
+        names[tracks.track],
+        np.concatenate(features.xy_px)[at],
+        np.concatenate(sigmas_px)[at],
+    )
+
+
+def merged_places(xy_px: Sequence[Float], pairs: Int, matches: Sequence[Int]) -> list[Int]:
+    """Matches in which features at one place of an image count as the first of them: orientations are no points.
+
+    Parameters
+    ----------
+    xy_px, pairs, matches
+        As of `MatchedFeatures`.
+    """
+    first = []
+    for xy in xy_px:
+        _, row, of = np.unique(np.round(xy, 2), axis=0, return_index=True, return_inverse=True)
+        first.append(row[of.ravel()])
+    made = []
+    for (left, right), rows in zip(pairs.tolist(), matches):
+        same = np.column_stack([first[left][rows[:, 0]], first[right][rows[:, 1]]])
+        made.append(np.unique(same, axis=0))
+    return made
+
+
+def _checked(
+    block: Block,
+    features: MatchedFeatures,
+    sigmas_px: list[Float],
+    min_matches: int,
+    snooping_limit: float,
+    reporter: Reporter,
+) -> dict[int, Int]:
+    """Matches that pass the check of their pair, by the number of the pair."""
+    matrix = pixel_matrices(block)[features.images]
+    c_mm = block.cameras.principal_distance_mm[block.images.camera[features.images]]
+    enough = [k for k, rows in enumerate(features.matches) if len(rows) >= min_matches]
+    if not enough:
+        what = f"of {len(features.pairs)} pairs of images none has {min_matches} matches"
+        remedy = "images that overlap, sharp ones; more features (`most`); `pairs: all`"
+        raise InputError(what, where=block.name, remedy=remedy)
+
+    def rays(image: int, rows: Int) -> tuple[Float, Float]:
+        xy = features.xy_px[image][rows] @ matrix[image, :, :2].T + matrix[image, :, 2]
+        sigma = sigmas_px[image][rows, None] * np.abs(matrix[image, :, :2]).sum(axis=1)
+        return np.column_stack([xy, np.full(len(xy), -c_mm[image])]), sigma
+
+    sides = [
+        [rays(int(features.pairs[k, side]), features.matches[k][:, side]) for k in enough] for side in (0, 1)
+    ]  # fmt: skip
+    of_pairs = RayPairs(*(np.concatenate([ray[part] for ray in side]) for part in (0, 1) for side in sides))
+    start = np.concatenate([[0], np.cumsum([len(features.matches[k]) for k in enough])])
+    fit = essential_orientations(
+        of_pairs, start, snooping_limit=snooping_limit, min_points=min_matches, reporter=reporter
+    ).orientations
+    passed = {}
+    for p, k in enumerate(enough):
+        active = fit.active[start[p] : start[p + 1]]
+        if fit.formed[p] and active.sum() >= min_matches:
+            passed[k] = features.matches[k][active]
+    reporter.log(f"{len(features.pairs)} pairs, {len(enough)} with {min_matches} matches, {len(passed)} pass the check "
+                 f"with {sum(map(len, passed.values()))} of {start[-1]} matches")  # fmt: skip
+    return passed
