@@ -1,19 +1,23 @@
 """A picture as an SVG file of its own: with its title, legend and light colours, for documents and notebooks."""
 
+import textwrap
+
 import jinja2
 from markupsafe import Markup
 
 from aatri.report.drawing.picture import COLOURS, Picture
 from aatri.report.drawing.svg import element, parts_of, sample, text
 
-LETTER_PX, ENTRY_PX, ROW_PX, TITLE_PX = 6.4, 34.0, 18.0, 26.0
-"""Room of a letter, of what stands around an entry of the legend, of its rows, of the title."""
+LETTER_PX, TITLE_LETTER_PX, ENTRY_PX, ROW_PX = 6.4, 7.6, 34.0, 18.0
+"""Room of a letter, of one in the title, of what stands around an entry of the legend, of a row."""
 
 
 def standalone(picture: Picture) -> str:
     """The text of the file; hovering and what it needs are the page's, not the file's."""
     marks, furniture, height = parts_of(picture, tells=False)
-    x, y, entries = 8.0, TITLE_PX + height + 4.0, list[Markup]()
+    title = textwrap.wrap(picture.title, int(picture.width / TITLE_LETTER_PX))
+    top = ROW_PX * len(title) + 8.0
+    x, y, entries = 8.0, top + height + 4.0, list[Markup]()
     for m in picture.marks:
         if m.name and len(m.xy):
             room = LETTER_PX * len(m.name) + ENTRY_PX
@@ -27,8 +31,8 @@ def standalone(picture: Picture) -> str:
         element("title", picture.title),
         element("style", Markup(_rules())),  # ours
         element("rect", width=picture.width, height=whole, class_="paper"),
-        text(8.0, 18.0, picture.title, "title"),
-        element("g", *marks, *furniture, transform=f"translate(0 {TITLE_PX:g})"),
+        *(text(8.0, ROW_PX * (k + 1), words, "title") for k, words in enumerate(title)),
+        element("g", *marks, *furniture, transform=f"translate(0 {top:g})"),
         *entries,
         xmlns="http://www.w3.org/2000/svg",
         viewBox=f"0 0 {picture.width:g} {whole:g}",
