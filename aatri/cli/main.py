@@ -25,6 +25,7 @@ VERBS = {
     "metrics": "Show the figures of all stages of a run",
     "compare": "Show runs or variants side by side, and why they differ",
     "edit": "Write what an adjustment proposes into a file of edits that the block is read with",
+    "measure": "Measure points and fiducial marks in the images of a block folder, on a page of this machine",
     "design": "Run the layouts of a pipeline of planned blocks, and put what they are worth side by side",
     "stages": "List roles and their variants, or describe one variant",
     "formats": "List the formats of other programs: what is read, what they carry",

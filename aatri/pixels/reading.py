@@ -108,6 +108,14 @@ def size_px(path: str) -> tuple[int, int]:
         return int(page.imagewidth), int(page.imagelength)
 
 
+def reads_windows(path: str) -> bool:
+    """Whether the windows of a file can be read one by one: of a TIFF file whose compression is decoded by parts."""
+    if Path(path).suffix.lower() not in TIFF:
+        return False
+    with _tiff(path) as file:
+        return file.pages[0].compression in DECODED
+
+
 def window(path: str, column: int, row: int, width: int, height: int) -> Samples:
     """A window (height, width) of a TIFF file in its own depth; only the strips or tiles that it touches are read.
 
@@ -146,12 +154,18 @@ def window(path: str, column: int, row: int, width: int, height: int) -> Samples
     return made
 
 
-def stretched(samples: Samples) -> Grey:
-    """Samples of any depth as 8 bits: as they are, or between two percentiles."""
-    if samples.dtype == np.uint8:
-        return samples
+def range_of(samples: Samples) -> tuple[float, float]:
+    """The two percentiles between which samples are stretched."""
     step = max(1, int((samples.size / SAMPLED) ** 0.5))
     low, high = np.percentile(samples[::step, ::step], PERCENTILES)
+    return float(low), float(high)
+
+
+def stretched(samples: Samples, between: tuple[float, float] | None = None) -> Grey:
+    """Samples of any depth as 8 bits: as they are, or between two percentiles, their own or those of the whole."""
+    if samples.dtype == np.uint8:
+        return samples
+    low, high = between or range_of(samples)
     made: Grey = np.empty(samples.shape, np.uint8)
     for first in range(0, len(samples), 256):  # by rows: no second image in floating point
         part = (samples[first : first + 256].astype(np.float32) - low) * (255.0 / max(high - low, 1e-9))

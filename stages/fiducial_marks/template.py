@@ -129,7 +129,7 @@ def _measured(
     if not used.all():
         context.warn(f"{name}: fiducial marks not found: {shown(ids[~used].tolist())}")
     at = place[way][used]
-    matrix = of_camera(block, camera, np.array([scan.width_px, scan.height_px], float))
+    matrix = of_camera(block.cameras, camera, np.array([scan.width_px, scan.height_px], float))
     xy = of.xy_px[at] @ matrix[:, :2].T + matrix[:, 2]
     sigma_mm = np.maximum(of.sigma_px[at], SMALLEST_SIGMA_PX) * size_mm
     return [(image, int(m), xy[k], sigma_mm[k]) for k, m in enumerate(marks[used])]

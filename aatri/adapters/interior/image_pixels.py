@@ -7,7 +7,7 @@ import numpy as np
 
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.block import Block, FiducialPoints, MeasuredPoints, Points, Rejects
+from aatri.artifacts.block import Block, Cameras, FiducialPoints, MeasuredPoints, Points, Rejects
 from aatri.artifacts.builder import image_point_order
 from aatri.camera.pixels import mm_from_pixel
 from aatri.tables.schema import Table, columns_of, tables_of
@@ -64,13 +64,12 @@ def pixel_matrices(block: Block) -> Float:
 
 def from_first_pixel(block: Block) -> Float:
     """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first."""
-    made = [of_camera(block, k, block.cameras.format[k]) for k in range(len(block.cameras))]
+    made = [of_camera(block.cameras, k, block.cameras.format[k]) for k in range(len(block.cameras))]
     return np.array(made).reshape(-1, 2, 3)[block.images.camera]
 
 
-def of_camera(block: Block, camera: int, format_px: Float) -> Float:
+def of_camera(cameras: Cameras, camera: int, format_px: Float) -> Float:
     """Matrix (2, 3) to the pixel system of a camera from that of a file of this width and height."""
-    cameras = block.cameras
     to_centre = mm_from_pixel(np.ones(2), "top-left-centre", "down", format_px)
     origin, y = str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera])
     own = mm_from_pixel(np.ones(2), origin or "top-left-corner", y or "down", format_px)

@@ -1,5 +1,6 @@
 """Files that are written: each whole, or as it was."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -26,7 +27,10 @@ def write_files(folder: Path, texts: Mapping[str, str | bytes]) -> None:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             part = path.with_name(f".{path.name}.part")
-            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+            with part.open("wb") as file:
+                file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
+                file.flush()
+                os.fsync(file.fileno())  # else a power cut after the renaming leaves an empty file
             part.replace(path)
     except OSError as error:
         raise ResourceError(f"cannot write: {error.strerror}", where=str(path), remedy="another place") from error
