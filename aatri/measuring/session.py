@@ -16,7 +16,7 @@ from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.ids import clipped
 from aatri.measuring.measured_folder import CORNER_PX, MeasuredFolder
-from aatri.measuring.measured_table import RowChange, MeasuredRow
+from aatri.measuring.measured_table import MeasuredRow, RowChange
 from aatri.measuring.tiled_picture import TiledPicture
 
 KEPT_PICTURES = 3
