@@ -229,6 +229,19 @@ def log_rotation(rotation: npt.ArrayLike) -> npt.NDArray[Any]:
     return np.asarray(q[:, 1:] * factor[:, None]).reshape(given.shape[:-1])
 
 
+def angles_between(one: Float, other: Float) -> Float:
+    """Angles between rotations, (n,), rad; NaN where one is unknown.
+
+    Parameters
+    ----------
+    one, other : (n, 3, 3) float64
+    """
+    angle = np.full(len(one), np.nan)
+    known = np.isfinite(one).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
+    angle[known] = np.linalg.norm(log_rotation(one[known] @ other[known].swapaxes(1, 2)), axis=1)
+    return angle
+
+
 def nearest_rotation(matrix: npt.ArrayLike) -> Float:
     """The rotation nearest to a 3x3 matrix (Frobenius norm), by SVD.
 

@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.initial_notes import not_oriented, shown_components
@@ -29,6 +30,7 @@ from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, stron
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -39,7 +41,8 @@ from aatri.errors import GeometryError
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
-from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.essential import EssentialOrientations, essential_orientations
+from aatri.orientation.relative.shared_planes import rotations_by_planes
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -141,14 +144,24 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image)
         context.log(f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image")
         images = images[kept]
-    pairs = pairs_of(block, image_points, images)
-    made = essential_orientations(
-        pairs.rays,
-        pairs.start,
-        snooping_limit=options.snooping_limit,
-        min_points=options.min_points,
-        reporter=context,
-    )
+    pairs, (_, turned) = pairs_of(block, image_points, images), given_orientations(block)
+
+    def oriented(expected: Float) -> EssentialOrientations:
+        return essential_orientations(
+            pairs.rays,
+            pairs.start,
+            snooping_limit=options.snooping_limit,
+            min_points=options.min_points,
+            expected=expected,
+            reporter=context,
+        )
+
+    expected = turned[pairs.left].swapaxes(1, 2) @ turned[pairs.right]
+    made = oriented(expected)
+    by_planes, others = rotations_by_planes(pairs.left, pairs.right, pairs.rays, pairs.start, made)
+    if others:
+        context.log(f"{others} pairs are oriented anew: over a plane, which their neighbours see otherwise")
+        made = oriented(np.where(np.isfinite(by_planes), by_planes, expected))
     context.progress(len(images), len(images), "models")
     context.log(f"{int(made.orientations.formed.sum())} of {len(images)} pairs make a model")
     return essential_models(block, image_points, pairs, made)

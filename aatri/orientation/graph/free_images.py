@@ -16,7 +16,7 @@ import numpy as np
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.rotations import log_rotation
+from aatri.geometry.rotations import angles_between
 from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import ImageComponent, adjusted_component
@@ -86,13 +86,17 @@ def orient_free(
     limit = np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
     other = np.isfinite(graph.second[:, 0, 0])
     wrong = (error > limit) | other & (_off(rotation, graph, graph.second) < np.minimum(error, limit))
+    undecided = other & (triangles == 0) & (angles_between(graph.left_from_right, graph.second) > limit)
+    if not (wrong | undecided).all():
+        wrong |= undecided
     fitting = graph.take(~wrong)
     notes = _of_pairs(graph, image_ids, error, wrong & ~other, triangles)
     if other.any():
         text = (
             f"{int(other.sum())} pairs are ambiguous, as over a plane; {int((wrong & other).sum())} of them do not fit"
+            " the others, or lie in no triangle with them, and are left out"
         )
-        notes.append(Note("note", f"{text} the others and are left out"))
+        notes.append(Note("note", text))
     scaled = scaled_bases(fitting)
     components: list[ImageComponent] = []
     for k in range(int(scaled.component.max(initial=-1)) + 1):
@@ -134,11 +138,8 @@ def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, In
 
 def _off(rotation: Float, graph: PairGraph, pair: Float) -> Float:
     """What remains of other rotations of the pairs, rad; inf where there is none."""
-    found = np.full(len(pair), np.inf)
-    some = np.flatnonzero(np.isfinite(pair[:, 0, 0]))
-    e = rotation[graph.left[some]] @ pair[some] @ rotation[graph.right[some]].swapaxes(1, 2)
-    found[some] = np.linalg.norm(log_rotation(e), axis=1)
-    return found
+    off = angles_between(rotation[graph.left] @ pair, rotation[graph.right])
+    return np.where(np.isfinite(off), off, np.inf)
 
 
 def _centres(

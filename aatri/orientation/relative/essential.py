@@ -5,7 +5,8 @@ differ; the best one is adjusted with the points that fit it, by the rules of `r
 points, statistics. Nothing is assumed about how the images lie to each other.
 
 Where a second orientation explains the points as well, the pair is ambiguous: points in a plane have two orientations
-(Longuet-Higgins), and often both have all points in front. It is returned beside the first one. Where a rotation alone
+(Longuet-Higgins), and often both have all points in front. The expected rotation decides, where one is given; else the
+second is returned beside the first one. Where a rotation alone
 explains the images there is no base, but the rotation is known.
 
 Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Longuet-Higgins, Proc. R. Soc. B 227 (1986) 399.
@@ -17,7 +18,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
-from aatri.geometry.rotations import nearest_rotation
+from aatri.geometry.rotations import angles_between, nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.degenerate import NO_BASE, angle_sigmas, degenerate_pairs
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
@@ -44,6 +45,10 @@ sums of squares has a standard deviation of up to 2 sqrt(n), that of the costs a
 LEAST = 2.0
 """The same where points are few."""
 
+NEARER = 0.5
+"""Of two orientations over a plane the one that is nearer to the expected rotation counts, if it is off by less than
+this share of what the other is; else nothing decides. The two differ by many degrees, expected rotations err by few."""
+
 TURNS = 15
 """Reweighted fits of a rotation."""
 
@@ -61,6 +66,8 @@ class FromConsensus:
     max_samples : int
     fewest : int
         Pairs with fewer points get no start.
+    expected : (m, 3, 3) float64, optional
+        Rotations that decide between orientations over a plane; NaN where unknown.
 
     Attributes
     ----------
@@ -72,8 +79,11 @@ class FromConsensus:
         Of the points that fit.
     """
 
-    def __init__(self, start: Int, max_samples: int = SAMPLES, fewest: int = 5) -> None:
+    def __init__(
+        self, start: Int, max_samples: int = SAMPLES, fewest: int = 5, expected: Float | None = None
+    ) -> None:
         m = len(start) - 1
+        self.expected = np.full((m, 3, 3), np.nan) if expected is None else expected
         self.max_samples, self.fewest = max_samples, fewest
         self.second, self.samples, self.share = np.full((m, 3, 4), np.nan), np.zeros(m, dtype=np.int64), np.zeros(m)
 
@@ -98,7 +108,11 @@ class FromConsensus:
             portion.reasons[int(pair[k])] = f"only {fitting[k]} of {count[k]} points fit one orientation"
         limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
         also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
-        self.second[pair[also]] = poses[also, 1]
+        first_off, second_off = (angles_between(poses[:, k, :, :3], self.expected[pair]) for k in (0, 1))
+        exchanged = also & (second_off < NEARER * first_off)
+        portion.pose[exchanged] = poses[exchanged, 1]
+        undecided = also & ~exchanged & ~(first_off < NEARER * second_off)
+        self.second[pair[undecided]] = poses[undecided, 1]
 
 
 @dataclass(frozen=True)
@@ -126,6 +140,7 @@ def essential_orientations(
     max_iterations: int = 20,
     min_points: int = 5,
     max_samples: int = SAMPLES,
+    expected: Float | None = None,
     reporter: Reporter = SILENT,
 ) -> EssentialOrientations:
     """Orient the right image of every pair to its left one.
@@ -138,12 +153,15 @@ def essential_orientations(
         As of `pairs.relative_orientations`.
     max_samples : int
         Most samples of a pair.
+    expected : (m, 3, 3) float64, optional
+        Rotations of the right images into the frames of the left ones, as attitudes tell them; NaN where unknown. They
+        decide between two orientations over a plane.
     """
     settings, count = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points), np.diff(start)
     last: list[FromConsensus] = []
 
     def orient(scaled: RayPairs) -> RelativeOrientations:
-        many, few = FromConsensus(start, max_samples, SNOOPED), FromConsensus(start, max_samples)
+        many, few = (FromConsensus(start, max_samples, fewest, expected) for fewest in (SNOOPED, 5))
 
         def parallel(portion: Portion) -> None:
             portion.chosen[:] &= (portion.count < SNOOPED) | (many.share[portion.pair] >= FEWEST)
