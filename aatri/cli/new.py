@@ -97,8 +97,7 @@ stages:
   photos:   {{use: block/photos, with: {{path: {path}}}}}
   block:    {{use: tie_points/sift, from: {{block: photos}}}}
   interior: {{use: interior_orientation/calibrated, from: {{block}}}}
-  # the focal length of EXIF may be wrong by a third: positions are not judged before it is adjusted
-  initial:  {{use: initial_orientation/graph, from: {{block, image_points: interior}}, with: {{control_limit: 100}}}}
+  initial:  {{use: initial_orientation/graph, from: {{block, image_points: interior}}}}
   bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior, initial}},
              with: {{blunders: robust_snooping}}}}
   accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}

@@ -22,6 +22,7 @@ import numpy as np
 
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.ground.component_bodies import principal_distance_shares
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.initial_notes import not_oriented, shown_components
 from aatri.adapters.ground.initial_orientation import to_ground
@@ -41,6 +42,7 @@ from aatri.errors import GeometryError
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
+from aatri.orientation.graph.principal_distance import with_bends
 from aatri.orientation.relative.essential import EssentialOrientations, essential_orientations
 from aatri.orientation.relative.shared_planes import rotations_by_planes
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -111,7 +113,9 @@ def graph(
         reporter=context,
     )
     ground = ground_observed(block, inside.block, use_positions=options.use_positions)
-    parts, notes = to_ground(ground, free.components, rays, options.control_limit)
+    shares = principal_distance_shares(inside.block, rays)
+    components = tuple(with_bends(c, rays, shares, block.images.id, block.points.id) for c in free.components)
+    parts, notes = to_ground(ground, components, rays, options.control_limit)
     solution = initial_solution(
         inside.block,
         image_points,
@@ -127,7 +131,7 @@ def graph(
         [
             *of_lens,
             *free.notes,
-            *shown_components(free.components, inside.block),
+            *shown_components(components, inside.block),
             *notes,
             *findings,
             *not_oriented(inside.block, solution),

@@ -99,7 +99,7 @@ def _body(block: Block, strips: Strips, component: Component) -> FreeBody:
     table = strips.strip_images
     models = int(np.bincount(table.strip[np.isin(table.strip, component.strips)]).max(initial=1))
     turned = expected_ratio(models) * np.sqrt(typical) / pieces.distance_m(centres, component.xyz)
-    return FreeBody(poses, xyz, covariance, typical, float(turned))
+    return FreeBody(poses, xyz, covariance, np.tile(typical * np.eye(3), (n, 1, 1)), float(turned))
 
 
 def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:

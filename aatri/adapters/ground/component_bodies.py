@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adapters.ground.ground_observed import NEIGHBOUR
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
-from aatri.geometry.similarity import Similarity, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
-from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
 from aatri.orientation.graph.component import ImageComponent
@@ -20,18 +19,20 @@ from aatri.orientation.graph.component import ImageComponent
 PRECISION = 3.0
 """Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
 
+FREE_SHARE = 0.1
+"""Standard deviation of a principal distance of which nothing is said, as a share of it."""
+
 
 def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
-    """A component as a body: points and images are as precise as rays of typical length."""
+    """A component as a body: points and images are as precise as rays of typical length, and as what it bends by."""
     variance = precision(component, rays) ** 2
-    covariance = np.broadcast_to(variance * np.eye(3), (len(component.xyz), 3, 3))
-    return FreeBody(component.poses, component.xyz, covariance, variance, angle_precision(component, rays))
-
-
-def moved(component: ImageComponent, to: Similarity) -> ImageComponent:
-    """A component after a similarity."""
-    poses = Poses(transform(to, component.poses.position_m), to.rotation @ component.poses.ground_from_image)
-    return ImageComponent(poses, transform(to, component.xyz), component.kept, component.spread)
+    of_centres, of_points = (
+        np.tile(variance * np.eye(3), (n, 1, 1)) for n in (len(component.images), len(component.xyz))
+    )
+    for centres, points in component.bends:
+        of_centres += np.einsum("ni,nj->nij", centres, centres)
+        of_points += np.einsum("ni,nj->nij", points, points)
+    return FreeBody(component.poses, component.xyz, of_points, of_centres, angle_precision(component, rays))
 
 
 def precision(component: ImageComponent, rays: ImagePointRows) -> float:
@@ -77,3 +78,19 @@ def observed_by_neighbours(
             turned = other.poses.ground_from_image[image]
             found.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
     return tuple(found)
+
+
+def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:
+    """Standard deviations of the principal distances over these, ray by ray, for each camera that leaves its own open.
+
+    Cameras of a single image are taken together, as if all were off by the same share.
+    """
+    p, images = block.camera_parameters, np.bincount(block.images.camera, minlength=len(block.cameras))
+    share = np.zeros(len(block.cameras))
+    rows = np.flatnonzero(p.name == "principal_distance")
+    sigma = np.nan_to_num(p.sigma[rows]) / block.cameras.principal_distance_mm[p.camera[rows]]
+    share[p.camera[rows]] = np.where(p.free[rows], FREE_SHARE, sigma)
+    single, several = np.flatnonzero(images == 1), np.flatnonzero((images > 1) & (share > 0))
+    groups = [single] * bool(share[single].any()) + [np.array([k]) for k in several]
+    of_ray = block.images.camera[rays.image]
+    return tuple(np.where(np.isin(of_ray, group), share[of_ray], 0.0) for group in groups)

@@ -114,7 +114,8 @@ def _met(body: FreeBody, rays: ImagePointRows, rows: Int, limit: float) -> tuple
 
 def _intersected(body: FreeBody, rays: ImagePointRows, rows: Int) -> UncertainIntersection:
     n = len(body.poses.position_m)
-    covariance: Float = np.diag(np.repeat([body.centre_variance, body.turn_rad**2], 3))
+    covariance = np.zeros((n, 6, 6))
+    covariance[:, :3, :3], covariance[:, 3:, 3:] = body.centre_covariance, body.turn_rad**2 * np.eye(3)
     return intersect_uncertain(
         rays.xy_mm[rows],
         rays.sigma_mm[rows],
@@ -124,7 +125,7 @@ def _intersected(body: FreeBody, rays: ImagePointRows, rows: Int) -> UncertainIn
         np.ones(len(rows), dtype=bool),
         body.poses.position_m,
         body.poses.ground_from_image,
-        np.tile(covariance, (n, 1, 1)),
+        covariance,
         1,
     )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of, moved, observed_by_neighbours, precision
+from aatri.adapters.ground.component_bodies import body_of, observed_by_neighbours, precision
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
@@ -113,7 +113,7 @@ def _otherwise(
             found, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), rules, what)
             to = found.ground_from_body
             text = f"{what}: oriented by the images and points it shares with others; without them {alone.what}"
-            return OnGround(moved(component, to), None, to), [Note("note", text)]
+            return OnGround(component.moved(to), None, to), [Note("note", text)]
         except (ConvergenceError, GeometryError):
             pass
     try:
@@ -146,7 +146,7 @@ def _free(
     images, points = ground.block.images.id, ground.block.points.id
     oriented = orient_body(seen, body, rules, what="the block", image_ids=images, point_ids=points)
     to = oriented.ground_from_body
-    own = moved(own, to)
+    own = own.moved(to)
     part = OnGround(own, oriented, compose(to, similarity), free=True)
     return part, [note, *two_that_differ(oriented, precision(own, rays), rules.limit)]
 
@@ -160,7 +160,7 @@ def _oriented(
 
     def part(found: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
         to = found.ground_from_body
-        return OnGround(moved(component, to), found, to, left=left)
+        return OnGround(component.moved(to), found, to, left=left)
 
     def told(found: OrientedBody) -> list[Note]:
         turned = [] if notes else attitude_notes(ground, body, found.ground_from_body, what)

@@ -118,7 +118,7 @@ def _body(component: Component, n_points: int) -> FreeBody:
     xyz[component.point], covariance[component.point] = component.xyz, component.covariance
     above = component.xyz.mean(axis=0) + np.ptp(component.xyz, axis=0).max() * np.array([0.0, 0.0, 1.0])
     typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
-    return FreeBody(Poses(above[None], np.eye(3)[None]), xyz, covariance, typical, 1.0)
+    return FreeBody(Poses(above[None], np.eye(3)[None]), xyz, covariance, typical * np.eye(3)[None], 1.0)
 
 
 def _solution(

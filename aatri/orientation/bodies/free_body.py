@@ -46,8 +46,8 @@ class FreeBody:
     """(n_points, 3). NaN where it has no point."""
     covariance: Float
     """(n_points, 3, 3). Of the points."""
-    centre_variance: float
-    """Of a coordinate of a projection centre."""
+    centre_covariance: Float
+    """(n_images, 3, 3). Of the projection centres."""
     turn_rad: float
     """Standard deviation of the rotations of the images."""
 
@@ -158,10 +158,9 @@ def ties_of(
     places = np.concatenate([body.poses.position_m[images], body.xyz[points]])
     centre = places.mean(axis=0) if len(places) else np.zeros(3)
     begin = similarities_of([compose(start, Similarity(centre, 1.0, np.eye(3)))])
-    of_centres = np.broadcast_to(body.centre_variance * np.eye(3), (len(images), 3, 3))
     parts = (
         (COMPONENT_POINT, POINT, points, body.xyz[points], body.covariance[points], point_ids),
-        (COMPONENT_CENTRE, POSE, images, body.poses.position_m[images], of_centres, image_ids),
+        (COMPONENT_CENTRE, POSE, images, body.poses.position_m[images], body.centre_covariance[images], image_ids),
     )
     found = list[Observed]()
     for kind, group, block, x, covariance, ids in parts:

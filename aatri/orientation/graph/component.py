@@ -4,6 +4,8 @@ Image points only; seven scalars of the poses are held, which changes no residua
 (`triangulation`), at first widely, after the bundle by the spread that it leaves. Huber's loss throughout.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +14,7 @@ from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
+from aatri.geometry.similarity import Similarity, transform
 from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.observations.image_point_rows import ImagePointRows
@@ -64,6 +67,9 @@ class ImageComponent:
     """(n,). Rays that fit."""
     spread: float
     """Of the residuals, robust, in standard deviations a priori."""
+    bends: tuple[tuple[Float, Float], ...] = ()
+    """(n_images, 3) and (n_points, 3): by how much projection centres and points are off for each principal distance
+    that is wrong by its standard deviation; see `principal_distance`."""
 
     @property
     def images(self) -> Bool:
@@ -74,6 +80,12 @@ class ImageComponent:
     def ray_spread(self) -> float:
         """Standard deviation of its rays over the one a priori; that of rays which fit exactly is no zero."""
         return max(self.spread, LEAST_SPREAD)
+
+    def moved(self, to: Similarity) -> ImageComponent:
+        """The same after a similarity."""
+        poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
+        bends = tuple((to.scale * a @ to.rotation.T, to.scale * b @ to.rotation.T) for a, b in self.bends)
+        return replace(self, poses=poses, xyz=transform(to, self.xyz), bends=bends)
 
 
 def adjusted_component(

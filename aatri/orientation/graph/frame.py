@@ -4,13 +4,10 @@ The origin is the first image's projection centre, the second image the next one
 to all sides, as in an orbit, have no mean direction: then the axes are those of the first image.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from aatri.geometry.rotations import levelling
-from aatri.geometry.similarity import Similarity, transform
-from aatri.observations.poses import Poses
+from aatri.geometry.similarity import Similarity
 from aatri.orientation.graph.component import ImageComponent
 
 ALIKE = 0.3
@@ -29,5 +26,4 @@ def first_base_one(component: ImageComponent) -> tuple[ImageComponent, Similarit
     if np.linalg.norm(up) > ALIKE:
         turn = levelling(turn @ up) @ turn
     similarity = Similarity(-scale * turn @ centre[0], scale, turn)
-    poses = Poses(transform(similarity, component.poses.position_m), turn @ component.poses.ground_from_image)
-    return replace(component, poses=poses, xyz=transform(similarity, component.xyz)), similarity
+    return component.moved(similarity), similarity

@@ -19,6 +19,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.global_test import LEVEL, sigma0_interval
 from aatri.adjustment.unknowns import Ids
+from aatri.arrays import Float
 from aatri.errors import AatriError
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import observed_image_points
@@ -43,15 +44,28 @@ def fits_bent(
         Of the ground, with the priors of their own unknowns.
     image_ids, point_ids : (n,) str
     """
-    images, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
-    as_seen = replace(rays, active=component.kept, sigma_mm=component.ray_spread * rays.sigma_mm)
-    of_rays = observed_image_points(as_seen, (), named(image=images[rays.image], point=points[rays.point]))
-    alone = BundleInput(image_ids, point_ids, of_rays, component.poses, component.xyz, np.zeros(3), as_seen)
+    alone = _rays_of(component, rays, image_ids, point_ids)
     try:
         free = adjust_bundle(alone, BundleSettings("minimal", covariances=False)).adjusted
-        held = adjust_bundle(replace(alone, observed=(*of_rays, *observed)), BundleSettings(covariances=False)).adjusted
+        given = replace(alone, observed=(*alone.observed, *observed))
+        held = adjust_bundle(given, BundleSettings(covariances=False)).adjusted
     except AatriError:
         return False  # so far off that no adjustment reaches it
     further = held.redundancy - free.redundancy
     s2 = free.cost / free.redundancy if free.redundancy else 1.0
     return further < 1 or (held.cost - free.cost) / further <= s2 * sigma0_interval(further, LEVEL)[1] ** 2
+
+
+def rays_alone(component: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids) -> tuple[Float, Float]:
+    """Projection centres and points of a component adjusted by its rays, held minimally; NaN where it has none."""
+    given = _rays_of(component, rays, image_ids, point_ids)
+    result = adjust_bundle(given, BundleSettings("minimal", covariances=False))
+    return result.poses.position_m, result.xyz_m
+
+
+def _rays_of(component: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids) -> BundleInput:
+    """A component and the rays that fit it, with their spread, as input of a bundle."""
+    images, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
+    as_seen = replace(rays, active=component.kept, sigma_mm=component.ray_spread * rays.sigma_mm)
+    of_rays = observed_image_points(as_seen, (), named(image=images[rays.image], point=points[rays.point]))
+    return BundleInput(image_ids, point_ids, of_rays, component.poses, component.xyz, np.zeros(3), as_seen)

@@ -79,9 +79,7 @@ class FromConsensus:
         Of the points that fit.
     """
 
-    def __init__(
-        self, start: Int, max_samples: int = SAMPLES, fewest: int = 5, expected: Float | None = None
-    ) -> None:
+    def __init__(self, start: Int, max_samples: int = SAMPLES, fewest: int = 5, expected: Float | None = None) -> None:
         m = len(start) - 1
         self.expected = np.full((m, 3, 3), np.nan) if expected is None else expected
         self.max_samples, self.fewest = max_samples, fewest

@@ -67,7 +67,7 @@ class MadeBody:
         xyz = np.concatenate([x[:n], transform(BACK, BODY)])
         variance = (self.stated_m / TRUE.scale) ** 2
         covariance = np.tile(np.eye(3) * variance, (len(xyz), 1, 1))
-        self.body = FreeBody(Poses(x[n:], R), xyz, covariance, variance, self.turn_rad)
+        self.body = FreeBody(Poses(x[n:], R), xyz, covariance, covariance[: len(self.images)], self.turn_rad)
 
     @property
     def rotations(self) -> np.ndarray:

@@ -28,7 +28,7 @@ def oriented() -> OrientedBody:
     control = Control(known, known, X[:8] + rng.normal(0, 0.01, (8, 3)), covariance, every, ~every)
     ids = np.arange(30).astype(np.str_)
     of_points = np.broadcast_to(1e-10 * np.eye(3), (30, 3, 3)).copy()
-    body = FreeBody(Poses(np.array([[0.0, 0.0, 5.0]]), np.eye(3)[None]), x, of_points, 1e-10, 1.0)
+    body = FreeBody(Poses(np.array([[0.0, 0.0, 5.0]]), np.eye(3)[None]), x, of_points, 1e-10 * np.eye(3)[None], 1.0)
     observed = concerning(observed_control(control, np.zeros(3), ids[known]), body)
     rules = OrientationRules(5.0)
     return orient_body(lambda _: observed, body, rules, what="body", image_ids=np.array(["i"]), point_ids=ids)

@@ -1,4 +1,4 @@
-"""Over a plane each pair has two orientations: the expected rotation decides, or the planes of the neighbouring pairs."""
+"""Over a plane each pair has two orientations: an expected rotation decides, or the planes of neighbouring pairs."""
 
 from __future__ import annotations
 
