@@ -56,6 +56,10 @@ class Records:
     projectors (n, 7, 7). Absent: what their derivatives say, which have a share that grows with the residuals where a
     shape is turned or scaled with its points."""
 
+    normal: Callable[[State], tuple[Float, Float]] | None = None
+    """State -> J'J and J'v of its only record of weight 1, over all that it touches, where they are known without a
+    product."""
+
     def called(self, row: int) -> str:
         """What messages call a record."""
         return f"{self.name} row {row}" if self.label is None else f"{self.name} {self.label(row)}"
@@ -113,6 +117,7 @@ class Records:
             self.linear,
             None if label is None else lambda row: label(int(rows[row])),
             None if similarity is None else lambda state, some: similarity(state, rows[some]),
+            self.normal,
         )
 
     def residuals(self, state: State) -> Float:

@@ -10,7 +10,7 @@ unknowns, are one `Observed` each. Nothing else needs to know the kind.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -157,6 +157,8 @@ class Observed:
     """Of the components, where they differ."""
     refitted: Callable[[State], Observed] | None = None
     """The same with its own unknowns, a shape, fitted to the points of another start."""
+    determined: Callable[[Sequence[Observed]], Observed] | None = None
+    """All observations -> the same without the unknowns that they and it do not determine together."""
     spread: Spread | None = None
     """Covariances, where they are not those of the records."""
 

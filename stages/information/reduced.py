@@ -8,6 +8,9 @@ all observations of this one: the result is that of both in one, at the place of
 block's own adjustment the difference is of second order in the change of the shared unknowns; with the `information`
 of the others this block is linearised at the adjustment of all, and a second round has no difference left.
 
+An image or point that the other has too, and this block alone does not determine (a point of one ray), stays all the
+same, linearised at its start: the equations are singular then, and regular with those of the other.
+
 With `include` the Information it was adjusted with is passed on within its own: parts of a block, one after the other.
 
 Source: Helmert 1880; Wolf 1978, The Helmert block method.
@@ -18,6 +21,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from aatri.adapters.bundle.information_of import information_of
+from aatri.adapters.bundle.undetermined_shared import shared_equations
 from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -62,36 +66,33 @@ def reduced(
 ) -> Information:
     """Adjust the block and reduce its normal equations."""
     of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
-    keep = {
+    wanted = {
         POSE: _chosen("image", block.images.id, options.keep.images, other.images.id if other else None),
         POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
     }
-    result = of.done.result
-    _tell_lost_rays(block, keep[POINT] & ~result.point_adjusted, context)
-    keep = {POSE: keep[POSE] & result.image_adjusted, POINT: keep[POINT] & result.point_adjusted}
-    if not (keep[POSE].any() or keep[POINT].any()):
+    equations = shared_equations(of.done, wanted)
+    _tell_lost_rays(block, wanted[POINT] & ~equations.keep[POINT], context)
+    if not any(kept.any() for kept in equations.keep.values()):
         raise InputError(
             "nothing stays: no adjusted image or point is one of another block",
             where=f"block {block.name}",
             remedy="connect `other`, the block it is for, or name images and points under `keep`",
         )
-    tables, _ = camera_tables(block, result, of.chosen)
+    tables, _ = camera_tables(block, of.done.result, of.chosen)
     included = None if information is None or of.share is None or not options.include else (information, of.share)
-    made = information_of(of.source, of.done, keep, tables.sets, included=included)
+    made = information_of(of.source, of.done, equations, tables.sets, included=included)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made
 
 
-def _tell_lost_rays(block: Block, undetermined: Bool, context: Context) -> None:
-    """What is seen of shared points that this block alone does not determine says nothing of the others."""
+def _tell_lost_rays(block: Block, left_out: Bool, context: Context) -> None:
+    """Image points of shared points in images without orientation say nothing of the others."""
     m = block.image_points
-    rays = np.bincount(m.point[m.active], minlength=len(block.points)) * undetermined
+    rays = np.bincount(m.point[m.active], minlength=len(block.points)) * left_out
     if rays.any():
         lost = f"{int(rays.sum())} image points of {int((rays > 0).sum())} shared points are lost"
         names = shown(block.points.id[rays > 0].tolist())
-        context.warn(
-            f"{lost}, this block alone does not determine the points: {names}; let the blocks share more images"
-        )
+        context.warn(f"{lost}, no image that shows the points is adjusted: {names}; give those images a start")
 
 
 def _chosen(kind: str, ids: Text, patterns: list[str], of_other: Text | None) -> Bool:

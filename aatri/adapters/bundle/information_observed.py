@@ -3,19 +3,20 @@
     v = W d + h,    W'W = N,    W'h = right,    d = x - value,    d = log(R R_value') of a rotation
 
 v'v is what the other block's observations have of v'Pv, but for a constant. Unknowns that this block does not have are
-eliminated first; observations that stand in the Information already do not count a second time.
+eliminated first, and images and points that it and the block together do not determine; observations that stand in the
+Information already do not count a second time.
 
 Source: Helmert 1880; Wolf 1978; Mikhail & Ackermann 1976, 12 (sequential adjustment).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.linalg import solve_triangular
 
-from aatri.adjustment.elimination.onto import without
+from aatri.adjustment.elimination.onto import pivoted_cholesky, rank_of, without
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -108,31 +109,85 @@ def information_share(information: Information, given: BundleInput) -> Informati
         )
     own = np.concatenate([b.column for b in blocks])
     other = np.setdiff1d(np.arange(len(information.unknowns)), own)
-    N, right, fall = without(information.matrix, information.unknowns.right, own, other)
-    W, h = square_root(N, right)
+    N, right, fall, rank = without(information.matrix, information.unknowns.right, own, other)
     sizes = {POSE: 6, POINT: 3, **{u.name: u.size for o in given.observed for u in o.unknowns}}
+    observed, best = _observed(information, blocks, sizes, N, right)
+    made = {b"": observed}
+
+    def determined(others: Sequence[Observed]) -> Observed:
+        left = ~_open_blocks(blocks, N, others, sizes)
+        if left.all():
+            return observed
+        if left.tobytes() not in made:
+            some, stays = [b for b, kept in zip(blocks, left) if kept], np.repeat(left, [len(b.column) for b in blocks])
+            reduced, of_some, _, _ = without(N, right, np.flatnonzero(stays), np.flatnonzero(~stays))
+            made[left.tobytes()] = _observed(information, some, sizes, reduced, of_some)[0]
+        return made[left.tobytes()]
+
+    return InformationShare(
+        replace(observed, determined=determined),
+        information.cost - fall - best,
+        information.observations - observed.records.rows,
+        information.eliminated + rank,
+    )
+
+
+def _open_blocks(blocks: list[SharedBlock], N: Float, others: Sequence[Observed], sizes: Mapping[str, int]) -> Bool:
+    """Images and points of which the Information and all observations of the block together say too little, (n,)."""
+    count = {group: np.zeros(1 + max((b.row for b in blocks if b.group == group), default=-1)) for group in sizes}
+    for o in others:
+        components = np.where(o.records.active, o.records.observed_components().sum(axis=1), 0)
+        for group, block in o.records.touches if o.kind != INFORMATION else ():
+            if group in (POSE, POINT):
+                n = len(count[group])
+                count[group] += np.bincount(block, components, n)[:n]
+    start, is_open = np.cumsum([0, *(len(b.column) for b in blocks)]), np.zeros(len(blocks), dtype=bool)
+    for k, b in enumerate(blocks):
+        if b.group in (POSE, POINT) and count[b.group][b.row] < len(b.column):
+            part = slice(start[k], start[k + 1])
+            is_open[k] = rank_of(N[part, part]) + count[b.group][b.row] < len(b.column)
+    return is_open
+
+
+def _observed(
+    information: Information, blocks: list[SharedBlock], sizes: Mapping[str, int], N: Float, right: Float
+) -> tuple[Observed, float]:
+    """Reduced normal equations of some blocks as one observation, and what v'Pv would fall to its minimum."""
+    W, h = square_root(N, right)
     start = np.cumsum([0, *(len(b.column) for b in blocks)])
+    place = np.cumsum([0, *(sizes[b.group] for b in blocks)])
+
+    def differences(state: State) -> tuple[Float, list[Float]]:
+        pairs = [_difference(state[b.group], b) for b in blocks]
+        return np.concatenate([d for d, _ in pairs]), [D for _, D in pairs]
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        d, jacobians = np.zeros(len(own)), []
-        for b, first in zip(blocks, start):
-            part = slice(first, first + len(b.column))
-            d[part], D = _difference(state[b.group], b)
-            J = W[:, part] @ D
-            assert J.shape[1] == sizes[b.group]
-            jacobians.append(np.repeat(J[None], len(rows), axis=0))
-        return np.repeat((W @ d + h)[None], len(rows), axis=0), tuple(jacobians)
+        d, D = differences(state)
+        jacobians = [W[:, start[k] : start[k + 1]] @ of for k, of in enumerate(D)]
+        return np.repeat((W @ d + h)[None], len(rows), axis=0), tuple(
+            np.repeat(J[None], len(rows), 0) for J in jacobians
+        )
+
+    def normal(state: State) -> tuple[Float, Float]:
+        d, D = differences(state)
+        total, gradient, whole = np.zeros((place[-1], place[-1])), np.zeros(place[-1]), N @ d + right
+        column = np.concatenate([place[k] + b.scalar for k, b in enumerate(blocks)])
+        total[np.ix_(column, column)] = N
+        gradient[column] = whole
+        for k, b in enumerate(blocks):
+            if b.group == POSE:
+                own, of = slice(place[k], place[k + 1]), np.eye(6)
+                of[b.scalar] = D[k]
+                total[:, own] = total[:, own] @ of
+                total[own] = of.T @ total[own]
+                gradient[own] = of.T @ gradient[own]
+        return total, gradient
 
     touches = tuple((b.group, np.array([b.row], dtype=np.int32)) for b in blocks)
-    records = Records(INFORMATION, touches, evaluate, np.ones((1, len(W))), np.ones(1, dtype=bool))
+    records = Records(INFORMATION, touches, evaluate, np.ones((1, len(W))), np.ones(1, dtype=bool), normal=normal)
     labels = tuple(str(k + 1) for k in range(len(W)))
     name = named(image=np.array([information.block]))
-    return InformationShare(
-        Observed(records, np.array([-1]), name, "", components=labels),
-        information.cost - fall - float(h @ h),
-        information.observations - len(W),
-        information.eliminated + len(other),
-    )
+    return Observed(records, np.array([-1]), name, "", components=labels), float(h @ h)
 
 
 def with_information(
@@ -165,16 +220,10 @@ def with_information(
 
 def square_root(N: Float, right: Float) -> tuple[Float, Float]:
     """W and h with W'W = N and W'h = right; as many rows as N has rank."""
-    try:
-        L = cholesky(N, lower=True)
-        return np.ascontiguousarray(L.T), solve_triangular(L, right, lower=True)
-    except LinAlgError:
-        scale = np.sqrt(np.where(np.diagonal(N) > 0, np.diagonal(N), 1.0))
-        values, vectors = np.linalg.eigh(N / scale[:, None] / scale)
-        seen = values > len(N) * 1e-13 * values.max()
-        root = np.sqrt(values[seen])
-        W = root[:, None] * vectors[:, seen].T * scale
-        return W, (vectors[:, seen].T @ (right / scale)) / root
+    L, order, scale = pivoted_cholesky(N)
+    rank, W = L.shape[1], np.empty_like(L.T, order="C")
+    W[:, order] = L.T * scale[order]
+    return W, solve_triangular(L[:rank], (right / scale)[order[:rank]], lower=True)
 
 
 def _difference(value: Any, b: SharedBlock) -> tuple[Float, Float]:

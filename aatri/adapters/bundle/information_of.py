@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.bundle.information_observed import INFORMATION, InformationShare
+from aatri.adapters.bundle.undetermined_shared import SharedEquations
 from aatri.adapters.solution import stacked
 from aatri.adjustment.elimination.onto import reduced_onto
 from aatri.adjustment.problem import Problem
@@ -46,7 +47,7 @@ VALUES: Mapping[str, tuple[str, str]] = {
 def information_of(
     source: Given,
     done: AdjustedBlock,
-    keep: Mapping[str, Bool],
+    equations: SharedEquations,
     sets: CalibratedSets | None,
     *,
     included: tuple[Information, InformationShare] | None = None,
@@ -57,7 +58,7 @@ def information_of(
     ----------
     source : Given
     done : AdjustedBlock
-    keep : mapping of group to (n,) bool
+    equations : SharedEquations
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
     sets : CalibratedSets or None
     included : tuple, optional
@@ -68,15 +69,15 @@ def information_of(
     GeometryError
         If conditions hold exactly, or what is to be eliminated is not determined.
     """
-    block, adjusted = source.block, done.result.adjusted
+    block, adjusted, state, keep = source.block, done.result.adjusted, equations.state, equations.keep
     if adjusted.problem.constraints:
         raise GeometryError(
             f"{adjusted.problem.constraints[0].name} holds exactly, and normal equations alone do not say so",
             where=f"block {block.name}",
             remedy="give it a small standard deviation",
         )
-    records = tuple(r for r in adjusted.problem.observed if included or r.name != INFORMATION)
-    unknowns = tuple(_last(u, _kept(u, keep)) for u in adjusted.problem.unknowns)
+    records = tuple(r for r in equations.records if included or r.name != INFORMATION)
+    unknowns = tuple(_last(u, _kept(u, keep)) for u in equations.unknowns)
     problem = indexed(Problem(unknowns, records), SolverSettings(ordering="nested_dissection"))
     chosen, rows = [], []
     for u in unknowns:
@@ -84,12 +85,12 @@ def information_of(
         block_of, scalar = np.nonzero((columns >= 0) & _kept(u, keep)[:, None])
         chosen.append(columns[block_of, scalar])
         rows.append((u, block_of, scalar))
-    N, right, cost = reduced_onto(problem, adjusted.state, np.concatenate(chosen))
+    N, right, cost = reduced_onto(problem, state, np.concatenate(chosen))
     observations, n_unknowns, _ = counts(problem)
     images = np.unique(np.concatenate([k for u, k, _ in rows if u.name == POSE]))
-    poses: Any = adjusted.state[POSE]
+    poses: Any = state[POSE]
     more = (0.0, 0, 0)
-    gone, twice = _eliminated(done, keep), _counted(block, done, keep)
+    gone, twice = _eliminated(done, keep), _counted(block, done, equations)
     if included is not None:
         other, share = included
         more = share.cost, share.observations, share.unknowns
@@ -110,7 +111,7 @@ def information_of(
             group=np.concatenate([np.full(len(k), u.name) for u, k, _ in rows]),
             object=np.concatenate([np.asarray(u.ids, dtype=np.str_)[k] for u, k, _ in rows]),
             name=np.concatenate([np.array(u.labels, dtype=np.str_)[s] for u, _, s in rows]),
-            value=np.concatenate([_values(adjusted.state[u.name], u)[k, s] for u, k, s in rows]),
+            value=np.concatenate([_values(state[u.name], u)[k, s] for u, k, s in rows]),
             right=right,
         ),
         images=KeptImages(
@@ -180,12 +181,12 @@ def counted_rows(
     ]  # fmt: skip
 
 
-def _counted(block: Block, done: AdjustedBlock, keep: Mapping[str, Bool]) -> CountedObservations:
+def _counted(block: Block, done: AdjustedBlock, equations: SharedEquations) -> CountedObservations:
     rows = [
         row
-        for o in done.result.observations
+        for o, used in zip(done.result.observations, equations.used, strict=True)
         if o.observed.kind != INFORMATION
-        for row in counted_rows(block, o.observed, o.used, keep)
+        for row in counted_rows(block, o.observed, used, equations.keep)
     ]
     return CountedObservations(
         kind=np.array([key[0] for _, key, _ in rows], dtype=np.str_),

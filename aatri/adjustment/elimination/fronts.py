@@ -54,19 +54,26 @@ LARGE_RECORD = 64
 
 
 def _add_large(
-    chosen: Iterable[int], v: Float, A: Float, records: KeptRecords, front: tuple[Float, Float, Float]
+    chosen: Iterable[int], v: Float, A: Float, records: KeptRecords, state: State, front: tuple[Float, Float, Float]
 ) -> float:
     """`add_records` for records of very many rows that touch no unknown twice."""
     F, g, d = front
-    p, cost = records.parts, 0.0
+    p, cost, normal = records.parts, 0.0, records.records.normal
     for r in chosen:
         used = np.flatnonzero(records.loc[r] >= 0)
         used = used[np.argsort(records.loc[r][used])]
         row = np.concatenate([records.loc[r, k] + np.arange(p.size[k]) for k in used])
-        J = A[r][:, np.concatenate([p.start[k] + np.arange(p.size[k]) for k in used])]
-        F[np.ix_(row, row)] += np.tril(J.T @ J)  # the rows ascend, so that this is below the diagonal
-        g[row] += J.T @ v[r]
-        d[row] += np.einsum("ij,ij->j", J, J)
+        column = np.concatenate([p.start[k] + np.arange(p.size[k]) for k in used])
+        if normal is None:
+            J = A[r][:, column]
+            N, right = J.T @ J, J.T @ v[r]
+        else:
+            weight = float(records.records.active[0]) * records.records.whitener[0, 0] ** 2
+            N, right = normal(state)
+            N, right = weight * N[np.ix_(column, column)], weight * right[column]
+        F[np.ix_(row, row)] += np.tril(N)  # the rows ascend, so that this is below the diagonal
+        g[row] += right
+        d[row] += np.diagonal(N)
         cost += float(v[r] @ v[r])
     return cost
 
@@ -104,7 +111,7 @@ class Work:
     """State of one factorisation; a node may be finished in any thread once its children are."""
 
     def __init__(self, problem: IndexedProblem, state: State, damping: float) -> None:
-        self.problem, self.damping = problem, damping
+        self.problem, self.state, self.damping = problem, state, damping
         n_nodes, n_blocks = len(problem.tree.nodes), len(problem.block_free)
         self.panels = panels_of(problem.tree, problem.spill)
         self.y: list[Float] = [np.zeros(0)] * n_nodes
@@ -149,7 +156,7 @@ class Work:
                 if v.shape[1] < LARGE_RECORD:
                     self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
                 else:
-                    self.cost[k] += _add_large(range(first, last), v, A, records, (F, g, d))
+                    self.cost[k] += _add_large(range(first, last), v, A, records, self.state, (F, g, d))
         if self.problem.rays is not None:
             self._blocks(k, node, F, g, d, pool)
         held = self.problem.layout.held[node.columns]

@@ -6,9 +6,11 @@ Source: Helmert 1880; Wolf 1978, The Helmert block method.
 """
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve, cholesky
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf
 
 from aatri.adjustment.elimination.fronts import Work
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
@@ -52,12 +54,14 @@ def reduced_onto(problem: IndexedProblem, state: State, chosen: Int) -> tuple[Fl
         raise _undetermined()
     N = np.tril(F) + np.tril(F, -1).T
     cost = float(work.cost.sum() - sum(y @ y for y in work.y[:last]) - (work.block_y**2).sum())
-    reduced, right, fall = without(N, gradient, own, other)
+    reduced, right, fall, rank = without(N, gradient, own, other)
+    if rank < len(other):
+        raise _undetermined()
     return reduced, right, cost - fall
 
 
-def without(N: Float, g: Float, own: Int, other: Int) -> tuple[Float, Float, float]:
-    """Some unknowns eliminated from dense normal equations.
+def without(N: Float, g: Float, own: Int, other: Int) -> tuple[Float, Float, float, int]:
+    """Some unknowns eliminated from dense normal equations, which may be singular.
 
     Parameters
     ----------
@@ -72,17 +76,49 @@ def without(N: Float, g: Float, own: Int, other: Int) -> tuple[Float, Float, flo
         Of those that stay.
     fall : float
         By how much v'v falls.
+    rank : int
+        How many independent unknowns were eliminated.
     """
     if not len(other):
-        return N[np.ix_(own, own)], g[own], 0.0
-    try:
-        L = cholesky(N[np.ix_(other, other)], lower=True)
-    except LinAlgError as error:
-        raise _undetermined() from error
-    between = N[np.ix_(other, own)]
-    best = cho_solve((L, True), g[other])
-    reduced = N[np.ix_(own, own)] - between.T @ cho_solve((L, True), between)
-    return 0.5 * (reduced + reduced.T), g[own] - between.T @ best, float(g[other] @ best)
+        return N[np.ix_(own, own)], g[own], 0.0, 0
+    L, order, scale = pivoted_cholesky(N[np.ix_(other, other)], RANK_TOLERANCE)
+    rank = L.shape[1]
+    first = order[:rank]  # what is left of the others is zero, and of what ties them to those that stay
+    lower, right = L[:rank], np.column_stack([N[np.ix_(other[first], own)], g[other[first]]]) / scale[first, None]
+    Y = solve_triangular(lower, right, lower=True)
+    reduced = N[np.ix_(own, own)] - Y[:, :-1].T @ Y[:, :-1]
+    return 0.5 * (reduced + reduced.T), g[own] - Y[:, :-1].T @ Y[:, -1], float(Y[:, -1] @ Y[:, -1]), rank
+
+
+def rank_of(N: Float) -> int:
+    """How many unknowns of normal equations are determined, which were reduced before."""
+    return int(pivoted_cholesky(N, RANK_TOLERANCE)[0].shape[1])
+
+
+def pivoted_cholesky(N: Float, tolerance: float = -1.0) -> tuple[Float, Int, Float]:
+    """Cholesky factor of a positive semidefinite matrix, its largest pivots first: S^-1 N S^-1 = L L' in that order.
+
+    Parameters
+    ----------
+    N : (n, n) float64
+    tolerance : float
+        Pivots below it are zero, the diagonal being 1; negative: n times the rounding error.
+
+    Returns
+    -------
+    L : (n, rank) float64
+        Lower trapezoid, in the order of the pivots.
+    order : (n,) int
+        The row of N of each row of L.
+    scale : (n,) float64
+        S, roots of the diagonal of N.
+
+    Source: Higham 2002, Accuracy and stability of numerical algorithms, 10.3.
+    """
+    diagonal = np.diagonal(N)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    factor, order, rank, _ = dpstrf(N / scale[:, None] / scale, lower=1, tol=tolerance)
+    return np.tril(factor)[:, :rank], order.astype(np.int64) - 1, scale
 
 
 def _undetermined() -> GeometryError:

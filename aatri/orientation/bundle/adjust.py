@@ -58,6 +58,8 @@ def adjust_bundle(
     ConvergenceError
         If the iteration does not converge.
     """
+    observed = tuple(o if o.determined is None else o.determined(given.observed) for o in given.observed)
+    given = replace(given, observed=observed)
     part = taking_part(given)
     start = part.start
     observed, raised = _within_reach(given.observed, start)

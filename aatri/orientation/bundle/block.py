@@ -75,7 +75,7 @@ class Participants:
 
 def taking_part(given: BundleInput) -> Participants:
     """Which blocks and observations take part; see above."""
-    absent, start = _absent_coordinates(given.observed, len(given.point_ids)), start_of(given)
+    absent, start = absent_coordinates(given.observed, len(given.point_ids)), start_of(given)
     part = {
         POSE: given.poses.oriented,
         POINT: finite_rows(start[POINT]),
@@ -113,7 +113,7 @@ def taking_part(given: BundleInput) -> Participants:
     return Participants(start, part, rows_of, absent & part[POINT][:, None])
 
 
-def _absent_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
+def absent_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
     """Coordinates of points that no observation can see, (n_points, 3)."""
     seen = np.zeros((n_points, 3), dtype=bool)
     if all(np.all(o.sees) for o in observed):
@@ -174,7 +174,7 @@ def start_of(given: BundleInput) -> State:
     if not given.level.curved:
         finite = np.isfinite(xyz)
         mean = np.where(finite, xyz, 0.0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1)
-        xyz = np.where(_absent_coordinates(given.observed, len(xyz)) & ~finite, mean, xyz)
+        xyz = np.where(absent_coordinates(given.observed, len(xyz)) & ~finite, mean, xyz)
     for h in _holds(given.observed):
         row, scalar = np.nonzero(h.scalar)
         xyz[h.block[row], scalar] = h.value[row, scalar]

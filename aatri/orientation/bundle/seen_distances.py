@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
+from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
@@ -38,3 +39,27 @@ def seen_distances_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) ->
     middle = np.minimum(np.cumsum(count) - count + count // 2, max(len(depth) - 1, 0))
     ordered = depth[np.lexsort((depth, image))]
     return np.where(count > 0, np.maximum(ordered[middle] if len(ordered) else 0.0, 0.0), 0.0)
+
+
+def on_their_rays(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: Bool) -> Float:
+    """Points on the ray of an oriented image, as deep as the known point nearest in the image, (n_points, 3), m.
+
+    Parameters
+    ----------
+    rays : ImagePointRows
+    poses : Poses
+    xyz_m : (n_points, 3) float64, m
+    points : (n_points,) bool
+        Which points are moved there; without such a ray they stay.
+    """
+    seen = rays.active & poses.oriented[rays.image]
+    rows, known = np.flatnonzero(seen & points[rays.point]), seen & finite_rows(xyz_m)[rays.point] & ~points[rays.point]
+    rows, placed = rows[np.unique(rays.point[rows], return_index=True)[1]], xyz_m.copy()
+    for image in np.unique(rays.image[rows]):
+        some, near = rows[rays.image[rows] == image], np.flatnonzero(known & (rays.image == image))
+        if len(near):
+            away = np.linalg.norm(rays.xy_mm[some][:, None] - rays.xy_mm[near], axis=2)
+            X0, axis = poses.position_m[image], poses.ground_from_image[image, :, 2]
+            depth = -(xyz_m[rays.point[near[away.argmin(axis=1)]]] - X0) @ axis
+            placed[rays.point[some]] = X0 + rays.directions(poses, some) * (depth / rays.c_mm[some])[:, None]
+    return placed

@@ -11,7 +11,6 @@ from aatri.adjustment.elimination.onto import reduced_onto, without
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.structure.index_problem import indexed
-from aatri.errors import GeometryError
 from tests.adjustment.block_problem import made_problem
 from tests.adjustment.reference import dense_jacobian
 
@@ -45,6 +44,14 @@ def test_reduced_normal_equations_are_those_of_dense_elimination(n_kept: int, ra
     assert cost == pytest.approx(v @ across @ v, rel=1e-9)
 
 
-def test_what_nothing_determines_is_not_eliminated() -> None:
-    with pytest.raises(GeometryError, match="to be eliminated are not determined"):
-        without(np.ones((2, 2)), np.ones(2), np.array([], dtype=int), np.array([0, 1]))
+def test_what_nothing_determines_is_eliminated_as_far_as_it_is() -> None:
+    J = np.random.default_rng(1).normal(size=(5, 6)) * [1.0, 1e3, 1e-3, 1.0, 1.0, 1.0]
+    v, own, other = np.arange(5.0), np.array([3, 5]), np.array([0, 1, 2, 4])
+    J[:, 2] = 1e-6 * J[:, 1]
+    N, g, fall, rank = without(J.T @ J, J.T @ v, own, other)
+    U = np.linalg.svd(J[:, other])[0][:, :3]  # what the others can explain
+    P = np.eye(5) - U @ U.T
+    assert rank == 3
+    np.testing.assert_allclose(N, J[:, own].T @ P @ J[:, own], rtol=1e-9)
+    np.testing.assert_allclose(g, J[:, own].T @ P @ v, rtol=1e-9)
+    assert fall == pytest.approx(v @ v - v @ P @ v, rel=1e-9)

@@ -29,8 +29,9 @@ DIGITAL = {"camera": {"kind": "digital", "format": (20000, 20000)}}
 
 
 @cache
-def block_of_strips(film: bool, strips: int = 4, curved: bool = False) -> Block:
-    spec: dict[str, Any] = {"flight": {"strips": strips, "images_per_strip": 4}, "imu": {"observed": True}}
+def block_of_strips(film: bool, strips: int = 4, curved: bool = False, cross: int = 0) -> Block:
+    flight = {"strips": strips, "images_per_strip": 4, "cross_strips": cross}
+    spec: dict[str, Any] = {"flight": flight, "imu": {"observed": True}}
     spec |= {} if film else DIGITAL
     spec |= {"earth": "tangent", "false_origin_m": (500000.0, 3000000.0)} if curved else {}
     block = simulate(options=SimulateOptions.model_validate(spec), rng=np.random.default_rng(5))
@@ -67,6 +68,7 @@ def apart(part: Solution, joint: Solution) -> float:
     dp = part.points.xyz_m - joint.points.xyz_m[point]
     sigma_p = np.sqrt(np.einsum("nii->ni", joint.points.covariance_m2[point]))
     known = (sigma_p > 0).all(axis=1)
+    assert (np.isfinite(part.points.xyz_m) == np.isfinite(joint.points.xyz_m[point])).all()
     return float(max(np.abs(dx / sigma).max(), np.abs(dp[known] / sigma_p[known]).max()))
 
 
@@ -80,21 +82,64 @@ class Ear(Silent):
         self.warnings.append(message)
 
 
-def test_rays_of_shared_points_that_the_block_does_not_determine_are_named() -> None:
+def by_turns(parts: list[Block], joint: Solution, rounds: int = 2, **options: Any) -> list[Solution]:
+    """Two parts adjusted by turns, each with what the other says."""
+    a, b = parts
+    of_b = first = second = None
+    for _ in range(rounds):
+        of_a = said(a, b, of_b, first, **options)
+        second = adjusted(b, of_a, second, **options)
+        assert apart(second, joint) < 0.05  # at first linearised at its own adjustment: of second order
+        of_b = said(b, a, of_a, second, **options)
+        first = adjusted(a, of_b, first, **options)
+    assert first is not None
+    assert second is not None
+    return [first, second]
+
+
+@pytest.mark.parametrize("film", [True, False], ids=["film", "digital"])
+def test_shared_points_of_one_ray_in_a_part_count_as_in_the_joint_adjustment(film: bool) -> None:
+    block = block_of_strips(film, 3, cross=2)
+    west = np.isin(block.images.strip, (0, 3, 4))  # a strip and both cross strips
+    a, b = part_of(block, west), part_of(block, ~west)
+    rays = np.bincount(a.image_points.point, minlength=len(a.points))
+    assert (np.isin(a.points.id, b.points.id) & (rays == 1)).any()
+    joint = adjusted(block)
+    for part in by_turns([a, b], joint, 3):
+        assert apart(part, joint) < OF_SIGMA
+        assert (part.redundancy, part.observations) == (joint.redundancy, joint.observations)
+        assert part.sigma0 == pytest.approx(joint.sigma0, rel=1e-9)
+
+
+def test_a_point_of_one_ray_that_both_leave_open_counts_in_neither() -> None:
+    block = block_of_strips(False, 3, cross=2)
+    west = np.isin(block.images.strip, (0, 3, 4))
+    m = block.image_points
+    count = np.bincount(m.point[west[m.image]], minlength=len(block.points))
+    point = np.flatnonzero((count == 1) & (np.bincount(m.point, minlength=len(count)) > 2))[0]
+    active = m.active & ((m.point != point) | west[m.image])
+    block = replace(block, image_points=replace(m, active=active))
+    joint = adjusted(block)
+    assert not np.isfinite(joint.points.xyz_m[point]).any()
+    for part in by_turns([part_of(block, west), part_of(block, ~west)], joint):
+        assert apart(part, joint) < OF_SIGMA
+        assert part.redundancy == joint.redundancy
+        assert not np.isfinite(part.points.xyz_m[part.points.id == block.points.id[point]]).any()
+
+
+def test_image_points_of_images_without_orientation_are_lost_and_named() -> None:
     block = block_of_strips(False, 3)
-    a, b = cut(block, 0, 2), cut(block, 1, 3)
-    m = a.image_points
-    shared = np.isin(a.points.id[m.point], b.points.id)
-    point = m.point[shared][0]
-    rows = np.flatnonzero(m.point == point)
-    active = m.active.copy()
-    active[rows[1:]] = False
-    a = replace(a, image_points=replace(m, active=active))
+    a, b = cut(block, 0, 1), cut(block, 1, 3)
+    m, last = a.image_points, len(a.images) - 1
+    row = np.flatnonzero((m.image == last) & np.isin(a.points.id[m.point], b.points.id))[0]
+    active = np.where(m.image == last, np.arange(len(m)) == row, m.point != m.point[row])  # it has but one image point,
+    known = a.exterior.take(np.flatnonzero(a.exterior.image != last))
+    a = replace(a, image_points=replace(m, active=active), exterior=known)
     ear = Ear()
     reduced(a, _points(a), other=b, options=ReducedOptions(**PLAIN), context=ear)
     (told,) = [text for text in ear.warnings if "are lost" in text]
     assert told.startswith("1 image points of 1 shared points")
-    assert str(a.points.id[point]) in told
+    assert str(a.points.id[m.point[row]]) in told
 
 
 @pytest.mark.parametrize(
