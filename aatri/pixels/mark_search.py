@@ -16,7 +16,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.extras import of_extra
-from aatri.pixels.least_squares_matching import least_squares_match
+from aatri.pixels.least_squares_matching import least_squares_match, part_shifts
 
 TURNS_DEG = (0.0, -4.0, 4.0)
 COARSE_PX = 24
@@ -81,7 +81,7 @@ def best_place(window: Float, template: Float, *, negative: bool | None) -> Mark
         or not 0.7 < np.linalg.det(fine.linear) < 1.4
     ):
         return MarkFound(lost.xy_px, lost.sigma_px, best, second)
-    return MarkFound(fine.xy_px, fine.sigma_px, fine.correlation, second)
+    return MarkFound(fine.xy_px, fine.sigma_px(part_shifts([fine])), fine.correlation, second)
 
 
 def _reduced(picture: Float, step: int) -> Float:

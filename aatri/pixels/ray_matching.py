@@ -14,7 +14,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
-from aatri.pixels.least_squares_matching import least_squares_match
+from aatri.pixels.least_squares_matching import Matched, least_squares_match, part_shifts
 from aatri.pixels.reading import Grey, check_content, grey_image
 
 AROUND = 2
@@ -22,7 +22,7 @@ AROUND = 2
 
 
 def matched_rays(left: str, right: str, contents: list[str], half_px: int, places: list[list[float]]) -> ScanMarks:
-    """Image points of the right image by the patches of the left one.
+    """Image points of the right image by the patches of the left one, then as many of the left one.
 
     Parameters
     ----------
@@ -44,7 +44,14 @@ def matched_rays(left: str, right: str, contents: list[str], half_px: int, place
     for path, content in zip((left, right), contents):
         check_content(content, path)
     a, b = grey_image(left), grey_image(right)
-    rows = [_ray(a, b, half_px, np.array(place)) for place in places]
+    rays = [_ray(a, b, half_px, np.array(place)) for place in places]
+    shifts_px2 = part_shifts([match for match, _ in filter(None, rays)])
+    half, lost = 0.5, (np.nan, np.nan, np.nan, np.nan, 0.0)
+    rows = [(*ray[1], *ray[0].sigma_px(shifts_px2, half), ray[0].correlation) if ray else lost for ray in rays]
+    rows += [
+        (*place[:2], *np.sqrt(half * np.diag(ray[0].noise_px2)), ray[0].correlation) if ray else lost
+        for place, ray in zip(places, rays)
+    ]
     table = np.array(rows).reshape(-1, 5)
     return ScanMarks(
         width_px=b.shape[1],
@@ -55,24 +62,23 @@ def matched_rays(left: str, right: str, contents: list[str], half_px: int, place
     )
 
 
-def _ray(a: Grey, b: Grey, half: int, place: Float) -> tuple[float, ...]:
-    lost = (np.nan, np.nan, np.nan, np.nan, 0.0)
+def _ray(a: Grey, b: Grey, half: int, place: Float) -> tuple[Matched, Float] | None:
+    """A match, and the place of the point by it."""
     from_a, near_b, linear = place[:2], place[2:4], place[4:].reshape(2, 2)
     template, centre = _patch(a, from_a, half + 1)
     if template is None:
-        return lost
+        return None
     # the patch of the left image about the point itself: shifted by parts of a pixel on both sides alike
     offset = from_a - centre
     window, corner = _patch(b, near_b, AROUND * half)
     if window is None:
-        return lost
+        return None
     reach = AROUND * half
     start = near_b - corner + reach - linear @ offset
     found = least_squares_match(window, template[1:-1, 1:-1], start, "affine", linear)
     if found is None:
-        return lost
-    xy = found.xy_px + found.linear @ offset + corner - reach
-    return (*xy, *found.sigma_px, found.correlation)
+        return None
+    return found, found.xy_px + found.linear @ offset + corner - reach
 
 
 def _patch(image: Grey, centre: Float, half: int) -> tuple[Float | None, Int]:

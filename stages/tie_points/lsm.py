@@ -5,9 +5,9 @@
 
 The reference of a point is its image point of median standard deviation; all others are measured against its patch. An
 image point that correlates less than `min_correlation`, or moves by more than `max_shift_px`, is left out: it is
-another place, and listed among the rejects; so are those of a point with fewer than two. Standard deviations are those
-of least squares, times 3, because neighbouring pixels are not independent; the reference has the median of those
-measured against it.
+another place, and listed among the rejects; so are those of a point with fewer than two. Standard deviations hold what
+neighbouring residuals have in common, and relief within the patch, that is not affine: of all patches of a pair
+together, from the shifts of their parts. Half of the variance of noise is the reference's.
 
 Image points of control stay. Source: Gruen 1985, South African Journal of Photogrammetry 14, 175; Ackermann 1984.
 """
@@ -33,9 +33,7 @@ class LsmOptions(Options):
     half_px: int = Field(10, ge=4, description="half side of a patch, px")
     min_correlation: float = Field(0.8, gt=0, lt=1, description="an image point that is less like its reference goes")
     max_shift_px: float = Field(1.5, gt=0, description="an image point that moves farther goes, px")
-    smallest_sigma_px: float = Field(
-        0.05, gt=0, description="no image point is more precise than this: relief within a patch is not affine, px"
-    )
+    smallest_sigma_px: float = Field(0.01, gt=0, description="no image point is more precise than this, px")
 
 
 @stage(version=1, uses=())
@@ -75,17 +73,18 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
         members.append(rows[some])
     found = [kept.load().marks for kept in context.mapped(matched_rays, work, ScanMarks, "pairs")]
     at = np.concatenate(members)
-    xy, sigma, like = (np.concatenate([getattr(f, n) for f in found]) for n in ("xy_px", "sigma_px", "correlation"))
+    xy, like = (np.concatenate([getattr(f, n)[: len(f) // 2] for f in found]) for n in ("xy_px", "correlation"))
+    sigma, of_reference = (np.concatenate([np.split(f.sigma_px, 2)[k] for f in found]) for k in (0, 1))
     moved = np.hypot(*(xy - xy_px[at]).T)
     good = (like >= options.min_correlation) & (moved <= options.max_shift_px)
     context.log(f"{int(good.sum())} of {len(at)} image points are matched; they moved by "
                 f"{np.median(moved[good]) if good.any() else 0:.2f} px in the median")  # fmt: skip
     made_px, sigma_px = xy_px.copy(), np.full((len(points), 2), np.nan)
-    made_px[at[good]], sigma_px[at[good]] = xy[good], np.maximum(sigma[good], options.smallest_sigma_px)
+    made_px[at[good]], sigma_px[at[good]] = xy[good], sigma[good]
     heads = rows[reference == np.arange(len(rows))]
-    sigma_px[heads] = medians_of_points(points.point[at[good]], sigma_px[at[good]], len(block.points))[
-        points.point[heads]
-    ]
+    medians = medians_of_points(points.point[at[good]], of_reference[good], len(block.points))
+    sigma_px[heads] = medians[points.point[heads]]
+    sigma_px = np.maximum(sigma_px, options.smallest_sigma_px)
     measured = finite_rows(sigma_px)
     alone = np.bincount(points.point[measured], minlength=len(block.points)) < 2
     measured &= ~alone[points.point]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from aatri.pixels.least_squares_matching import least_squares_match
+from aatri.pixels.least_squares_matching import least_squares_match, part_shifts
 from tests.made_photographs import texture
 
 
@@ -24,7 +24,7 @@ def test_a_patch_is_found_to_a_hundredth_of_a_pixel(negative: bool) -> None:
     assert np.abs(found.xy_px - p).max() < 0.05
     assert np.abs(found.linear - A).max() < 0.01
     assert (found.correlation < 0) == negative
-    assert (np.abs(found.xy_px - p) < 3 * found.sigma_px).all()
+    assert (np.abs(found.xy_px - p) < 3 * found.sigma_px(part_shifts([found]))).all()
 
 
 def test_plain_ground_and_the_edge_match_nothing() -> None:
