@@ -34,8 +34,8 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     made = {}
     if solution is not None and not solution.images.oriented.any():
         made["points"] = number(len(block.points))
-        types = [f"{number(int((block.geodetic.type == t).sum()))} of {t}" for t in np.unique(block.geodetic.type)]
-        made["observed"] = shown([text.replace("_", " ") for text in types], MOST_TYPES)
+        counts = [f"{t.replace('_', ' ')} {(block.geodetic.type == t).sum()}" for t in np.unique(block.geodetic.type)]
+        made["observed"] = shown(counts, MOST_TYPES)
     elif len(block.images):
         strips = f" in {number(len(block.strips))} strips" if len(block.strips) else ""
         made["images"] = f"{number(int(block.images.active.sum()))}{strips}"

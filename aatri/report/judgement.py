@@ -14,10 +14,8 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.report.verdict import with_check_counts
-from aatri.report.view.numbers import number, together
+from aatri.report.view.numbers import number, small_angle, together
 from aatri.report.view.run_view import RunView
-
-ARCSECONDS = 180.0 * 3600.0 / np.pi
 
 MOST_NAMED = 3
 """Of one kind in a sentence."""
@@ -37,7 +35,7 @@ def judgement(run: RunView) -> str:
         return "The pipeline does not fit the block and was not run on; what stands here is what was made before."
     done = sum(stage.status == "done" for stage in run.stages)
     left = f"The run is not complete: {done} of {len(run.stages)} stages are done." if done < len(run.stages) else ""
-    purpose = _of_purpose(run.last(Evaluation))
+    purpose = _of_purpose(run)
     if not solutions or solution is None:
         return " ".join(filter(None, [left, purpose or "Nothing has been adjusted yet."]))
     evaluations = run.evaluated()
@@ -53,11 +51,14 @@ def judgement(run: RunView) -> str:
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _of_purpose(evaluation: Evaluation | None) -> str:
-    """What an evaluation says that is not of differences at points: of epochs, designs, free strips."""
-    if evaluation is None or len(evaluation.differences) or not evaluation.verdict:
-        return ""
-    return f"{evaluation.verdict[0].upper()}{evaluation.verdict[1:].rstrip('.')}."
+def _of_purpose(run: RunView) -> str:
+    """What evaluations say that are not of differences at points: of epochs, designs, free strips."""
+    said = {
+        name: f"{e.verdict[0].upper()}{e.verdict[1:].rstrip('.')}."
+        for name, e in reversed(run.readable(Evaluation).items())
+        if e.verdict and not len(e.differences)
+    }
+    return " ".join(f"{name}: {verdict}" if len(said) > 1 else verdict for name, verdict in said.items())
 
 
 def _contradiction(solution: Solution) -> str:
@@ -139,7 +140,7 @@ def _named(s: Suspects, k: int) -> str:
     if not np.isfinite(size):
         return name
     if unit == "rad":
-        return f"{name}, {size * ARCSECONDS:.3g}″"
+        return f"{name}, {small_angle(size)}"
     if unit != "m":
         return f"{name}, {size:.3g} {unit}"
     in_axes = s.kind[k] in ("control", "position") and size > 0

@@ -6,6 +6,7 @@ gives the same page.
 """
 
 import base64
+import contextlib
 import hashlib
 import json
 from collections.abc import Mapping
@@ -36,7 +37,7 @@ from aatri.report.sections.parts import Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, observation_classes
 from aatri.report.verdict import external_lights, internal_lights, numbers_of
-from aatri.report.view.numbers import number, seconds
+from aatri.report.view.numbers import ANGLES, angles_in, number, seconds
 from aatri.report.view.run_view import RunView, StageView, view
 
 OURS_AS_JSON = {"made_by": "aatri report"}
@@ -48,13 +49,15 @@ OF_SUMMARY = ("plan", "network", "accuracy")
 """Sections whose pictures the summary has."""
 
 
-def write_report(run: Path) -> Path:
+def write_report(run: Path, angles: str = "") -> Path:
     """Write `report.html` and `report.json` into a run folder, from whatever is there.
 
     Parameters
     ----------
     run : Path
         Folder of a run.
+    angles : str
+        deg (and arcseconds) or gon (and mgon); empty: those of the report that is there, else deg.
 
     Returns
     -------
@@ -68,14 +71,26 @@ def write_report(run: Path) -> Path:
     ResourceError
         If the page cannot be written.
     """
-    seen, around = seen_in(run)
-    page = first_page(seen, around)
-    pages = {"report.html": render(seen, around, page), "report.json": json.dumps(OURS_AS_JSON | page, indent=1) + "\n"}
-    refuse_others(run, pages)
+    refuse_others(run, ("report.html", "report.json"))
+    angles = angles or angles_of(run)
+    with angles_in(angles):
+        seen, around = seen_in(run)
+        page = first_page(seen, around)
+        html = render(seen, around, page)
+    text = json.dumps(OURS_AS_JSON | {"angles": angles} | page, indent=1)
+    pages = {"report.html": html, "report.json": f"{text}\n"}
     for name, text in pages.items():
         with on_disk(run / name):
             inside.write(text.encode(), run, name)
     return run / "report.html"
+
+
+def angles_of(run: Path) -> str:
+    """In what the report that is there tells angles."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        angles = json.loads(inside.read(run, "report.json")).get("angles")
+        return angles if angles in ANGLES else "deg"
+    return "deg"
 
 
 def seen_in(run: Path) -> tuple[RunView, Surroundings]:

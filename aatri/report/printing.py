@@ -9,7 +9,8 @@ from pathlib import Path
 from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
-from aatri.report.page import first_page, refuse_others, render, seen_in
+from aatri.report.page import angles_of, first_page, refuse_others, render, seen_in
+from aatri.report.view.numbers import angles_in
 
 BROWSERS = (
     "chromium",
@@ -41,8 +42,9 @@ def write_pdf(run: Path, *, summary: bool = False) -> Path:
         raise ResourceError("no Chromium, Chrome or Edge is on this machine to print the report", remedy=remedy)
     name = "summary.pdf" if summary else "report.pdf"
     refuse_others(run, (name,))
-    seen, around = seen_in(run)
-    page = render(seen, around, first_page(seen, around), printed=True, summary=summary)
+    with angles_in(angles_of(run)):
+        seen, around = seen_in(run)
+        page = render(seen, around, first_page(seen, around), printed=True, summary=summary)
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "report.html"), Path(folder, "report.pdf")
         source.write_text(page, encoding="utf-8")

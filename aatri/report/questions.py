@@ -95,12 +95,14 @@ def _where(around: Surroundings) -> PageSection:
 
 
 def _accuracy(run: RunView, around: Surroundings) -> PageSection:
-    """Differences at control, check points and truth of the last evaluation of a result."""
+    """Differences of the last evaluation of a result; without one, what all evaluations say."""
     made = PageSection("accuracy", "How accurate is the result?")
     made.tables.extend(present(accuracy_table({s.name: s.metrics for s in run.of_kind(Evaluation)})))
-    last = run.last(Evaluation)
-    if last is not None:
-        evaluation.show(made, last, around)
+    evaluations = run.readable(Evaluation)
+    for stage, one in reversed(evaluations.items()):
+        section = PageSection(stage, stage)
+        evaluation.show(section, one, around)
+        made.add(section.of_stage() if len(evaluations) > 1 else section)
     return made
 
 

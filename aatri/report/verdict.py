@@ -78,7 +78,8 @@ def _converged(stage: StageView | None, solution: Solution | None) -> Light:
     if not len(solution.history):
         return Light(title, NONE, f"{stage.name} keeps no history of iterations")
     decrement = float(solution.history.decrement[-1])
-    words = f"{stage.name}: {number(solution.iterations)} iterations, last decrement {decrement:.1e}"
+    count = "1 iteration" if solution.iterations == 1 else f"{number(solution.iterations)} iterations"
+    words = f"{stage.name}: {count}, last decrement {decrement:.1e}"
     return Light(title, GOOD if decrement <= CONVERGED else LOOK, words)
 
 
@@ -118,10 +119,9 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
 
 
 def _by_kind(solution: Solution, rows: Bool) -> str:
-    """Counts of suspects by kind, and by the stage that tested them: `3 image_point (bundle_adjustment)`."""
-    pairs = zip(solution.suspects.kind[rows].tolist(), solution.suspects.stage[rows].tolist())
-    counts = sorted(Counter(pairs).items(), key=lambda item: (-item[1], item[0]))
-    return ", ".join(f"{number(n)} {kind} ({stage})" for (kind, stage), n in counts) or "none"
+    """Counts of suspects by kind: `3 image point, 1 control`."""
+    counts = sorted(Counter(solution.suspects.kind[rows].tolist()).items(), key=lambda item: (-item[1], item[0]))
+    return ", ".join(f"{number(n)} {kind.replace('_', ' ')}" for kind, n in counts) or "none"
 
 
 def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:

@@ -58,7 +58,7 @@ OF_RUNS = {
     "calibrated": {"self_calibration": "image_errors_frame20"},
     "network": {"networks": "network"},
     "design": {"design": "planned_sigma_height"},
-    "epochs": {"epochs": "displacements_plan"},
+    "epochs": {"epochs": "displacements_plan_movements"},
 }
 """Pictures of the report by run: the name of the file, and that of the picture."""
 

@@ -13,9 +13,9 @@ from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.facts import accuracy_statement
 from aatri.report.page import write_report
-from aatri.report.view.numbers import together
+from aatri.report.view.numbers import angles_in, small_angle, together
 from tests.made_solutions import made_block, made_solution
-from tests.report.test_page import make_run
+from tests.report.test_page import made_artifacts, make_run
 
 
 def _page(folder: Path, **changes) -> dict:  # type: ignore[no-untyped-def]
@@ -164,4 +164,19 @@ def test_a_result_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     stored.write_bytes(b"of another version")
     write_report(tmp_path / "run")
     page = json.loads((tmp_path / "run" / "report.json").read_text())
-    assert page["problems"][0]["text"].startswith("The result of block cannot be read: ")
+    assert page["problems"][0]["text"].startswith("The result of block cannot be read")
+
+
+def test_angles_are_told_in_gon_where_that_is_asked_and_from_then_on(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", made_artifacts(made_block(columns=6)))
+    seconds = write_report(run).read_text()
+    assert "omega deg" in seconds
+    for angles in ("gon", ""):
+        write_report(run, angles)
+        page = (run / "report.html").read_text()
+        assert "omega gon" in page
+        assert "omega deg" not in page
+        assert json.loads((run / "report.json").read_text())["angles"] == "gon"
+    with angles_in("gon"):
+        assert small_angle(np.pi / 200e3) == "1 mgon"
+    assert small_angle(np.pi / 648000) == "1″"

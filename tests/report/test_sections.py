@@ -37,7 +37,7 @@ def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use() -> None:
     # the rejected image point takes no part: redundancy 0.6 and 0.7
     assert kinds["image_point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
     assert kinds["control"][-1] == "0.9"
-    assert [(row[0], row[2], row[5]) for row in largest.rows] == [
+    assert [(row[0], row[2], row[7]) for row in largest.rows] == [
         ("control", "p00", "-0.90"),
         ("image_point", "p00", "-0.48"),
     ]

@@ -20,7 +20,7 @@ from aatri.report.drawing.plan import ground_positions, rejected_control
 from aatri.report.drawing.vectors import bars, both
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths
-from aatri.report.view.numbers import digits, metres
+from aatri.report.view.numbers import angle_units, digits, metres
 
 
 def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:
@@ -85,10 +85,12 @@ def set_ups_table(made: ModelSetUps | None) -> PageTable | None:
     """Set-ups of stereo models; their pass points are in the artifact and its export."""
     if made is None:
         return None
+    units = angle_units.get()
     columns: Columns = {"left": made.left, "right": made.right, "points": made.points}
     columns |= {"base m": np.linalg.norm(made.base_m, axis=1), "1 : scale": made.scale_number}
     for side, angles in (("left", made.left_rad), ("right", made.right_rad)):
-        columns |= axes((f"{side} {a} deg" for a in ("phi", "omega", "kappa")), np.degrees(angles), "{:.5f}".format)
+        heads = (f"{side} {a} {units.angle}" for a in ("phi", "omega", "kappa"))
+        columns |= axes(heads, units.per_rad * angles, "{:.5f}".format)
     return all_rows("Set-ups of stereo models, x along the base", columns, np.arange(len(made)))
 
 

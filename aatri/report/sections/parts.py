@@ -27,6 +27,21 @@ class PageSection:
         """Whether there is nothing to tell."""
         return not (self.notes or self.tables or self.pictures)
 
+    def add(self, other: "PageSection") -> None:
+        """Take what another section has."""
+        self.notes.extend(other.notes)
+        self.tables.extend(other.tables)
+        self.pictures.extend(other.pictures)
+
+    def of_stage(self) -> "PageSection":
+        """The section with its name, that of a stage, before all that it has."""
+        return replace(
+            self,
+            notes=[f"{self.name}: {note}" for note in self.notes],
+            tables=[replace(t, caption=f"{self.name}: {t.caption}") for t in self.tables],
+            pictures=[replace(p, name=f"{p.name}_{self.name}", title=f"{p.title}, {self.name}") for p in self.pictures],
+        )
+
     def in_short(self) -> "PageSection":
         """The section with its first two pictures, without tables."""
         return replace(self, tables=[], pictures=self.pictures[:2])

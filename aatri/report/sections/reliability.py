@@ -7,9 +7,9 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows
+from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
-from aatri.report.view.numbers import DASH, number
+from aatri.report.view.numbers import DASH, angle_units, digits, number
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:
@@ -83,49 +83,47 @@ def _of(figure: Callable[[Float], float], values: Float) -> str:
 
 def _worst_effects(solution: Solution) -> PageTable | None:
     """Observations whose undetected errors do most to the result."""
-    residuals, tests = solution.residuals, solution.tests
+    residuals, tests, units = solution.residuals, solution.tests, angle_units.get()
     assert tests is not None
     effect = np.where(residuals.active[:, None] & np.isfinite(tests.external), tests.external, -1.0)
-    axis, most = effect.argmax(axis=1), effect.max(axis=1)
-    order = np.argsort(-most, kind="stable")[:MOST_ROWS]
-    values = {
-        "detectable": tests.detectable,
-        "external": tests.external,
-        "moves its point (m)": tests.point_moved_m,
-        "its image (m)": tests.image_moved_m,
-        "turns it (rad)": tests.image_turned_rad,
+    most = effect.max(axis=1)
+    rows = np.argsort(-most, kind="stable")[:MOST_ROWS]
+    rows = rows[most[rows] > 0]
+    at = (rows, effect[rows].argmax(axis=1))
+    columns: Columns = {
+        **_observation(solution, *at),
+        **errors(residuals.unit[rows].tolist(), {"detectable": tests.detectable[at]}, residuals.sigma[at]),
+        "external": (tests.external[at], digits(1)),
+        **lengths("moves_its_point", tests.point_moved_m[at]),
+        **lengths("its_image", tests.image_moved_m[at]),
+        f"turns it {units.small}": units.small_per_rad * tests.image_turned_rad[at],
     }
-    columns = _observation(solution, axis) | {head: _on_axis(of, axis) for head, of in values.items()}
-    return all_rows("Detectable errors with the largest effect on the unknowns", columns, order[most[order] > 0])
+    return all_rows("Detectable errors with the largest effect on the unknowns", columns)
 
 
-def _observation(solution: Solution, axis: Int) -> Columns:
+def _observation(solution: Solution, rows: Int, axis: Int) -> Columns:
     """Columns that say which observation it is, and which axis of each."""
     r = solution.residuals
     return {
-        "observation": r.kind,
-        "image": r.image,
-        "point": r.point,
+        "observation": r.kind[rows],
+        "image": r.image[rows],
+        "point": r.point[rows],
         "axis": np.array(list("xyz"))[axis],
-        "unit": r.unit,
     }
-
-
-def _on_axis(values: Float, axis: Int) -> Float:
-    return np.asarray(np.take_along_axis(values, axis[:, None], axis=1)[:, 0])
 
 
 def _largest(solution: Solution) -> PageTable | None:
     residuals, tests = solution.residuals, solution.tests
     assert tests is not None
-    w = np.fmax.reduce(np.abs(tests.test), axis=1)
-    order = np.argsort(np.where(np.isfinite(w) & residuals.active, -w, np.inf), kind="stable")
-    order = order[np.isfinite(w[order]) & residuals.active[order]][:MOST_ROWS]
-    axis = np.argmax(np.where(np.isfinite(tests.test), np.abs(tests.test), -1.0), axis=1)
-    columns = _observation(solution, axis) | {
-        "w": (_on_axis(tests.test, axis), "{:.2f}".format),
-        "residual": _on_axis(residuals.residual, axis),
-        "redundancy": _on_axis(tests.redundancy, axis),
-        "detectable": _on_axis(tests.detectable, axis),
+    w = np.where(np.isfinite(tests.test) & residuals.active[:, None], np.abs(tests.test), -1.0)
+    rows = np.argsort(-w.max(axis=1), kind="stable")[:MOST_ROWS]
+    rows = rows[w[rows].max(axis=1) >= 0]
+    at = (rows, w[rows].argmax(axis=1))
+    sizes = {"residual": residuals.residual[at], "detectable": tests.detectable[at]}
+    columns: Columns = {
+        **_observation(solution, *at),
+        **errors(residuals.unit[rows].tolist(), sizes, residuals.sigma[at]),
+        "w": (tests.test[at], digits(2)),
+        "redundancy": (tests.redundancy[at], digits(3)),
     }
-    return all_rows("Largest tests of observations in use", columns, order)
+    return all_rows("Largest tests of observations in use", columns)

@@ -12,10 +12,9 @@ from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.vectors import both, image_vectors, tie_pictures
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths, observation_classes
-from aatri.report.view.numbers import DASH, decimals, digits, number, together
+from aatri.report.view.numbers import DASH, angle_units, decimals, digits, number, small_angle, together
 
 MOST_CAMERAS = 6
-ARCSECONDS = 180.0 * 3600.0 / np.pi
 
 
 def show(made: PageSection, solution: Solution, around: Surroundings) -> None:
@@ -43,7 +42,7 @@ def precision_table(solution: Solution) -> PageTable | None:
             if len(known):
                 worst = known[int(np.argmax(sigma[known, k]))]
                 figures = (float(np.median(sigma[known, k])), float(sigma[worst, k]))
-                texts = [together([f]) if is_length else f"{f * ARCSECONDS:.3g}″" for f in figures]
+                texts = [together([f]) if is_length else small_angle(f) for f in figures]
                 rows.append((what, axis, str(ids[worst]), *texts))
     heads = ("standard deviation of", "", "largest at", "median", "largest")
     return PageTable("Theoretical standard deviations, a priori", heads, rows, 3) if rows else None
@@ -54,8 +53,9 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
     images = solution.images
     if not images.oriented.any():
         return None
+    units = angle_units.get()
     angles = np.full((len(images), 3), np.nan)
-    angles[images.oriented] = np.degrees(
+    angles[images.oriented] = units.per_rad * (
         angles_from_rotation(images.ground_from_image[images.oriented], "omega-phi-kappa")
     )
     with np.errstate(invalid="ignore"):
@@ -67,15 +67,17 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
         "image": images.id,
         **axes(("X m", "Y m", "Z m"), images.position_m, digits(decimals(size[0]))),
         **axes(
-            ("omega deg", "phi deg", "kappa deg"),
+            tuple(f"{a} {units.angle}" for a in ("omega", "phi", "kappa")),
             angles,
-            digits(decimals(float(np.degrees(size[1]))) + 2 * np.isnan(size[1])),
+            digits(decimals(units.per_rad * size[1]) + 2 * np.isnan(size[1])),
         ),
     }
     if known.any():
         columns |= lengths("sX sY sZ", sigma[:, :3])
         columns |= axes(
-            ("s about X ″", "Y ″", "Z ″"), ARCSECONDS * sigma[:, 3:], digits(decimals(ARCSECONDS * size[1]))
+            tuple(f"{a} {units.small}" for a in ("s about X", "Y", "Z")),
+            units.small_per_rad * sigma[:, 3:],
+            digits(decimals(units.small_per_rad * size[1])),
         )
     columns["image points"] = images.image_points
     caption = "Orientations: omega, phi, kappa; standard deviations of the turns about the ground axes"

@@ -7,7 +7,7 @@ import numpy as np
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import Columns, PageTable, all_rows
+from aatri.report.sections.tables import Columns, PageTable, all_rows, errors
 from aatri.report.view.numbers import DASH, number
 
 
@@ -29,10 +29,8 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
         "image": suspects.image,
         "point": suspects.point,
         "verdict": suspects.verdict,
-        "unit": suspects.unit,
-        "size": suspects.size,
-        "sigma": suspects.sigma,
-        "test": suspects.test,
+        **errors(suspects.unit.tolist(), {"size": suspects.size, "sigma": suspects.sigma}, suspects.sigma),
+        "test": (suspects.test, "{:.1f}".format),
     }
     return present(summary, all_rows("Suspects, the largest test first", columns, order))
 

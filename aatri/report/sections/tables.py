@@ -11,7 +11,7 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
-from aatri.report.view.numbers import DASH, alike, decimals, digits, number
+from aatri.report.view.numbers import DASH, alike, decimals, digits, in_trade_unit, number
 
 MOST_ROWS = 20
 """Rows of what is told by its worst only."""
@@ -27,9 +27,6 @@ MOST_PRINTED = 40
 
 MOST_FOLDED = 500
 """More rows are left to the export, and the caption says so."""
-
-_SMALLER = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (180.0 * 3600.0 / np.pi, "″")}
-"""Unit in which residuals are told, and the factor to it."""
 
 _AXIS = re.compile(r"_([xyz])(_|$)")
 
@@ -119,6 +116,26 @@ def lengths(names: str, values_m: Float) -> Columns:
     return {f"{name} {unit}": (values[:, k] * factor, form) for k, name in enumerate(names.split())}
 
 
+def errors(units: Sequence[str], sizes: Mapping[str, Float], sigmas: Float) -> Columns:
+    """Sizes of errors and their standard deviations in the units of the trade, row by row to digits of the latter.
+
+    Parameters
+    ----------
+    units : (n,) str
+    sizes : mapping of str to (n,) float64
+        Columns by their heads.
+    sigmas : (n,) float64
+    """
+    scaled = [in_trade_unit(unit) for unit in units]
+    factor = np.array([f for f, _ in scaled])
+    forms = [digits(decimals(sigma)) if sigma > 0 else number for sigma in (sigmas * factor).tolist()]
+    told: Columns = {"unit": [unit for _, unit in scaled]}
+    for head, values in sizes.items():
+        texts = [form(value) for form, value in zip(forms, (values * factor).tolist())]
+        told[head] = (np.array(texts, dtype=object), str)
+    return told
+
+
 def _cell(value: Any, form: Callable[[Any], str] | None) -> str:
     if form is not None:
         return form(value)
@@ -144,7 +161,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
         if not len(used):
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
-        factor, unit = _SMALLER.get(str(residuals.unit[used[0]]), (1.0, str(residuals.unit[used[0]])))
+        factor, unit = in_trade_unit(str(residuals.unit[used[0]]))
         weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
         given = float(np.median(sigma[weighted])) if weighted.any() else np.nan
         after = given * sigma0

@@ -19,7 +19,7 @@ def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:
         "observation": uncontrolled.kind,
         "image": uncontrolled.image,
         "point": uncontrolled.point,
-        "redundancy": uncontrolled.redundancy,
+        "redundancy": (uncontrolled.redundancy, digits(3)),
         **axes("xyz", uncontrolled.direction, digits(2)),
     }
     caption = (

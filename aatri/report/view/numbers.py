@@ -1,10 +1,56 @@
 """Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from math import floor, log10
 from typing import Any
 
+from aatri.units import ANGLE_RAD
+
 DASH = "–"
+
+
+@dataclass(frozen=True)
+class AngleUnits:
+    """In what angles are told: those of orientations, and small ones as standard deviations."""
+
+    angle: str
+    small: str
+    per_rad: float
+    small_per_rad: float
+
+
+ANGLES = {
+    "deg": AngleUnits("deg", "″", 1 / ANGLE_RAD["deg"], 1 / ANGLE_RAD["arcsec"]),
+    "gon": AngleUnits("gon", "mgon", 1 / ANGLE_RAD["gon"], 1 / ANGLE_RAD["mgon"]),
+}
+angle_units: ContextVar[AngleUnits] = ContextVar("angle_units", default=ANGLES["deg"])
+"""Of the page that is being written."""
+
+
+@contextmanager
+def angles_in(unit: str) -> Iterator[None]:
+    """Tell angles in deg or gon meanwhile."""
+    token = angle_units.set(ANGLES[unit])
+    try:
+        yield
+    finally:
+        angle_units.reset(token)
+
+
+def small_angle(value_rad: float) -> str:
+    """A small angle to three digits."""
+    units = angle_units.get()
+    return f"{value_rad * units.small_per_rad:.3g}{'' if units.small == '″' else ' '}{units.small}"
+
+
+def in_trade_unit(unit: str) -> tuple[float, str]:
+    """The unit in which residuals and errors of a unit are told, and the factor to it: um, mm, arcseconds or mgon."""
+    units = angle_units.get()
+    smaller = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (units.small_per_rad, units.small)}
+    return smaller.get(unit, (1.0, unit))
 
 
 def number(value: Any) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.kinds import KINDS
 from aatri.errors import AatriError, ArtifactError
 from aatri.pipeline.store import inside
@@ -12,6 +13,9 @@ from aatri.pipeline.store import run_folder as store
 from aatri.tables.schema import Artifact
 
 A = TypeVar("A", bound=Artifact)
+
+RESULTS = {"control_points", "check_points", "truth_points"}
+"""An evaluation of a result has some of these figures."""
 
 LOG_LINES = 30
 """So many last lines of a failed stage's log are shown."""
@@ -60,8 +64,8 @@ class RunView:
 
     def evaluated(self) -> list[StageView]:
         """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups."""
-        stages = [s for s in self.stages if s.kind == "Evaluation" and s.status == "done"]
-        return [s for s in stages if {"control_points", "check_points", "truth_points"} & s.metrics.keys()] or stages
+        stages = self.of_kind(Evaluation)
+        return [s for s in stages if RESULTS & s.metrics.keys()] or stages
 
     def artifact(self, stage: StageView) -> Artifact:
         """The artifact of a stage.
@@ -79,15 +83,27 @@ class RunView:
 
     def last(self, kind: type[A]) -> A | None:
         """The last readable artifact of a kind; of Evaluations that of a result."""
-        for stage in reversed(self.evaluated() if kind.kind == "Evaluation" else self.of_kind(kind)):
+        return next(iter(self.readable(kind).values()), None)
+
+    def readable(self, kind: type[A]) -> dict[str, A]:
+        """Artifacts of a kind by stage, the last first: the last that can be read, of Evaluations without a result all.
+
+        What epochs, designs, free strips and set-ups evaluate are questions of their own, and none replaces another.
+        """
+        of_results = kind is not Evaluation or any(RESULTS & s.metrics.keys() for s in self.of_kind(Evaluation))
+        artifacts: dict[str, A] = {}
+        for stage in reversed(self.evaluated() if kind is Evaluation else self.of_kind(kind)):
             try:
                 artifact = self.artifact(stage)
             except AatriError as error:
                 self.unreadable[stage.name] = error
                 continue
             self.kept[stage.name] = artifact
-            return artifact if isinstance(artifact, kind) else None
-        return None
+            if isinstance(artifact, kind):
+                artifacts[stage.name] = artifact
+            if of_results:
+                break
+        return artifacts
 
 
 def view(folder: Path) -> RunView:
