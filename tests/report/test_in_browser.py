@@ -140,8 +140,24 @@ def test_the_pointer_tells_what_it_is_at_and_a_click_isolates_the_rays_of_an_ima
     d = page.locator("#plan .rays").get_attribute("d")
     assert d is not None
     assert d.count("M") == 48  # every point of 12 by 4 is seen from every image
+    others = page.locator("#ties svg[data-at] .rays")
+    assert others.count() == page.locator("#ties svg[data-at]").count() > 0
+    assert (others.first.get_attribute("d") or "").count("M") == 48
     page.get_by_role("button", name="all").first.click()
-    assert page.locator("#plan .rays").count() == 0
+    assert page.locator(".rays").count() == 0
+
+
+def test_a_click_in_another_picture_isolates_too(page: sync_api.Page) -> None:
+    page.evaluate("document.querySelector('[data-name=rays] svg').scrollIntoView({ block: 'center' })")
+    place = page.evaluate("""() => {
+        const svg = document.querySelector("[data-name=rays] svg"), path = svg.querySelector("path[data-ids]");
+        const [x, y] = path.getAttribute("d").slice(1).split("h")[0].split(" ");
+        const r = svg.getBoundingClientRect(), k = r.width / svg.viewBox.baseVal.width;
+        return [r.left + x * k, r.top + y * k];
+    }""")
+    page.mouse.click(*place)
+    d = page.locator("#plan .rays").get_attribute("d") or ""
+    assert d.count("M") == 24  # every point is seen from all 24 images
 
 
 def test_a_plan_is_enlarged_with_the_length_of_its_bar(page: sync_api.Page) -> None:

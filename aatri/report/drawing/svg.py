@@ -44,6 +44,8 @@ def drawn(picture: Picture) -> Markup:
     """A picture with its legend as an element of the page."""
     shown = [m for m in picture.marks if len(m.xy)]
     marks, furniture, height = parts_of(picture)
+    plan = _ground_plan(picture) if picture.across is None and picture.ground and shown else None
+    corner = (plan.west_m, plan.north_m, plan.left_px, plan.top_px, plan.px_per_m) if plan else ()
     many = sum(len(m.xy) for m in shown if m.shape != "line") > MANY
     image = element(
         "svg",
@@ -53,6 +55,7 @@ def drawn(picture: Picture) -> Markup:
         viewBox=f"0 0 {picture.width:g} {height:g}",
         role="img",
         width=picture.width,
+        data_at=" ".join(f"{value:.12g}" for value in corner),
         class_=("plan" if picture.across is None else "chart") + (" many" if many else ""),
     )
     samples = [
@@ -139,8 +142,13 @@ def _labels(marks: list[Marks], px: list[Float], width: float, height: float) ->
     return written
 
 
+def _ground_plan(picture: Picture) -> GroundPlan:
+    """The scale and place of a plan."""
+    return plan_of(np.concatenate([m.xy.reshape(-1, 2) for m in picture.marks if len(m.xy)]), width=picture.width)
+
+
 def _plan(picture: Picture, marks: list[Marks], tells: bool) -> tuple[list[Markup], list[Markup], float]:
-    plan = plan_of(np.concatenate([m.xy.reshape(-1, 2) for m in marks]), width=picture.width)
+    plan = _ground_plan(picture)
     px = [plan.px(m.xy.reshape(-1, 2)).reshape(m.xy.shape) for m in marks]
     furniture = [*(_bar_and_north(plan) if picture.ground else []), *_key(picture, plan)]
     height = plan.height_px + (34.0 if furniture else 0.0)

@@ -72,6 +72,7 @@
     return odd;
   };
 
+  const grounds = [];  /* plans of the ground: what is isolated in one is isolated in all, by the rays of the block plan */
   function picture(box) {
     const svg = box.querySelector("svg"), group = svg.querySelector(".marks"), many = svg.classList.contains("many");
     const plan = svg.classList.contains("plan"), whole = svg.viewBox.baseVal, width = whole.width, height = whole.height;
@@ -177,23 +178,49 @@
       scale = next;
       move();
     }
-    function isolate(at) {
-      group.querySelector(".rays")?.remove();
-      apart = at;
-      svg.classList.toggle("apart", !!at);
-      if (at) {
-        const images = read().find(layer => layer.sees), [layer, k] = at, rays = [];
-        const ray = (l, i, j) => rays.push(`M${l.at[2 * i]} ${l.at[2 * i + 1]}L${images.at[2 * j]} ${images.at[2 * j + 1]}`);
-        if (layer.seen) layer.seen[k].forEach(j => ray(layer, k, j));
+    const [west, north, left, top, perMetre] = (svg.dataset.at || "").split(" ").map(Number);
+    const ground = (x, y) => [west + (x - left) / perMetre, north - (y - top) / perMetre];
+    const own = svg.dataset.at && {
+      show(rays) {
+        group.querySelector(".rays")?.remove();
+        apart = rays;
+        svg.classList.toggle("apart", !!rays);
+        if (rays) {
+          const path = group.querySelector("path").cloneNode(false);
+          for (const name of path.getAttributeNames()) path.removeAttribute(name);
+          path.setAttribute("class", "rays");
+          const px = (x, y) => `${((x - west) * perMetre + left).toFixed(1)} ${((north - y) * perMetre + top).toFixed(1)}`;
+          path.setAttribute("d", rays.map(([a, b, c, e]) => `M${px(a, b)}L${px(c, e)}`).join(""));
+          group.append(path);
+        }
+        paint();
+      },
+      /* Of an image or point of the block plan, the one of an id that is nearest to a place: rays on the ground, or null. */
+      rays(id, [x, y]) {
+        const images = read().find(layer => layer.sees), found = [];
+        if (!images) return null;
+        for (const l of layers) {
+          if (l.seen || l.sees) l.ids.forEach((of, k) => {
+            if (of === id) { const [a, b] = ground(l.at[2 * k], l.at[2 * k + 1]); found.push([(a - x) ** 2 + (b - y) ** 2, l, k]); }
+          });
+        }
+        if (!found.length) return null;
+        const [, layer, k] = found.sort((one, other) => one[0] - other[0])[0], rays = [];
+        const ray = (l, i, of) => rays.push([...ground(l.at[2 * i], l.at[2 * i + 1]), ...ground(images.at[2 * of], images.at[2 * of + 1])]);
+        if (layer.seen) layer.seen[k].forEach(of => ray(layer, k, of));
         else for (const l of layers) l.seen?.forEach((of, i) => { if (of.includes(k)) ray(l, i, k); });
-        const path = group.querySelector("path").cloneNode(false);
-        for (const name of path.getAttributeNames()) path.removeAttribute(name);
-        path.setAttribute("class", "rays");
-        path.setAttribute("d", rays.join(""));
-        group.append(path);
-        tip && (tip.textContent += `\n${rays.length} rays`);
+        return rays;
+      },
+    };
+    if (own) grounds.push(own);
+    function isolate(at) {
+      let rays = null;
+      if (own && at) {
+        const [layer, k] = at, place = ground(layer.at[2 * k], layer.at[2 * k + 1]);
+        for (const plan of grounds) rays ??= plan.rays(layer.ids[k], place);
       }
-      paint();
+      grounds.forEach(plan => plan.show(rays));
+      if (rays && tip) tip.textContent += `\n${rays.length} rays`;
     }
     let from = null, moved = false;
     svg.addEventListener("pointerdown", event => { from = [event.clientX, event.clientY, x0, y0]; moved = false; });
@@ -208,8 +235,7 @@
     svg.addEventListener("pointerup", event => {
       from = null;
       if (moved) return;
-      const at = nearest(event);
-      isolate(at && (at[0].seen || at[0].sees) ? at : null);
+      isolate(nearest(event));
     });
     svg.addEventListener("wheel", event => {
       if (!event.ctrlKey && scale === 1) return;  /* the page is not caught by its pictures */
