@@ -140,8 +140,8 @@ def adjust_tied(
     full = replace(pool, room=room[0]) if room else pool
     crowded, back = overfull(rule, full, searched.above & ~pool.carrier, searched.active, begin)
     if room and back.any():
-        room[0][crowded], last = 0, searched.solved
-        searched = search(lambda a, use, tau_m: solve(a or last, use, tau_m), begin, rule, pool, wrong, added=deformed)
+        room[0][crowded] = 0
+        searched = search(solve, begin, rule, pool, wrong, added=deformed, first=searched.first)
     return _result(searched)
 
 

@@ -60,6 +60,8 @@ class Searched(Generic[A]):
     above: Bool
     """(n,). Active records above the limit that the rules do not let reject, that nothing controls well, or that are
     needed."""
+    first: SearchState[A]
+    """Before the first rejection, or at the end without any: another search with less room goes the same way so far."""
 
 
 @dataclass(frozen=True)
@@ -86,14 +88,27 @@ class Steps:
         return steps, tau if high - low <= SETTLED * high else 0.5 * (low + high)
 
 
+@dataclass(frozen=True)
+class SearchState(Generic[A]):
+    """Where a search stands that has rejected nothing yet."""
+
+    solved: A
+    tau: float = 0.0
+    robust: bool = True
+    """Whether the added standard deviation is estimated robustly."""
+    steps: Steps = Steps()
+    rounds: int = 1
+
+
 def search(
     solve: Callable[[A | None, Bool, float], A],
     active: Bool,
     rule: Snooping,
     pool: Pool,
-    found: Callable[[A, Bool], Bool] | None = None,
+    rejections: Callable[[A, Bool], Bool] | None = None,
     *,
     added: bool = True,
+    first: SearchState[A] | None = None,
 ) -> Searched[A]:
     """Search for gross errors.
 
@@ -105,30 +120,35 @@ def search(
         Records to begin with; the others are tested for re-admission.
     rule, pool
         See `rejection`.
-    found : callable, optional
+    rejections : callable, optional
         (adjustment, active records) -> what is to be rejected next; default: `rejection.clearest`.
     added : bool
         Estimate the added standard deviation; else it is zero.
+    first : SearchState, optional
+        Where to begin: that of a search with the same records and at least as much room.
     """
-    if found is None:
-        found = partial(clearest_controlled, rule, pool)
+    if rejections is None:
+        rejections = partial(clearest_controlled, rule, pool)
     use, readmitted, needed = active.copy(), np.zeros(len(active), dtype=bool), np.zeros(len(active), dtype=bool)
-    tau, robust, rounds, settled = 0.0, True, 1, False
-    solved, steps = solve(None, use, tau), Steps()
+    first = first or SearchState(solve(None, use, 0.0))
+    solved, tau, robust, steps, rounds = first.solved, first.tau, first.robust, first.steps, first.rounds
+    first, settled = None, False
     while rounds < ROUNDS:
         new = solved.added_sigma(robust=robust) if added else 0.0
         before = use
         steps, better = steps.after(tau, new)
         if better != tau:
             tau = better
-        elif (wrong := found(solved, use & ~needed) & ~needed).any() and not (
+        elif (wrong := rejections(solved, use & ~needed) & ~needed).any() and not (
             robust and new > 0 and _negligible(rule, solved.test, use)
         ):
+            first = first or SearchState(solved, tau, robust, steps, rounds)
             use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
             robust, steps = False, Steps()
             continue
         elif (back := ~readmitted & (fitting(rule, solved.test, use) | stranded(pool, solved.test, use))).any():
+            first = first or SearchState(solved, tau, robust, steps, rounds)
             use, readmitted, steps = use | back, readmitted | back, Steps()
         else:
             settled = True
@@ -137,7 +157,7 @@ def search(
         solved, use, stays = _next(solve, solved, before, use, tau, pool)
         needed |= stays
     above = use & (solved.test > rule.limit)
-    return Searched(solved, use, tau, rounds, settled, above)
+    return Searched(solved, use, tau, rounds, settled, above, first or SearchState(solved, tau, robust, steps, rounds))
 
 
 def _next(

@@ -62,17 +62,18 @@ def deformation_components(
     theta: Float = np.bincount(component, (g / share) ** 2, minlength=n) / of
     phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
     for _ in range(ROUNDS):
-        before, root = theta, np.sqrt(theta[component])
-        # Of M = I + root S root / phi = L L' the inverse is wanted on the diagonal, and times one vector.
-        M = root[:, None] * S * (root / phi)
+        before, root = theta, np.sqrt(theta[component] / phi)
+        # Of M = I + root S root = L L' the inverse is wanted on the diagonal, and times one vector.
+        M = S * root
+        M *= root[:, None]
         np.einsum("ii->i", M)[:] += 1.0
-        L, fails = dpotrf(M, lower=True, overwrite_a=True)
+        L, fails = dpotrf(M.T, lower=True, overwrite_a=True)
         if fails:  # of points at infinity S is a difference of large numbers, and no longer semidefinite
             values, vectors = np.linalg.eigh(S)
             S = (vectors * np.maximum(values, 0.0)) @ vectors.T
             continue
         L_inverse = dtrtri(L, lower=True, overwrite_c=True)[0]
-        z = root * (L_inverse.T @ (L_inverse @ (root * g))) / phi
+        z = root * (L_inverse.T @ (L_inverse @ (root * g)))
         r = np.bincount(component, 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), minlength=n).astype(np.float64)
         theta = np.bincount(component, z**2, minlength=n) / np.maximum(r, 1e-12)
         phi = max((squares - float(z @ g)) / redundancy, least)

@@ -21,11 +21,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
 
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import one_blas_thread
-from aatri.arrays import Bool, Float, Int, sums_of
+from aatri.arrays import Float, Int, sums_of
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
@@ -124,27 +125,28 @@ def _deformed_covariances(
     beside = [whitener_beside(o, C, typical) for o, C in zip(problem.ground, problem.covariances)]
     T = np.concatenate([np.zeros((0, 3, 3)), *beside]) * tied.active[len(points.strip) :, None, None]
     total = _sums(T_ties[active], points.point[active], n_points)
-    often = np.bincount(ties.point, minlength=n_points) + np.bincount(control.point, minlength=n_points)
+    strips_of_point = np.bincount(ties.point, minlength=n_points)
+    controlled = np.bincount(control.point, minlength=n_points) > 0
     inverse = _inverses(total + _sums(T, control.point, n_points))
     made = by_functions(axes, models, result.basis)
     held = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
     S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :held]
     made = np.concatenate([made[:, :, :K], S, made[:, :, K:]], axis=2)
-
-    def normal_matrix(inverse: Float, single: Bool) -> Float:
-        return _joined(made.swapaxes(1, 2)[:, None] @ normals(ties, n_strips, inverse, single) @ made)
-
-    N, place = normal_matrix(inverse, often < 2), np.tile(np.arange(made.shape[2]), n_strips)
+    N_ties = normals(ties, made, inverse, (strips_of_point > 1) & ~controlled)
+    N = N_ties + normals(ties, made, inverse, controlled)
+    place = np.tile(np.arange(made.shape[2]), n_strips)
     c = np.flatnonzero(np.pad(kept, ((0, 0), (0, made.shape[2] - K))).ravel())
     s, z = np.flatnonzero((place >= K) & (place < K + held)), np.flatnonzero(place >= K + held)
     err = np.zeros((len(s), len(z)))  # of the similarities, for deformations of one
     if held:
-        by_ties = normal_matrix(_inverses(total), np.bincount(ties.point, minlength=n_points) < 2)
-        err = taken_up(by_ties, N if T.any() else normal_matrix(0.0 * inverse, often < 0), s, z, axes)
-    Q = np.linalg.inv(N[np.ix_(c, c)])
-    brought = N[:, z] + N[:, s] @ err
-    A, whole = Q @ brought[c], brought[z] + err.T @ brought[s]
-    S = whole - brought[c].T @ A
+        N_ties = N_ties + normals(ties, made, _inverses(total), (strips_of_point > 1) & controlled)
+        moved = N if T.any() else normals(ties, made, 0.0 * inverse, np.ones(n_points, dtype=bool))
+        err = taken_up(N_ties, moved, s, z, axes)
+    L = np.linalg.cholesky(N[c][:, c].toarray())
+    brought = N[:, z].toarray() + N[:, s] @ err
+    half = solve_triangular(L, brought[c], lower=True)
+    A, Q = solve_triangular(L, half, lower=True, trans="T"), cho_solve((L, True), np.eye(len(c)))
+    S = brought[z] + err.T @ brought[s] - half.T @ half
     left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
     z, A, S, err = z[left], A[:, left], S[np.ix_(left, left)], err[:, left]
     of_misfit = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()
@@ -165,9 +167,10 @@ def _deformed_covariances(
         why = f"the deformation of the strips is not estimable ({why})"
         return DeformedCovariances(*nothing, sigma, of_component, why)
     by_control = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
-    noise = Q @ by_control.reshape(len(N), 3 * len(control.point))[c]
-    theta, C, r, R = found.variance[component], np.zeros_like(N), np.concatenate([c, s]), np.concatenate([-A, err])
-    C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = (R * theta) @ R.T, R * theta, (R * theta).T
+    noise = Q @ by_control.reshape(N.shape[0], 3 * len(control.point))[c]
+    theta, C, r, R = found.variance[component], np.zeros(N.shape), np.concatenate([c, s]), np.concatenate([-A, err])
+    root = R * np.sqrt(theta)
+    C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = root @ root.T, R * theta, (R * theta).T
     C[z, z] = theta
     C[np.ix_(c, c)] += found.phi * Q + (1 - found.phi) * noise @ noise.T
     sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
@@ -195,12 +198,6 @@ def _inverses(weights: Float) -> Float:
     diagonal = np.einsum("nii->ni", full)  # a view
     diagonal[diagonal == 0.0] = 1.0
     return np.asarray(np.linalg.inv(full))
-
-
-def _joined(blocks: Float) -> Float:
-    """One matrix of the blocks, (n, n, m, m)."""
-    n, _, m, _ = blocks.shape
-    return blocks.swapaxes(1, 2).reshape(n * m, n * m)
 
 
 def _of_points(ties: DeformedTies, C: Float, made: Float, weights: Float, phi: float) -> Float:

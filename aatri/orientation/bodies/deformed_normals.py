@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import bsr_array, csr_array
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes, StripBasis
@@ -77,19 +78,20 @@ def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> F
     return both.reshape(len(axes), -1, both.shape[3])
 
 
-def normals(ties: DeformedTies, n_strips: int, inverse: Float, single: Bool) -> Float:
-    """Normal matrices of the functions, (n_strips, n_strips, 3 m, 3 m).
+def normals(ties: DeformedTies, made: Float, inverse: Float, points: Bool) -> csr_array:
+    """Normal matrix of what is made of the functions of every strip, (n_strips K, n_strips K), in blocks of strips.
 
     Parameters
     ----------
+    made : (n_strips, 3 m, K) float64
     inverse : (n_points, 3, 3) float64, m^2
         W_p^-1.
-    single : (n_points,) bool
-        Points that one strip alone observes.
+    points : (n_points,) bool
+        Those that count.
     """
-    m = ties.f.shape[1]
-    N = np.zeros((n_strips, n_strips, 3 * m, 3 * m))
-    rows = np.flatnonzero(~single[ties.point])
+    n, m, K = len(made), ties.f.shape[1], made.shape[2]
+    blocks: list[list[tuple[int, Float]]] = [[] for _ in range(n)]
+    rows = np.flatnonzero(points[ties.point])
     WG, f = ties.weight[rows], ties.f[rows]
     out = inverse[ties.point[rows]] @ WG
     for j, k, first, second in pairs_of_strips(ties.strip[rows], ties.point[rows]):
@@ -98,10 +100,14 @@ def normals(ties: DeformedTies, n_strips: int, inverse: Float, single: Bool) -> 
             P += ties.axes[rows[first]].swapaxes(1, 2) @ WG[first]
         left = (P.reshape(-1, 9, 1) * f[first, None]).reshape(-1, 9 * m)
         block = (left.T @ f[second]).reshape(3, 3, m, m).transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
-        N[j, k] = block
+        of_pair = made[j].T @ block @ made[k]
+        blocks[j].append((k, of_pair))
         if j != k:
-            N[k, j] = block.T
-    return N
+            blocks[k].append((j, of_pair.T))
+    every = [block for row in blocks for block in row]
+    columns, first = np.array([k for k, _ in every], dtype=np.int64), np.cumsum([0, *map(len, blocks)])
+    data = np.stack([np.zeros((K, K)), *(block for _, block in every)])[1:]
+    return bsr_array((data, columns, first), shape=(n * K, n * K)).tocsr()
 
 
 def misfit(ties: DeformedTies, residual_m: Float, n_strips: int) -> Float:

@@ -14,11 +14,13 @@ plan and height have nothing to do with each other. N is what the elimination of
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjusting.tied_problem import TiedProblem
 from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.structure.weights import with_weights
+from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 
@@ -68,6 +70,13 @@ def determined_degrees(
         -1 without correction.
     falls : list of Fall
     """
+    with one_blas_thread():  # matrices of some hundred rows
+        return _determined_degrees(problem, design, use, highest, basis)
+
+
+def _determined_degrees(
+    problem: TiedProblem, design: Float, use: Bool, highest: Int, basis: StripBasis
+) -> tuple[Int, list[Fall]]:
     degrees, falls = highest.copy(), []
     N, products = _normal_matrix(problem, use), _products(problem.ties[0].records.touches[0][1], design, len(degrees))
     for part in (0, 1):
@@ -100,9 +109,8 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
     if not empty.any() and _above_rank(unit):
         return {}
-    values, vectors = np.linalg.eigh(unit)
-    missing = values < RANK
-    weight = (vectors[:, missing] ** 2).sum(1)
+    null = eigh(unit, subset_by_value=(-np.inf, RANK))[1]
+    weight = (null**2).sum(1)
     strip, coefficient = np.divmod(kept, basis.size)
     involved = np.bincount(strip, weight)
     reasons = {}
@@ -110,7 +118,7 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
         mine = np.flatnonzero(strip == k)
         largest = mine[np.argsort(-np.round(weight[mine], 6), kind="stable")][:4]
         named = [basis.labels[c] for c in coefficient[largest[weight[largest] > 0.05]]]
-        reasons[int(k)] = f"rank {len(N) - missing.sum()} of {len(N)}, not determined: {', '.join(named)}"
+        reasons[int(k)] = f"rank {len(N) - null.shape[1]} of {len(N)}, not determined: {', '.join(named)}"
     return reasons
 
 

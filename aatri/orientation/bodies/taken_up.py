@@ -15,6 +15,7 @@ Source: error propagation of the two adjustments of absolute orientation (docs/m
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from aatri.arrays import Float, Int
@@ -70,26 +71,26 @@ def motions(axes: Sequence[StripAxes], component: Int) -> Float:
     return found.reshape(n * SIZE, -1)
 
 
-def taken_up(N_ties: Float, N: Float, s: Int, z: Int, axes: Sequence[StripAxes]) -> Float:
+def taken_up(N_ties: csr_array, N: csr_array, s: Int, z: Int, axes: Sequence[StripAxes]) -> Float:
     """What the similarities err by for deformations of one each, (7 n_strips, n_z).
 
     Parameters
     ----------
-    N_ties, N : (n, n) float64
+    N_ties, N : (n, n) csr_array
         Normal matrices of common points and of all.
     s, z : (7 n_strips,), (n_z,) int
         Rows of the similarities in them, strip by strip, and of the deformations.
     axes : (n_strips,) sequence of StripAxes
     """
-    M, n = N_ties[np.ix_(s, s)], len(axes)
+    M, n = N_ties[s][:, s].toarray(), len(axes)
     tied = np.abs(M).reshape(n, SIZE, n, SIZE).max(axis=(1, 3)) > 0
     least = M.diagonal().mean() or 1.0  # 1: no strip has a point in common with another
     scale = np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), least))
     together = np.linalg.qr(motions(axes, connected_components(tied)[1]) * scale[:, None])[0]
     w, V = np.linalg.eigh(M / np.outer(scale, scale) + together @ together.T)
     strong, V = w > WEAK, V / scale[:, None]
-    err = -(V[:, strong] / w[strong]) @ (V[:, strong].T @ N_ties[np.ix_(s, z)])
+    err = -(V[:, strong] / w[strong]) @ (N_ties[z][:, s] @ V[:, strong]).T
     moved = np.concatenate([together / scale[:, None], V[:, ~strong]], axis=1)
-    by_moved = moved.T @ N[s]
-    t = np.linalg.pinv(by_moved[:, s] @ moved, hermitian=True) @ (by_moved[:, z] + by_moved[:, s] @ err)
+    of_similarities, of_deformations = N[s][:, s] @ moved, N[z][:, s] @ moved
+    t = np.linalg.pinv(moved.T @ of_similarities, hermitian=True) @ (of_deformations.T + of_similarities.T @ err)
     return np.asarray(err - moved @ t)

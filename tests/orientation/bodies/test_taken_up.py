@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from aatri.geometry.strip_bases import StripAxes
 from aatri.orientation.bodies.taken_up import SIZE, similarities, taken_up
@@ -66,7 +67,7 @@ def test_strips_are_joined_by_ties_and_then_moved_onto_control(without: int) -> 
     s = np.setdiff1d(np.arange(D.shape[1]), z)
     by_ties = D.T @ _projected(D, point, seen)
     by_all = D.T @ _projected(D, point, with_control)
-    err = taken_up(by_ties, by_all, s, z, STRIPS)
+    err = taken_up(csr_array(by_ties), csr_array(by_all), s, z, STRIPS)
 
     # The same, point by point: ties first, by least squares of smallest norm, then all points of control.
     T = _projected(D, point, seen)
@@ -90,6 +91,6 @@ def test_strips_without_a_common_point_take_up_by_control_alone() -> None:
     z = np.arange(n) * (SIZE + 1) + SIZE
     s = np.setdiff1d(np.arange(n * (SIZE + 1)), z)
     by_all = np.kron(np.eye(n), np.eye(SIZE + 1) + 0.1)
-    err = taken_up(np.zeros_like(by_all), by_all, s, z, STRIPS)
+    err = taken_up(csr_array(np.zeros_like(by_all)), csr_array(by_all), s, z, STRIPS)
     expected = -np.linalg.solve(by_all[np.ix_(s, s)], by_all[np.ix_(s, z)])
     np.testing.assert_allclose(err, expected, atol=1e-12)
