@@ -29,6 +29,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "edit": (("edit", "what the adjustment proposes"), ("edit --apply 1,3-5", "write some of it into edits.yaml")),
     "measure": (
         ("measure block", "the page of a block folder, in the browser"),
+        ("measure block --run runs/block", "the places of points are those of this run"),
         ("measure block --no-open --port 8100", "its address alone, on a port of one's own"),
     ),
     "design": (("design", "all layouts of ./pipeline.yaml side by side"),),

@@ -28,6 +28,7 @@ from aatri.formats.tables.source import Source
 from aatri.formats.text.text_file import missing
 from aatri.ids import OF_IDS, canonical, clipped, is_valid
 from aatri.measuring.measured_table import MeasuredRow, MeasuredTable
+from aatri.pixels.reading import TIFF, size_px
 
 CORNER_PX = 0.5
 """From the outer corner of the first pixel to its centre."""
@@ -89,6 +90,7 @@ class MeasuredFolder:
             raise InputError(
                 "no image has a path: there is nothing to measure in", where=str(images.path), remedy=remedy
             )
+        self.crs = next(iter(source.settings.frames.values())).crs
         self._source = source
         self.points = MeasuredTable(folder / "image_points.csv", self._header("point", settings.sigma.image))
         fiducial = settings.sigma.fiducial or settings.sigma.image
@@ -127,6 +129,14 @@ class MeasuredFolder:
         """Calibrated marks of the camera of an image, mm."""
         rows = self.fiducials.camera == self.camera[image]
         return dict(zip(self.fiducials.id[rows].tolist(), self.fiducials.xy_mm[rows]))
+
+    def size_px(self, image: str) -> tuple[int, int] | None:
+        """Width and height of a file as far as they are known without decoding it."""
+        k = self.camera[image]
+        width_height = self.cameras.format[k]
+        if self.cameras.kind[k] == "digital" and np.isfinite(width_height).all():
+            return int(width_height[0]), int(width_height[1])
+        return size_px(self.path[image]) if self.path[image].lower().endswith(TIFF) else None
 
     def point_names(self) -> list[str]:
         """Control and check points first, then all others that are measured."""

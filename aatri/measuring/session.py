@@ -5,26 +5,34 @@ Places on the page are px from the outer corner of the upper left pixel of a fil
 
 from __future__ import annotations
 
+import contextlib
 import threading
+import time
 from collections import OrderedDict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.errors import InputError
+from aatri.errors import AatriError, InputError
 from aatri.ids import clipped
 from aatri.measuring.measured_folder import CORNER_PX, MeasuredFolder
 from aatri.measuring.measured_table import MeasuredRow, RowChange
-from aatri.measuring.tiled_picture import TiledPicture
+from aatri.measuring.open_pictures import OpenPictures
+from aatri.measuring.orientation import Click, Orientation, Place
+from aatri.measuring.place_of_mark import place_of_mark
+from aatri.measuring.run_of_folder import orientation_of, runs_near, stamp_of
 
-KEPT_PICTURES = 3
-"""Pictures that are kept open: the one on the page and those before it."""
 MOST_LISTED = 5000
 """Points that are listed; of larger blocks the control and check points alone, others are asked for by their id."""
 MOST_CHANGES = 1000
 """Changes that can be undone."""
+SHOWN_SIGMAS = 3.03
+"""Half axes of an ellipse that holds 99 % of the places, in standard deviations: sqrt(-2 ln 0.01)."""
+LOOKED_EVERY_S = 3.0
+"""Between looks for a newer run."""
 
 Values = dict[str, Any]
 
@@ -32,12 +40,17 @@ Values = dict[str, Any]
 class Session:
     """A block folder that is being measured; calls may come from several threads."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, run: Path | None = None) -> None:
+        """Read a folder, and the run named, else the newest that oriented its images, as far as there is one."""
         self.folder = MeasuredFolder(folder)
+        self._asked, self._run = run, run
+        self._orientation: Orientation | None = None
+        self._stamp: tuple[float, ...] = ()
+        self._looked_s = -np.inf
+        if run is not None:
+            self._orientation, self._stamp = orientation_of(run, self.folder.images), stamp_of(run)
         self._lock = threading.RLock()
-        self._opening = threading.Lock()
-        self._pictures: OrderedDict[str, TiledPicture] = OrderedDict()
-        self._sizes: dict[str, tuple[int, int]] = {}
+        self.pictures = OpenPictures(self.folder)
         self._changes: OrderedDict[int, tuple[str, str, str, RowChange]] = OrderedDict()
         self._made = 0
         self._version = 0
@@ -55,8 +68,8 @@ class Session:
             return {
                 "version": self._version,
                 "block": folder.settings.name or folder.folder.resolve().name,
-                "run": "",
-                "oriented": False,
+                "run": self._told_of_run(),
+                "oriented": self._orientation is not None,
                 "images": [
                     {
                         "name": i,
@@ -71,7 +84,7 @@ class Session:
 
     def image(self, image: str) -> Values:
         """Size of an image, and what is measured in it."""
-        picture = self._picture(image)
+        picture = self.pictures.open(image)
         with self._lock:
             self._refresh()
             size = picture.width, picture.height
@@ -91,26 +104,92 @@ class Session:
         """Where a point is measured, and where it must be in the other images."""
         with self._lock:
             self._refresh()
-            places = []
-            for row in self.folder.points.of_name(name):
-                if row.image in self.folder.path:
-                    shown = self._shown(row, "point")
-                    places.append(
-                        {"image": row.image, "name": name, "row": shown, "residual": None, "t": None, "ellipse": None}
-                    )
-            return {"places": places}
+            rows = {row.image: row for row in self.folder.points.of_name(name) if row.image in self.folder.path}
+            there = self._places(name, rows)
+            shown = [
+                self._placed(i, name, rows.get(i), there.get(i)) for i in self.folder.images if i in rows or i in there
+            ]
+            return {"places": [place for place in shown if place]}
+
+    def _places(self, name: str, rows: Mapping[str, MeasuredRow]) -> dict[str, Place]:
+        if self._orientation is None:
+            return {}
+        ground = self.folder.ground.get(name)
+        control = None
+        if ground is not None and ground.role != "point":
+            control = self._orientation.control(ground.xyz_m, ground.covariance_m2, self.folder.crs)
+        clicks = [
+            Click(row.image, np.array(row.xy), self.folder.sigma_mm(row, "point"))
+            for row in rows.values()
+            if row.active
+        ]
+        return self._orientation.places(name, clicks, control)
+
+    def _placed(self, image: str, name: str, row: MeasuredRow | None, there: Place | None) -> Values | None:
+        """A place on the page; None where it lies outside of the image, or there is no file."""
+        if not self.folder.path[image]:
+            return None
+        size = self.pictures.size(image)
+        told: Values = {
+            "image": image,
+            "name": name,
+            "row": None,
+            "ellipse": None,
+            "sigma": None,
+            "residual": None,
+            "t": None,
+        }
+        if row is not None:
+            told["row"] = self._shown(row, "point")
+        if there is None:
+            return told
+        x, y = self._on_page(image, there.xy).tolist()
+        if row is None and not (0 <= x <= size[0] and 0 <= y <= size[1]):
+            return None
+        to_px = np.linalg.inv(self.folder.to_table(image, size)[:, :2])
+        C = to_px @ there.covariance @ to_px.T
+        told |= {"x": x, "y": y, "wrong": there.wrong, "t": there.t}
+        if np.isfinite(C).all():
+            variances, axes = np.linalg.eigh(C)
+            a, b = (SHOWN_SIGMAS * np.sqrt(np.maximum(variances[::-1], 0.0))).tolist()
+            told |= {"ellipse": [a, b, float(np.arctan2(axes[1, 1], axes[0, 1]))], "sigma": a / SHOWN_SIGMAS}
+        if there.off is not None:
+            told["residual"] = (to_px @ there.off).tolist()
+        return told
 
     def marks(self, image: str) -> Values:
-        """Where the fiducial marks of an image must be, as far as two measured ones tell."""
-        return {"places": [], "image": image}
+        """Where the fiducial marks of an image are measured, and where they must be as far as two others tell."""
+        with self._lock:
+            self._refresh()
+            nominal = {name: complex(*xy) for name, xy in self.folder.marks_of(image).items()}
+            shown = {row.name: self._shown(row, "fiducial") for row in self.folder.marks.of_image(image)}
+            at = {name: complex(row["x"], row["y"]) for name, row in shown.items() if name in nominal}
+            places = []
+            for name, film in nominal.items():
+                z = place_of_mark(film, [(nominal[n], at[n]) for n in at if n != name])
+                place: Values = {
+                    "image": image,
+                    "name": name,
+                    "row": shown.get(name),
+                    "ellipse": None,
+                    "sigma": None,
+                    "t": None,
+                }
+                off = at[name] - z if name in at and z is not None else None
+                place["residual"] = None if off is None else [off.real, off.imag]
+                if z is not None:
+                    place |= {"x": z.real, "y": z.imag}
+                if z is not None or name in at:
+                    places.append(place)
+            return {"places": places}
 
     def tile(self, image: str, level: int, column: int, row: int) -> bytes:
         """A tile of an image as PNG."""
-        return self._picture(image).tile(level, column, row)
+        return self.pictures.open(image).tile(level, column, row)
 
     def centre(self, image: str, x: float, y: float, radius: float) -> Values:
         """The centre of a mark near a place."""
-        found = self._picture(image).centre(np.array([x, y]) - CORNER_PX, int(np.clip(radius, 2, 100)))
+        found = self.pictures.open(image).centre(np.array([x, y]) - CORNER_PX, int(np.clip(radius, 2, 100)))
         if found is None:
             what = f"no mark with a centre within {radius:.0f} px"
             raise InputError(what, where=f"image {image}", remedy="set it by hand")
@@ -119,7 +198,8 @@ class Session:
 
     def measure(self, kind: str, image: str, name: str, before: str, x: float, y: float) -> Values:
         """Set a point or mark at a place; `before` is its row as the page has it, empty for a new one."""
-        size = self._size(image)
+        picture = self.pictures.open(image)
+        size = picture.width, picture.height
         with self._lock:
             self.folder.check_name(name)
             if kind == "fiducial" and name not in self.folder.marks_of(image):
@@ -157,9 +237,27 @@ class Session:
         return {"change": self._made, "kind": kind, "image": image, "name": name, "row": shown}
 
     def _refresh(self) -> None:
-        """See what others have written."""
+        """See what others have written: the tables by an editor or another page, results by a run."""
         if any([self.folder.points.refresh(), self.folder.marks.refresh()]):
             self._version += 1
+        if self._run is not None and stamp_of(self._run) == self._stamp:
+            return
+        if time.monotonic() - self._looked_s < LOOKED_EVERY_S:
+            return
+        self._looked_s = time.monotonic()
+        for run in [self._asked] if self._asked else runs_near(self.folder.folder):
+            stamp = stamp_of(run)
+            with contextlib.suppress(AatriError, OSError):  # half-done: the last one serves until there is a result
+                self._orientation = orientation_of(run, self.folder.images)
+                self._run, self._stamp = run, stamp
+                self._version += 1
+                return
+
+    def _told_of_run(self) -> str:
+        if self._orientation is None:
+            return "no run yet: after `aatri run` the page knows where points must be"
+        method = self._orientation.solution.method
+        return f"places by {self._run}, {method}"
 
     def _role(self, name: str) -> str:
         ground = self.folder.ground.get(name)
@@ -172,27 +270,5 @@ class Session:
         return {"kind": kind, "name": row.name, "of": of, "x": x, "y": y, "line": row.line, "active": row.active}
 
     def _on_page(self, image: str, xy: Float) -> Float:
-        matrix = self.folder.to_table(image, self._size(image))
+        matrix = self.folder.to_table(image, self.pictures.size(image))
         return np.asarray(np.linalg.solve(matrix[:, :2], xy - matrix[:, 2]))
-
-    def _size(self, image: str) -> tuple[int, int]:
-        if image not in self._sizes:
-            self._picture(image)
-        return self._sizes[image]
-
-    def _picture(self, image: str) -> TiledPicture:
-        path = self.folder.path.get(image)
-        if not path:
-            what = "has no path in images.csv" if image in self.folder.path else "is not in images.csv"
-            raise InputError(
-                f"image {clipped(image)!r} {what}", where=str(self.folder.folder), remedy="name its file there"
-            )
-        with self._opening:
-            if image not in self._pictures:
-                self._pictures[image] = TiledPicture(path)
-                while len(self._pictures) > KEPT_PICTURES:
-                    self._pictures.popitem(last=False)
-            self._pictures.move_to_end(image)
-            picture = self._pictures[image]
-            self._sizes[image] = picture.width, picture.height
-            return picture

@@ -41,7 +41,7 @@ def image_points_of(
     measured = block.image_points
     camera, row = block.images.camera[measured.image], np.full(len(block.images), -1)
     row[interior.image] = np.arange(len(interior))
-    photo = _transformed(interior, row[measured.image], measured.xy)
+    photo = measured_to_photo(interior, row[measured.image], measured.xy)
     matrix = np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row[measured.image]]
     active = measured.active & np.isfinite(photo).all(axis=1)
     outside = active & ~_inside_format(block, photo, camera, margin)
@@ -87,7 +87,7 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
     return Interior.of(image=images, model="calibrated", matrix=matrix, **known).take(finite)
 
 
-def _transformed(interior: Interior, row: Int, uv: Float) -> Float:
+def measured_to_photo(interior: Interior, row: Int, uv: Float) -> Float:
     """Photo coordinates of measured points, each by the interior orientation of its image; NaN of row -1."""
     xy = np.full((len(uv), 2), np.nan)
     models, code = np.unique(interior.model, return_inverse=True)

@@ -77,14 +77,14 @@
     const list = by("places");
     list.textContent = "";
     by("chosen").textContent = state.name ? `${state.kind === "point" ? "Point" : "Mark"} ${state.name}` : "Choose a point";
-    if (state.kind === "fiducial") { by("about").textContent = "Two marks of an image tell where the others are."; return; }
     const measured = state.places.filter(p => p.row).length;
-    by("about").textContent = !state.name ? "" : state.places.length > measured ? `measured in ${measured}, to be seen in ${state.places.length} images`
+    by("about").textContent = state.kind === "fiducial" ? "Two marks of an image tell where the others are; residuals are from them." : !state.name ? "" : state.places.length > measured ? `measured in ${measured}, to be seen in ${state.places.length} images`
       : `measured in ${measured} image${measured === 1 ? "" : "s"}` + (state.oriented ? "" : "; with a run the page knows where it is in the others");
     for (const p of state.places) {
-      const tells = p.row ? p.residual ? [[`${p.residual.map(v => v.toFixed(2)).join(", ")} px`], [p.t === null ? "" : `  t ${p.t.toFixed(1)}`, p.wrong ? "bad" : "good"]] : [["measured"]]
+      const tells = p.row ? p.residual ? [[`${p.residual.map(v => (v < 0 ? "" : "+") + v.toFixed(2)).join(" ")} px`], [p.t === null ? "" : `, t ${p.t.toFixed(1)}`, p.wrong ? "bad" : "good"]] : [["measured"]]
         : [[p.sigma === null ? "somewhere here" : `± ${p.sigma.toFixed(1)} px`]];
-      item(list, p.image, tells, p.image === state.image, () => go(p));
+      const mark = state.kind === "fiducial";
+      item(list, mark ? p.name : p.image, tells, mark ? p.name === state.name : p.image === state.image, mark ? () => choose(p.name) : () => go(p));
     }
   }
 

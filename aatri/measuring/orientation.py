@@ -1,0 +1,223 @@
+"""Where a point must be in every image, by a run: its orientations, cameras and corrections, all with covariances.
+
+    v(X, m) = computed from X - reduced from the measurement m          as the adjustment of the run has it
+    place:   m with v(X, m) = 0,    C = C_X projected + C_pose projected
+    click:   d = m - place by the other clicks (and control),   t^2 = d' (C + C_click)^-1 d,   chi-square with 2
+
+X is met by the clicks of this point, two or more, with its control coordinates as further observations; else it is the
+control point, the point of the run, or lies on the ray of the one click as far away as the points of its image are.
+Poses and the point are taken as independent. A click that the run has used already fits its poses a little too well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
+from aatri.adapters.interior.photo_coordinates import half_format_of
+from aatri.arrays import Float, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
+from aatri.artifacts.solution import Solution
+from aatri.geometry.collinearity import collinearity, in_image_axes, project
+from aatri.geometry.uncertain_intersection import intersect_uncertain
+from aatri.geometry.vectors import finite_rows
+from aatri.measuring.measured_rays import SETTLED_MM, STEPS, MeasuredRays
+
+LEVEL = 0.001
+"""Of the test of a click: Baarda's, one good click of a thousand is called wrong."""
+MARGIN = 1.2
+"""Points are looked for in an image up to this multiple of its format."""
+EXACT_M = 1e-5
+"""Standard deviation of coordinates that are held."""
+
+
+@dataclass(frozen=True)
+class Click:
+    """A point measured in an image, in the coordinates of the tables."""
+
+    image: str
+    xy: Float
+    sigma_mm: Float
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a point must be in an image, in the coordinates of the tables."""
+
+    xy: Float
+    """(2,)."""
+    covariance: Float
+    """(2, 2). NaN where the run tells no standard deviations."""
+    off: Float | None = None
+    """(2,). The click minus the place by the other clicks; None without a click, or without others."""
+    t: float | None = None
+    wrong: bool = False
+
+
+@dataclass(frozen=True)
+class GroundEstimate:
+    """A point as far as something tells of it."""
+
+    xyz_m: Float
+    covariance_m2: Float
+
+
+class Orientation:
+    """The orientations of a run."""
+
+    def __init__(self, block: Block, image_points: ImagePoints, solution: Solution) -> None:
+        self.block, self.solution = block, solution
+        self.row = {str(name): k for k, name in enumerate(block.images.id)}
+        self.frame = frame_of(block)
+        images = solution.images
+        poses = poses_into(self.frame, images.position_m, images.ground_from_image)
+        self.position_m, self.ground_from_image = poses.position_m, poses.ground_from_image
+        self.covariance = images.covariance
+        self.oriented = finite_rows(self.position_m)
+        self.xyz_m = points_into(self.frame, solution.points.xyz_m)
+        self.point_row = {str(name): k for k, name in enumerate(solution.points.id)}
+        self.rays = MeasuredRays(block, image_points, solution)
+        self.c_mm = self.rays.c_mm
+
+    def places(self, name: str, clicks: list[Click], control: GroundEstimate | None) -> dict[str, Place]:
+        """Where a point must be, by image; what is seen of the other clicks at each.
+
+        Parameters
+        ----------
+        name : str
+            Of the point.
+        clicks : list of Click
+            Of this point; those in images that are not oriented do not count.
+        control : optional
+            Its coordinates, NaN where not given, and their covariance, in the frame of the block.
+        """
+        clicks = [c for c in clicks if self.oriented[self.row.get(c.image, -1)] and c.image in self.row]
+        image = np.array([self.row[c.image] for c in clicks], dtype=np.int64)
+        xy = np.array([c.xy for c in clicks], float).reshape(-1, 2)
+        sigma_mm = np.array([c.sigma_mm for c in clicks], float).reshape(-1, 2)
+        ideal = self.rays.ideal_mm(image, self.rays.reduced_mm(image, xy))
+        clicked, without, parallax = self._intersected(image, ideal, sigma_mm)
+        best = _joined(clicked, control) or self._of_run(name) or self._on_ray(image, ideal, sigma_mm)
+        if best is None:
+            return {}
+        shown = self._seen(best)
+        for k, click in enumerate(clicks):
+            others = _joined(without[k], control)
+            there = self._seen(others or best, image[k : k + 1]).get(click.image)
+            if there is None or (others is None and parallax is None):
+                continue
+            off = click.xy - there.xy
+            t, limit = parallax, 1.0
+            if others is not None:
+                A = self.rays.table_from_mm(image[k])
+                C = there.covariance + A @ np.diag(sigma_mm[k] ** 2) @ A.T
+                t, limit = float(np.sqrt(off @ np.linalg.solve(C, off))), 2.0
+            of = None if t is None or not np.isfinite(t) else t
+            shown[click.image] = replace(there, off=off, t=of, wrong=of is not None and chi2.sf(of**2, limit) < LEVEL)
+        return shown
+
+    def control(self, xyz_m: Float, covariance_m2: Float, crs: str) -> GroundEstimate | None:
+        """Coordinates of a control point of the folder; None where its frame is not that of the run."""
+        if crs != str(self.block.frames.crs[0]):
+            return None
+        return GroundEstimate(points_into(self.frame, xyz_m[None])[0], covariance_m2)
+
+    def _axes(self, image: Int, xyz_m: Float) -> Float:
+        return in_image_axes(self.position_m[image], self.ground_from_image[image], xyz_m)
+
+    def residuals_mm(self, image: Int, xyz_m: Float, xy: Float) -> Float:
+        """Computed minus observed, (n, 2), of points in the frame of the adjustment and measured coordinates."""
+        return self.rays.misfit_mm(image, self._axes(image, xyz_m), self.rays.reduced_mm(image, xy))
+
+    def _seen(self, ground: GroundEstimate, images: Int | None = None) -> dict[str, Place]:
+        """Places of a point in images, by default all that may see it."""
+        image = np.flatnonzero(self.oriented & (self.rays.interior >= 0)) if images is None else images
+        X = np.broadcast_to(ground.xyz_m, (len(image), 3))
+        u = self._axes(image, X)
+        camera = self.block.images.camera[image]
+        half = half_format_of(self.block)[camera]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near = (u[:, 2] < 0) & ~(np.abs(project(u, self.c_mm[image])) > MARGIN * half).any(axis=1)
+        image, X, u = image[near], X[near], u[near]
+        if not len(image):
+            return {}
+        A = np.stack([self.rays.table_from_mm(k) for k in image.tolist()])
+        matrix = self.rays.matrix_of(image)
+        start = project(u, self.c_mm[image]) + self.solution.cameras.principal_point_mm[camera[near]] - matrix[:, :, 2]
+        xy = np.einsum("nij,nj->ni", A, start)
+        for _ in range(STEPS):
+            v = self.rays.misfit_mm(image, u, self.rays.reduced_mm(image, xy))
+            xy = xy + np.einsum("nij,nj->ni", A, v)
+            if np.nanmax(np.abs(v), initial=0.0) < SETTLED_MM:
+                break
+        _, by_pose, by_point = collinearity(self.position_m[image], self.ground_from_image[image], X, self.c_mm[image])
+        C = by_pose @ self.covariance[image] @ by_pose.swapaxes(1, 2)
+        C = A @ (C + by_point @ ground.covariance_m2 @ by_point.swapaxes(1, 2)) @ A.swapaxes(1, 2)
+        settled = np.abs(v).max(axis=1) < 1e3 * SETTLED_MM
+        return {str(self.block.images.id[i]): Place(xy[k], C[k]) for k, i in enumerate(image.tolist()) if settled[k]}
+
+    def _intersected(
+        self, image: Int, ideal: Float, sigma_mm: Float
+    ) -> tuple[GroundEstimate | None, list[GroundEstimate | None], float | None]:
+        """The point by all clicks, by all but each, and of two clicks how far their rays pass each other by."""
+        n = len(image)
+        if n < 2:
+            return None, [None] * n, None
+        of = np.repeat(np.arange(n + 1), n)
+        ray = np.tile(np.arange(n), n + 1)
+        used = of != ray + 1
+        Q = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
+        met = intersect_uncertain(
+            ideal[ray], sigma_mm[ray], self.c_mm[image[ray]], image[ray], of, used,
+            self.position_m, self.ground_from_image, Q, n + 1,
+        )  # fmt: skip
+        known = finite_rows(met.xyz_m)
+        points = [GroundEstimate(met.xyz_m[k], met.covariance_m2[k]) if known[k] else None for k in range(n + 1)]
+        passing = met.whitened[:n]
+        parallax = float(np.sqrt((passing**2).sum())) if n == 2 and known[0] else None
+        return points[0], points[1:], parallax
+
+    def _of_run(self, name: str) -> GroundEstimate | None:
+        k = self.point_row.get(name, -1)
+        if k < 0 or not np.isfinite(self.xyz_m[k]).all():
+            return None
+        return GroundEstimate(self.xyz_m[k], self.solution.points.covariance_m2[k])
+
+    def _on_ray(self, image: Int, ideal: Float, sigma_mm: Float) -> GroundEstimate | None:
+        """On the ray of the one click, as far from its image as the points are that it sees."""
+        measured = self.block.image_points
+        if not len(image):
+            return None
+        i = int(image[0])
+        seen = measured.point[(measured.image == i) & finite_rows(self.xyz_m[measured.point])]
+        if not len(seen):
+            return None
+        depth = -self._axes(np.full(len(seen), i), self.xyz_m[seen])[:, 2]
+        middle = float(np.median(depth))
+        spread = 1.4826 * float(np.median(np.abs(depth - middle))) + 0.01 * middle
+        c = self.c_mm[i]
+        ray = self.ground_from_image[i] @ np.append(ideal[0], -c) / c
+        across = float(sigma_mm[0].max()) * middle / c
+        C = spread**2 * np.outer(ray, ray) + across**2 * np.eye(3)
+        return GroundEstimate(self.position_m[i] + middle * ray, C)
+
+
+def _joined(clicked: GroundEstimate | None, control: GroundEstimate | None) -> GroundEstimate | None:
+    """A point by its clicks and its control coordinates; None where neither tells it whole."""
+    if control is None or not np.isfinite(control.xyz_m).any():
+        return clicked
+    known = np.isfinite(control.xyz_m)
+    P, value = np.zeros((3, 3)), np.where(known, control.xyz_m, 0.0)
+    of = np.ix_(known, known)
+    P[of] = np.linalg.inv(control.covariance_m2[of] + EXACT_M**2 * np.eye(int(known.sum())))
+    N, right = P, P @ value
+    if clicked is not None:
+        own = np.linalg.inv(clicked.covariance_m2)
+        N, right = N + own, right + own @ clicked.xyz_m
+    elif not known.all():
+        return None
+    return GroundEstimate(np.asarray(np.linalg.solve(N, right), np.float64), np.asarray(np.linalg.inv(N), np.float64))
