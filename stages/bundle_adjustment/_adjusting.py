@@ -15,6 +15,7 @@ from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.observations.kinds.catalogue import KindOptions
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
@@ -83,8 +84,16 @@ def _searched(
     else:
         given = given if searching.method == "none" else without_exchanged(given)
         done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
-    if options.self_calibration is not None and options.self_calibration.remove:
-        done = without_idle_parameters(done, adjust, partial(with_parameters, source))
+    if options.self_calibration is None or not options.self_calibration.remove:
+        return done, groups
+    rebuilt, before = partial(with_parameters, source), done.notes
+    undecided = any(kind != IMAGE_POINT for kind, _ in done.undecided)
+    done = without_idle_parameters(done, adjust, rebuilt)
+    if undecided and done.considered:  # parameters that are not worth keeping could take up what is wrong
+        fewer = rebuilt(given, done.given.parameters)
+        again, groups = search_with_groups(fewer, adjust, single, candidate_groups, searching)
+        removed = [note for note in done.notes if note not in before]
+        done = replace(again, notes=(*again.notes, *removed), considered=done.considered)
     return done, groups
 
 
