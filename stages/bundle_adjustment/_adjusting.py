@@ -14,8 +14,8 @@ from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
-from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import Given
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
