@@ -45,7 +45,7 @@ class Click:
 
 
 @dataclass(frozen=True)
-class Place:
+class PlaceInImage:
     """Where a point must be in an image, in the coordinates of the tables."""
 
     xy: Float
@@ -66,7 +66,7 @@ class GroundEstimate:
     covariance_m2: Float
 
 
-class Orientation:
+class RunOrientation:
     """The orientations of a run."""
 
     def __init__(self, block: Block, image_points: ImagePoints, solution: Solution) -> None:
@@ -83,7 +83,7 @@ class Orientation:
         self.rays = MeasuredRays(block, image_points, solution)
         self.c_mm = self.rays.c_mm
 
-    def places(self, name: str, clicks: list[Click], control: GroundEstimate | None) -> dict[str, Place]:
+    def places(self, name: str, clicks: list[Click], control: GroundEstimate | None) -> dict[str, PlaceInImage]:
         """Where a point must be, by image; what is seen of the other clicks at each.
 
         Parameters
@@ -133,7 +133,7 @@ class Orientation:
         """Computed minus observed, (n, 2), of points in the frame of the adjustment and measured coordinates."""
         return self.rays.misfit_mm(image, self._axes(image, xyz_m), self.rays.reduced_mm(image, xy))
 
-    def _seen(self, ground: GroundEstimate, images: Int | None = None) -> dict[str, Place]:
+    def _seen(self, ground: GroundEstimate, images: Int | None = None) -> dict[str, PlaceInImage]:
         """Places of a point in images, by default all that may see it."""
         image = np.flatnonzero(self.oriented & (self.rays.interior >= 0)) if images is None else images
         X = np.broadcast_to(ground.xyz_m, (len(image), 3))
@@ -158,7 +158,9 @@ class Orientation:
         C = by_pose @ self.covariance[image] @ by_pose.swapaxes(1, 2)
         C = A @ (C + by_point @ ground.covariance_m2 @ by_point.swapaxes(1, 2)) @ A.swapaxes(1, 2)
         settled = np.abs(v).max(axis=1) < 1e3 * SETTLED_MM
-        return {str(self.block.images.id[i]): Place(xy[k], C[k]) for k, i in enumerate(image.tolist()) if settled[k]}
+        return {
+            str(self.block.images.id[i]): PlaceInImage(xy[k], C[k]) for k, i in enumerate(image.tolist()) if settled[k]
+        }
 
     def _intersected(
         self, image: Int, ideal: Float, sigma_mm: Float

@@ -9,7 +9,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, ArtifactError
-from aatri.measuring.orientation import Orientation
+from aatri.measuring.orientation import RunOrientation
 from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.pipeline.store import run_folder as store
 
@@ -34,7 +34,7 @@ def stamp_of(run: Path) -> tuple[float, ...]:
         return ()
 
 
-def orientation_of(run: Path, images: list[str]) -> Orientation:
+def orientation_of(run: Path, images: list[str]) -> RunOrientation:
     """The last orientation of a run.
 
     Raises
@@ -61,7 +61,7 @@ def orientation_of(run: Path, images: list[str]) -> Orientation:
         if not set(solution.images.id[solution.images.oriented].tolist()) & set(images):
             raise ArtifactError("has oriented none of the images of this block", where=str(run))
         image_points = store.load(run, points, ImagePoints)
-        return Orientation(store.load(run, made_of["block"], Block), image_points, solution)
+        return RunOrientation(store.load(run, made_of["block"], Block), image_points, solution)
     raise ArtifactError("has no result with oriented images", where=str(run), remedy="aatri run")
 
 

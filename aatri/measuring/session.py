@@ -21,7 +21,7 @@ from aatri.ids import clipped
 from aatri.measuring.measured_folder import CORNER_PX, MeasuredFolder
 from aatri.measuring.measured_table import MeasuredRow, RowChange
 from aatri.measuring.open_pictures import OpenPictures
-from aatri.measuring.orientation import Click, Orientation, Place
+from aatri.measuring.orientation import Click, PlaceInImage, RunOrientation
 from aatri.measuring.place_of_mark import place_of_mark
 from aatri.measuring.run_of_folder import orientation_of, runs_near, stamp_of
 
@@ -44,7 +44,7 @@ class Session:
         """Read a folder, and the run named, else the newest that oriented its images, as far as there is one."""
         self.folder = MeasuredFolder(folder)
         self._asked, self._run = run, run
-        self._orientation: Orientation | None = None
+        self._orientation: RunOrientation | None = None
         self._stamp: tuple[float, ...] = ()
         self._looked_s = -np.inf
         if run is not None:
@@ -111,7 +111,7 @@ class Session:
             ]
             return {"places": [place for place in shown if place]}
 
-    def _places(self, name: str, rows: Mapping[str, MeasuredRow]) -> dict[str, Place]:
+    def _places(self, name: str, rows: Mapping[str, MeasuredRow]) -> dict[str, PlaceInImage]:
         if self._orientation is None:
             return {}
         ground = self.folder.ground.get(name)
@@ -125,7 +125,7 @@ class Session:
         ]
         return self._orientation.places(name, clicks, control)
 
-    def _placed(self, image: str, name: str, row: MeasuredRow | None, there: Place | None) -> Values | None:
+    def _placed(self, image: str, name: str, row: MeasuredRow | None, there: PlaceInImage | None) -> Values | None:
         """A place on the page; None where it lies outside of the image, or there is no file."""
         if not self.folder.path[image]:
             return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.measuring.orientation import Click, GroundEstimate, Orientation
+from aatri.measuring.orientation import Click, GroundEstimate, RunOrientation
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import run_chain, simulated
 from tests.stages.film_blocks import Told
@@ -16,16 +16,16 @@ UAV = {"preset": "uav", **FLIGHT, "known": {"full": 8, "check_full": 0}}
 
 
 @pytest.fixture(scope="module", params=["film", "uav", "calibrated"])
-def orientation(request: pytest.FixtureRequest) -> Orientation:
+def orientation(request: pytest.FixtureRequest) -> RunOrientation:
     chain = run_chain(simulated(**(FILM if request.param == "film" else UAV)), BundleOptions())
     solution = chain.bundle
     if request.param == "calibrated":
         options = BundleOptions(self_calibration={"set": "brown_conrady"})
         solution = bundle(chain.block, chain.refined, chain.strip_block, options=options, context=Told())
-    return Orientation(chain.block, chain.refined, solution)
+    return RunOrientation(chain.block, chain.refined, solution)
 
 
-def test_residuals_are_those_of_the_adjustment(orientation: Orientation) -> None:
+def test_residuals_are_those_of_the_adjustment(orientation: RunOrientation) -> None:
     r, measured = orientation.solution.residuals, orientation.block.image_points
     rows = np.flatnonzero((r.kind == "image_point") & r.active)
     at = r.row[rows]
@@ -34,19 +34,19 @@ def test_residuals_are_those_of_the_adjustment(orientation: Orientation) -> None
     assert np.sqrt(((v - told) ** 2).mean()) < 0.02 * np.sqrt((told**2).mean())
 
 
-def _clicks(orientation: Orientation, point: int) -> list[Click]:
+def _clicks(orientation: RunOrientation, point: int) -> list[Click]:
     """Image points as clicks: of the simulation, so with the errors that their standard deviations tell."""
     block, m = orientation.block, orientation.block.image_points
     rows = np.flatnonzero((m.point == point) & m.active & orientation.oriented[m.image])
     return [Click(str(block.images.id[m.image[k]]), m.xy[k], m.sigma_mm[k]) for k in rows]
 
 
-def _of_many_rays(orientation: Orientation, least: int) -> list[int]:
+def _of_many_rays(orientation: RunOrientation, least: int) -> list[int]:
     ties = np.setdiff1d(np.arange(len(orientation.block.points)), orientation.block.ground_points.point)
     return [int(k) for k in ties if len(_clicks(orientation, int(k))) >= least][:8]
 
 
-def test_a_point_of_the_run_is_where_it_was_measured(orientation: Orientation) -> None:
+def test_a_point_of_the_run_is_where_it_was_measured(orientation: RunOrientation) -> None:
     t = []
     for point in _of_many_rays(orientation, 3):
         name = str(orientation.block.points.id[point])
@@ -59,7 +59,7 @@ def test_a_point_of_the_run_is_where_it_was_measured(orientation: Orientation) -
     assert 0.8 < np.mean(t) < 2.4  # residuals of an adjustment, which has taken up some of the errors
 
 
-def test_of_two_clicks_the_others_follow_within_their_ellipses(orientation: Orientation) -> None:
+def test_of_two_clicks_the_others_follow_within_their_ellipses(orientation: RunOrientation) -> None:
     t = []
     for point in _of_many_rays(orientation, 4):
         first, second, *others = _clicks(orientation, point)
@@ -73,7 +73,7 @@ def test_of_two_clicks_the_others_follow_within_their_ellipses(orientation: Orie
     assert 0.3 < np.mean(t) < 3.5  # chi-square with 2, less where poses that are taken as independent err alike
 
 
-def test_a_wrong_click_is_told_by_its_test_and_good_ones_are_not(orientation: Orientation) -> None:
+def test_a_wrong_click_is_told_by_its_test_and_good_ones_are_not(orientation: RunOrientation) -> None:
     called_wrong = 0
     points = _of_many_rays(orientation, 4)
     for point in points:
@@ -89,7 +89,7 @@ def test_a_wrong_click_is_told_by_its_test_and_good_ones_are_not(orientation: Or
     assert called_wrong <= 1
 
 
-def test_one_click_tells_along_its_ray(orientation: Orientation) -> None:
+def test_one_click_tells_along_its_ray(orientation: RunOrientation) -> None:
     point = _of_many_rays(orientation, 3)[0]
     first, *others = _clicks(orientation, point)
     there = orientation.places("not in the run", [first], None)
@@ -99,7 +99,7 @@ def test_one_click_tells_along_its_ray(orientation: Orientation) -> None:
         assert there[click.image].t is None
 
 
-def test_control_without_a_click_is_found_by_its_coordinates(orientation: Orientation) -> None:
+def test_control_without_a_click_is_found_by_its_coordinates(orientation: RunOrientation) -> None:
     block = orientation.block
     for k, point in enumerate(block.ground_points.point.tolist()):
         g = block.ground_points
