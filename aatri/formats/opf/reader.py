@@ -28,6 +28,7 @@ from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import rotation_from_angles
+from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "export the project again"
@@ -133,7 +134,18 @@ def _input_cameras(
             name = _named(document, ("captures", i, "reference_camera_id"), name_of)
             key = document.get(int, "captures", i, "id")
             positions.append(_located(document, ("captures", i, "geolocation"), name, key))
+    _name_what_is_not_read(project, document)
     return sensor_of, _sensors(document, sizes, {}, {*sensor_of.values()}), positions
+
+
+def _name_what_is_not_read(project: OpfProject, document: JsonText) -> None:
+    """Attitudes and rigs: no public project proves their conventions."""
+    turned = [str(c.get("id")) for c in document.get(list, "captures") if "orientation" in c]
+    mounted = [str(s.get("id")) for s in document.get(list, "sensors") if "rig_relatives" in s]
+    if turned:
+        project.notes.append(f"orientations of {len(turned)} captures are not read: {shown(turned)}")
+    if mounted:
+        project.notes.append(f"mounts of {len(mounted)} sensors on others are not read: {shown(mounted)}")
 
 
 def _sensors(

@@ -87,6 +87,19 @@ def test_what_the_project_has_projected_is_taken_before_its_systems(tmp_path: Pa
         read_opf(folder)
 
 
+def test_attitudes_and_mounts_are_named_as_not_read(tmp_path: Path) -> None:
+    folder = written(tmp_path / "p")
+    path = folder / "input-cameras.json"
+    stated = json.loads(path.read_text())
+    angles = {"angles_deg": [0.0, 0.0, 0.0], "sigmas_deg": [5.0, 5.0, 5.0]}
+    stated["captures"][0]["orientation"] = {"type": "yaw_pitch_roll", **angles}
+    stated["sensors"][0]["rig_relatives"] = {"rotation": angles}
+    path.write_text(json.dumps(stated))
+    assert read_opf(folder).notes[1:] == [
+        "orientations of 1 captures are not read: 0", "mounts of 1 sensors on others are not read: 1"
+    ]  # fmt: skip
+
+
 def test_a_geoid_height_raises_to_the_ellipsoid(tmp_path: Path) -> None:
     above = ('"EPSG:32650"', '"EPSG:32650+5773", "geoid_height": 7.5')
     folder = written(tmp_path / "p", input_control_points=above)
