@@ -23,6 +23,7 @@ from aatri.observations.observed import NEARLY_EXACT, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.exact_coordinates import softened
 from aatri.orientation.bundle.blunders.rejections import DOUBT
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import labels
@@ -169,7 +170,7 @@ class _Attribution:
         block: BundleInput = from_result(self.tried.block, self.tried.result)
         observed = list(self.records.without(block.observed, use))
         for place, sigma in soft.items():
-            observed[place] = _softened(observed[place], sigma)
+            observed[place] = softened(observed[place], sigma)
         block = replace(block, observed=tuple(observed))
         return replace(self.tried, block=block, result=self.adjust(block, AdjustOptions()), active=use)
 
@@ -197,17 +198,6 @@ def _gains(tried: TestedBlock, place: int, records: AllRecords) -> Float:
     rows = np.flatnonzero(found.used & records.split(records.native)[place])
     gain[rows] = gains_of(found, tried.result.adjusted.state, rows)
     return gain
-
-
-def _softened(o: Observed, sigma_m: float) -> Observed:
-    """Exact coordinates as observed ones, so that they have residuals."""
-    if o.holds is None or not sigma_m > 0:
-        return o
-    whitener = o.records.whitener if o.records.whitener.ndim == 3 else o.records.whitener[:, :, None] * np.eye(3)
-    whitener = whitener.copy()
-    row, component = np.nonzero(o.holds.scalar)
-    whitener[row, component, component] = 1.0 / sigma_m
-    return replace(o, records=replace(o.records, whitener=whitener), holds=None)
 
 
 def is_ray(o: Observed) -> bool:

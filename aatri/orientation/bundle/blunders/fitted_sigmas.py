@@ -39,12 +39,15 @@ class FittedSigmas(Rejections):
         Those in use.
     tails : tuple of Tail
         Of each class, by the last adjustment.
+    smeared : bool
+        Something is far out of the standard deviations that would fit, so that nobody knows which fit.
     """
 
     def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions) -> None:
         super().__init__(block, options)
         self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(block)
         self.tails: tuple[Tail, ...] = ()
+        self.smeared = False
 
     def _with_fitting_sigmas(self, tried: TestedBlock) -> TestedBlock:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
@@ -53,7 +56,8 @@ class FittedSigmas(Rejections):
             if not (tried.small or self._harmful(tried, tried.active)):
                 asked = self.scaling.classes.of_small_kinds(asked, tried.result)
             scaling, by = self.scaling.after(asked)
-            if self._harmful(tried, tried.active, self._of_classes(by)):
+            self.smeared = self._harmful(tried, tried.active, self._of_classes(by))
+            if self.smeared:
                 break
             self._rescale(scaling, by, from_result(self.block, tried.result))
             if (by == 1.0).all():

@@ -7,7 +7,8 @@
    fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
 3. Adjust by least squares without it; of what is above the limit the clearest goes, at points by all that touch them;
    then what fits the block after all comes back (`adjustment.statistics.search`); until nothing changes.
-4. What is out of other kinds than rays is tried against the others of its kind (`attribution_in_kind`).
+4. Exact coordinates are tested (`exact_coordinates`); without the worst the search goes on.
+5. What is out of other kinds than rays is tried against the others of its kind (`attribution_in_kind`).
 
 The limit counts the tests, and knows the tails of the errors (`fitted_sigmas`).
 
@@ -33,7 +34,8 @@ from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind, is_ray
-from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS, MOST_SCALINGS, FittedSigmas
+from aatri.orientation.bundle.blunders.exact_coordinates import ExactCoordinates, Searched, exact_notes
+from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS, MOST_SCALINGS
 from aatri.orientation.bundle.blunders.other_numbers import other_numbers
 from aatri.orientation.bundle.blunders.points import well_intersected
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions, robust
@@ -79,7 +81,7 @@ def search(
     return _Search(block, adjust, options, tolerance).run(squares)
 
 
-class _Search(FittedSigmas):
+class _Search(ExactCoordinates):
     """The steps of a search."""
 
     def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
@@ -102,15 +104,15 @@ class _Search(FittedSigmas):
             self.block = replace(self.block, observed=self.all.without(self.block.observed, active))
             start, failure = self._first(active)
             start = None if start is None else self._with_fitting_sigmas(start)
-        harmful = start is None or (self._harmful(start, active) and not start.small)
+        harmful = start is None or ((self.smeared or self._harmful(start, active)) and not start.small)
         if self.options.method == "robust_snooping" and harmful:
             active = self._from_robust(active, start)
-            start = self._with_fitting_sigmas(self._solve(None, active))
+            start = self._with_fitting_sigmas(self.solve(None, active))
         elif start is None and failure is not None:
             raise failure
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
-        tried, use, swapped = self._searched(start, active)
+        (tried, use, swapped), wrong = self.without_wrong_exact(self.searched(start, active))
         exchanged = self._rows_of(swapped)
         turn = attributed_in_kind(tried, self.undecided & ~use, exchanged, self.all, self.adjust)
         tried, use = turn.tried, turn.tried.active
@@ -127,6 +129,7 @@ class _Search(FittedSigmas):
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
             *self._tail_notes(),
             *findings(tried.block, self.all, told, self.options),
+            *exact_notes(self.all, wrong & use),
             *turn.notes,
         )
         pairs = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
@@ -134,7 +137,7 @@ class _Search(FittedSigmas):
             *self._with_sigmas_of_the_result(tried),
             notes,
             self.all.keys(undecided),
-            self.all.keys(above | doubtful | doubted | turn.kept),
+            self.all.keys(above | doubtful | doubted | turn.kept | (wrong & use)),
             tuple((a, b) for a, b in pairs),
             renumbered,
             self.scaling.main_factor if self.options.sigmas == "estimated" else 1.0,
@@ -144,12 +147,12 @@ class _Search(FittedSigmas):
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
         return self.all.native & ~active & (self._of_classes(self.scaling.factor) > 1.0)
 
-    def _searched(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool, tuple[Swap, ...]]:
+    def searched(self, start: TestedBlock, active: Bool) -> Searched:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
         first = start
 
         def solve(before: TestedBlock | None, use: Bool, _: float) -> TestedBlock:
-            return self._solve(before or first, use)
+            return self.solve(before or first, use)
 
         while True:
             found = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
@@ -262,7 +265,7 @@ class _Search(FittedSigmas):
         use[full] = active[full]
         use[without] = False
         try:
-            tried = self._solve(None, use)
+            tried = self.solve(None, use)
         except (GeometryError, ConvergenceError):
             return False
         return not self._harmful(tried, use)
@@ -276,7 +279,7 @@ class _Search(FittedSigmas):
         xyz[points] = self.block.xyz_m[points]
         return replace(moved, xyz_m=xyz)
 
-    def _solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
+    def solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
         if before is not None and (use == before.active).all() and self._converged(before.result):
             return before
         block = self.block if before is None else from_result(self.block, before.result)

@@ -1,0 +1,136 @@
+"""Exact coordinates are tested too: held exactly they have no residual, and a wrong one bends the block unseen.
+
+For the test they are observed with `SOFT` of the standard deviation of new points. That is small beside what the other
+observations say of them, so that |w| is nearly that of the Lagrange multiplier of the condition that holds them,
+
+    w = lambda / sigma_lambda,    sigma_lambda^2 = 1 / q,    q the variance of the coordinate without the condition
+
+and the block is nearly the same.
+
+Where all disagree they are not exact: what is gross must stand out of the others as well, by `scale_of` their tests.
+
+Source: Teunissen 2000, Testing Theory, 3 (conditions as observations without variance).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.rejection import room_left
+from aatri.arrays import Bool, Float
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.fitted_sigmas import FittedSigmas
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.search_notes import labels
+from aatri.orientation.bundle.blunders.swaps import Swap
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock
+from aatri.orientation.bundle.result import from_result
+
+SOFT = 0.3
+"""Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
+
+MEDIAN = 1.26
+"""Median of the largest of three normal errors, of either sign."""
+
+
+Searched = tuple[TestedBlock, Bool, tuple[Swap, ...]]
+"""What a search ends with: the block, what is active, exchanged numbers."""
+
+
+class ExactCoordinates(FittedSigmas):
+    """A search that knows exact coordinates."""
+
+    def without_wrong_exact(self, found: Searched) -> tuple[Searched, Bool]:
+        """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
+
+        One after the other goes, the worst first. What then is not clear of the others comes back: they are not exact.
+        """
+        limit, out, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(found[1])
+        while found[0].result.adjusted.has_factor:
+            tried, use, swapped = found
+            test = tests_of_exact(tried, self.all, self.adjust)
+            wrong = test > limit
+            worst = int(np.nanargmax(test)) if wrong.any() else -1
+            if worst < 0 or room_left(self.snooping, self.pool, use)[self.pool.source[worst]] < 1:
+                unclear = out[tried.test[out] <= limit * scale_of(test)]
+                if len(unclear):
+                    use = use.copy()
+                    use[unclear], wrong[unclear] = True, True
+                    found = self.solve(tried, use), use, swapped
+                break
+            less = use.copy()
+            less[worst] = False
+            try:
+                found = self.searched(self._with_fitting_sigmas(self.solve(tried, less)), less)
+            except (GeometryError, ConvergenceError):
+                break
+            if found[1][worst]:
+                break
+            out = np.append(out, worst)
+        return found, wrong & found[1]
+
+    def searched(self, start: TestedBlock, active: Bool) -> Searched:
+        """Search."""
+        raise NotImplementedError
+
+    def solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
+        """Adjust."""
+        raise NotImplementedError
+
+
+def tests_of_exact(tried: TestedBlock, records: AllRecords, adjust: Adjust) -> Float:
+    """Tests of the records in use that are held exactly, (n,); NaN for all others.
+
+    Parameters
+    ----------
+    tried : TestedBlock
+        Adjusted, with covariances.
+    records : AllRecords
+    adjust : callable
+    """
+    held = [o.holds is not None for o in tried.block.observed]
+    variance = np.diagonal(tried.result.point_covariance_m2, axis1=1, axis2=2)
+    new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
+    none = np.full(len(records.native), np.nan)
+    if not any(held) or not new.any():
+        return none
+    sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
+    block = from_result(tried.block, tried.result)
+    block = replace(block, observed=tuple(softened(o, sigma_m) for o in block.observed))
+    soft = replace(tried, block=block, result=adjust(block, AdjustOptions(coarse=True)))
+    exact = np.concatenate([np.full(len(o), is_held) for o, is_held in zip(tried.block.observed, held)])
+    return np.where(exact & tried.active, soft.test, none)
+
+
+def scale_of(test: Float) -> float:
+    """Scale of some tests, each the largest of a record's three components, robustly; 1 and more."""
+    known = test[np.isfinite(test)]
+    return max(1.0, float(np.median(known)) / MEDIAN) if len(known) else 1.0
+
+
+def exact_notes(records: AllRecords, wrong: Bool) -> list[Note]:
+    """Exact coordinates that contradict the block and stay."""
+    return [
+        Note(
+            "warning",
+            f"{o.kind}: exact coordinates contradict the block by more than chance explains, and are used; if they are "
+            "not exact, give their standard deviations",
+            labels(o, part),
+        )
+        for o, part in zip(records.observed, records.split(wrong))
+        if part.any()
+    ]
+
+
+def softened(o: Observed, sigma_m: float) -> Observed:
+    """Exact coordinates as observed ones, so that they have residuals."""
+    if o.holds is None or not sigma_m > 0:
+        return o
+    whitener = o.records.whitener if o.records.whitener.ndim == 3 else o.records.whitener[:, :, None] * np.eye(3)
+    whitener = whitener.copy()
+    row, component = np.nonzero(o.holds.scalar)
+    whitener[row, component, component] = 1.0 / sigma_m
+    return replace(o, records=replace(o.records, whitener=whitener), holds=None)

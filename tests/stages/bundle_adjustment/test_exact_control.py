@@ -1,0 +1,53 @@
+"""Control without standard deviations: a wrong point is found, right ones stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.codes import CONTROL
+from tests.stages.chain import run_chain, simulated
+
+
+def _block(*, survey_m: float, wrong_m: float = 0.0) -> Block:
+    """Exact control with errors of a survey, the height of the first wrong by more."""
+    known = {"full": 8, "check_full": 4}
+    block = simulated(
+        3, preset="uav", flight={"strips": 3, "images_per_strip": 5}, known=known, gnss={"observed": False}
+    )
+    ground, rng = block.ground_points, np.random.default_rng(5)
+    rows = np.flatnonzero((ground.role == CONTROL).any(axis=1))
+    assert block.true_points is not None
+    xyz, covariance = ground.xyz_m.copy(), ground.covariance_m2.copy()
+    xyz[rows] = block.true_points.xyz_m[ground.point[rows]] + survey_m * rng.standard_normal((len(rows), 3))
+    xyz[rows[0], 2] += wrong_m
+    covariance[rows] = 0.0
+    return replace(block, ground_points=replace(ground, xyz_m=xyz, covariance_m2=covariance))
+
+
+def _left_out(solution: Solution) -> list[str]:
+    suspects = solution.suspects
+    assert suspects is not None
+    gone = (suspects.kind == "control") & np.isin(suspects.verdict, ("rejected", "undecidable"))
+    return sorted(set(suspects.point[gone].tolist()))
+
+
+@pytest.mark.parametrize(("wrong_m", "factor"), [(0.0, 1.0), (0.4, 1.0), (0.4, 8.0)])
+def test_the_wrong_one_goes_and_no_other(wrong_m: float, factor: float) -> None:
+    """Also where the standard deviations of image points are eight times too large."""
+    block = _block(survey_m=0.0, wrong_m=wrong_m)
+    points = block.image_points
+    block = replace(block, image_points=replace(points, sigma_mm=points.sigma_mm * factor))
+    ground = block.ground_points
+    first = ground.point[np.flatnonzero((ground.role == CONTROL).any(axis=1))[0]]
+    solution = run_chain(block).bundle
+    assert _left_out(solution) == ([str(block.points.id[first])] if wrong_m else [])
+
+
+def test_points_that_are_nearly_exact_stay() -> None:
+    """Errors of the survey of half of what the images see."""
+    assert _left_out(run_chain(_block(survey_m=0.01)).bundle) == []
