@@ -140,12 +140,9 @@ def _input_cameras(
 
 def _name_what_is_not_read(project: OpfProject, document: JsonText) -> None:
     """Attitudes and rigs: no public project proves their conventions."""
-    turned = [str(c.get("id")) for c in document.get(list, "captures") if "orientation" in c]
-    mounted = [str(s.get("id")) for s in document.get(list, "sensors") if "rig_relatives" in s]
-    if turned:
-        project.notes.append(f"orientations of {len(turned)} captures are not read: {shown(turned)}")
-    if mounted:
-        project.notes.append(f"mounts of {len(mounted)} sensors on others are not read: {shown(mounted)}")
+    for table, key, what in (("captures", "orientation", "orientations"), ("sensors", "rig_relatives", "mounts")):
+        if ids := [str(row.get("id")) for row in document.get(list, table) if key in row]:
+            project.notes.append(f"{what} of {len(ids)} {table} are not read: {shown(ids)}")
 
 
 def _sensors(

@@ -96,7 +96,7 @@ def test_attitudes_and_mounts_are_named_as_not_read(tmp_path: Path) -> None:
     stated["sensors"][0]["rig_relatives"] = {"rotation": angles}
     path.write_text(json.dumps(stated))
     assert read_opf(folder).notes[1:] == [
-        "orientations of 1 captures are not read: 0", "mounts of 1 sensors on others are not read: 1"
+        "orientations of 1 captures are not read: 0", "mounts of 1 sensors are not read: 1"
     ]  # fmt: skip
 
 
