@@ -156,6 +156,10 @@ def new(
             help="Files or folders of another program, recognised by their content.",
         ),
     ] = None,
+    lens_misfit: Annotated[
+        float | None,
+        typer.Option(min=0, help="With --from: largest misfit, px, of a distortion that is none of aatri's."),
+    ] = None,
     plugin: Annotated[
         str | None,
         typer.Option(
@@ -178,7 +182,7 @@ def new(
     if sources:
         from aatri.cli.new_from import pipeline_from
 
-        text = pipeline_from(sources, folder)
+        text = pipeline_from(sources, folder, lens_misfit_px=lens_misfit)
     else:
         text = _text(block, folder, path)
     files = {written: text}

@@ -64,7 +64,7 @@ OF_STRIPS = f"""\
 """
 
 
-def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
+def pipeline_from(paths: Sequence[Path], folder: Path, *, lens_misfit_px: float | None = None) -> str:
     """The text of a pipeline for some files and folders; what was found is told.
 
     Parameters
@@ -72,6 +72,8 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     paths : sequence of Path
     folder : Path
         Where the pipeline will be: paths are relative to it.
+    lens_misfit_px : float, optional
+        Largest misfit of a distortion that is none of aatri's; None: the least that needs no leave.
 
     Raises
     ------
@@ -84,7 +86,8 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
     from aatri.formats.parts.format import Reading
     from aatri.formats.registry.sources import read_all
 
-    sources, parts = read_all(paths, Reading(), NARRATED)
+    said = {} if lens_misfit_px is None else {"lens_misfit_px": lens_misfit_px}
+    sources, parts = read_all(paths, Reading.model_validate(said), NARRATED)
     alone = len(sources) == 1 and bool(sources[0].format.stage)
     if not parts:
         return _text(sources, folder, _with(OF_STRIPS, []))
@@ -105,7 +108,8 @@ def pipeline_from(paths: Sequence[Path], folder: Path) -> str:
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
     observed = (block.exterior.position_use == OBSERVED_VALUE).any()
     positions = len(block.exterior) and any("positions" in s.format.carries for s in sources)
-    return _text(sources, folder, stages, may_be_observed=bool(positions and not observed))
+    hint = MAY_BE_OBSERVED if positions and not observed else ""
+    return _text(sources, folder, stages, hint, "".join(f", {key}: {value:g}" for key, value in said.items()))
 
 
 def _check_enough(block: Block, where: str) -> None:
@@ -188,21 +192,21 @@ def _with(stages: str, options: Sequence[str]) -> str:
     return stages.replace("{with}", f", with: {{{', '.join(options)}}}" if options else "")
 
 
-def _text(sources: Sequence[Recognised], folder: Path, stages: str, *, may_be_observed: bool = False) -> str:
-    """The pipeline with the line that reads the block; `may_be_observed`: its start positions may be measured ones."""
+def _text(sources: Sequence[Recognised], folder: Path, stages: str, hint: str = "", said: str = "") -> str:
+    """The pipeline with the line that reads the block; a hint on its options, and what is said of each source."""
     named = [(s, json.dumps(path_from(s.path, folder), ensure_ascii=False)) for s in sources]
     if len(sources) == 1 and sources[0].format.stage:
         block = f"  block:    {{use: {sources[0].format.stage}, with: {{path: {named[0][1]}}}}}\n"
     else:
         lines = "".join(
-            f"        - {{path: {path}, format: {s.format.name}}}   # {s.format.title}\n" for s, path in named
+            f"        - {{path: {path}, format: {s.format.name}{said}}}   # {s.format.title}\n" for s, path in named
         )
         block = (
             "  block:\n    use: block/combined\n    with:\n"
             "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
             "      image_sigma_px: 1.0\n"
             "      control_sigma: [0.0, 0.0, 0.0]     # m, of control without a standard deviation; 0 is exact\n"
-            f"{MAY_BE_OBSERVED * may_be_observed}"
+            f"{hint}"
             "      sources:                           # the first with images says which there are\n" + lines
         )
     count = f"{len(sources)} source{'s' * (len(sources) != 1)}"

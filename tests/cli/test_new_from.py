@@ -59,6 +59,14 @@ def test_sources_may_be_named_one_by_one(tmp_path: Path) -> None:
     assert "2 sources" in (tmp_path / "mine" / "pipeline.yaml").read_text()
 
 
+def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, shared_data: Path) -> None:
+    source = shared_data / "interchange" / "micmac" / "Ori-MMV1"
+    refused = invoked("new", tmp_path / "mine", "--from", source)
+    assert "`--lens-misfit 0.07`" in refused.stderr
+    allowed = invoked("new", tmp_path / "mine", "--from", source, "--lens-misfit", "0.07")
+    assert "7 images, but no image points" in allowed.stderr
+
+
 def test_what_is_missing_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     folder = write_project(tmp_path / "odm")
     result = invoked("new", tmp_path / "mine", "--from", folder / "reconstruction.json")

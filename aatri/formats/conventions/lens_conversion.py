@@ -114,9 +114,8 @@ def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: 
     text = f"{what} {fit.misfit_px:.2g} px"
     if not fit.misfit_px <= allowed_px:
         allowed = math.ceil(100 * fit.misfit_px) / 100
-        remedy = (
-            f"say `lens_misfit_px: {allowed:g}` at the source or export, or take image points freed from distortion"
-        )
+        remedy = f"`--lens-misfit {allowed:g}` (in a pipeline `lens_misfit_px: {allowed:g}` beside the path) takes it; "
+        remedy += "or take image points freed from distortion"
         raise InputError(f"{text}, more than {allowed_px:g} px", where=lens.where, remedy=remedy)
     reporter.log(text)
 
