@@ -56,9 +56,9 @@ class Records:
     projectors (n, 7, 7). Absent: what their derivatives say, which have a share that grows with the residuals where a
     shape is turned or scaled with its points."""
 
-    normal: Callable[[State], tuple[Float, Float]] | None = None
-    """State -> J'J and J'v of its only record of weight 1, over all that it touches, where they are known without a
-    product."""
+    normal: Callable[[State], tuple[Float, Float, float]] | None = None
+    """State -> J'J, J'v and v'v of its only record of weight 1, over all that it touches, where they are known without
+    a product."""
 
     def called(self, row: int) -> str:
         """What messages call a record."""

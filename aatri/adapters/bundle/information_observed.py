@@ -168,7 +168,7 @@ def _observed(
             np.repeat(J[None], len(rows), 0) for J in jacobians
         )
 
-    def normal(state: State) -> tuple[Float, Float]:
+    def normal(state: State) -> tuple[Float, Float, float]:
         d, D = differences(state)
         total, gradient, whole = np.zeros((place[-1], place[-1])), np.zeros(place[-1]), N @ d + right
         column = np.concatenate([place[k] + b.scalar for k, b in enumerate(blocks)])
@@ -181,7 +181,7 @@ def _observed(
                 total[:, own] = total[:, own] @ of
                 total[own] = of.T @ total[own]
                 gradient[own] = of.T @ gradient[own]
-        return total, gradient
+        return total, gradient, float(d @ whole + d @ right + h @ h)
 
     touches = tuple((b.group, np.array([b.row], dtype=np.int32)) for b in blocks)
     records = Records(INFORMATION, touches, evaluate, np.ones((1, len(W))), np.ones(1, dtype=bool), normal=normal)

@@ -27,7 +27,7 @@ def kept_covariances(
     found: Float,
     gains: Gains | None = None,
 ) -> None:
-    """Those of the kept records of a node, into `found`.
+    """Those of the kept records of a node, into `found`; of records that bring normal equations the variances alone.
 
     Parameters
     ----------
@@ -47,7 +47,10 @@ def kept_covariances(
         some = slice(first, min(first + CHUNK, int(kept.first[k + 1])))
         row = row_of[part_columns(kept.parts, problem.layout, some)]
         K = S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
-        found[kept.rows[some]] = A[some] @ K
+        if kept.records.normal is None:
+            found[kept.rows[some]] = A[some] @ K
+        else:  # very many rows
+            found[kept.rows[some]] = np.einsum("nik,nki->ni", A[some], K)[:, :, None] * np.eye(kept.records.rows)
         if gains is not None:
             take_gains(gains, kept.rows[some], np.where((row >= 0)[:, :, None], K, 0.0))
 

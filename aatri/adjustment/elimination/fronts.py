@@ -58,24 +58,23 @@ def _add_large(
 ) -> float:
     """`add_records` for records of very many rows that touch no unknown twice."""
     F, g, d = front
-    p, cost, normal = records.parts, 0.0, records.records.normal
+    p, total, of = records.parts, 0.0, records.records
     for r in chosen:
         used = np.flatnonzero(records.loc[r] >= 0)
         used = used[np.argsort(records.loc[r][used])]
         row = np.concatenate([records.loc[r, k] + np.arange(p.size[k]) for k in used])
         column = np.concatenate([p.start[k] + np.arange(p.size[k]) for k in used])
-        if normal is None:
+        if of.normal is None:
             J = A[r][:, column]
-            N, right = J.T @ J, J.T @ v[r]
+            N, right, cost, weight = J.T @ J, J.T @ v[r], float(v[r] @ v[r]), 1.0
         else:
-            weight = float(records.records.active[0]) * records.records.whitener[0, 0] ** 2
-            N, right = normal(state)
-            N, right = weight * N[np.ix_(column, column)], weight * right[column]
-        F[np.ix_(row, row)] += np.tril(N)  # the rows ascend, so that this is below the diagonal
-        g[row] += right
-        d[row] += np.diagonal(N)
-        cost += float(v[r] @ v[r])
-    return cost
+            N, right, cost = of.normal(state)
+            N, right, weight = N[np.ix_(column, column)], right[column], float(of.active[0] * of.whitener[0, 0] ** 2)
+        F[np.ix_(row, row)] += weight * np.tril(N)  # the rows ascend, so that this is below the diagonal
+        g[row] += weight * right
+        d[row] += weight * np.diagonal(N)
+        total += weight * cost
+    return total
 
 
 class _Room:
@@ -125,7 +124,11 @@ class Work:
         self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
         self._direct(state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
-        self.kept = [(k, *side_by_side(k, problem.layout, state)) for k in problem.kept]
+        nothing = np.zeros((0, 0)), np.zeros((0, 0, 0))
+        self.kept = [
+            (k, *(side_by_side(k, problem.layout, state) if k.records.normal is None else nothing))
+            for k in problem.kept
+        ]
         self.cost[-1] += sum(excess(k.records, v) for k, v, _ in self.kept)
 
     def _direct(self, state: State) -> None:
@@ -153,7 +156,7 @@ class Work:
             first, last = int(records.first[k]), int(records.first[k + 1])
             if last > first:
                 p = records.parts
-                if v.shape[1] < LARGE_RECORD:
+                if records.records.rows < LARGE_RECORD and records.records.normal is None:
                     self.cost[k] += add_records(first, last, v, A, records.loc, p.size, p.start, F, g, d)
                 else:
                     self.cost[k] += _add_large(range(first, last), v, A, records, self.state, (F, g, d))
