@@ -28,10 +28,10 @@ from aatri.pipeline.run.workers import begin_worker, processes_of_a_stage
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import Cache
 from aatri.pipeline.store.inside import on_disk
+from aatri.pipeline.store.objects import ITEMS
 from aatri.progress import Item, Reporter, loaded
 from aatri.tables import hdf5
 
-ITEMS = "items"
 KEY_DIGITS = 32
 AHEAD = 2
 """Items handed out for each process: one under way, one that waits."""
@@ -82,7 +82,13 @@ class ItemStore:
         """
         code = _code_of(function)
         kept = [KeptItem(self._base, self._stage, _key(code, item), kind) for item in items]
-        missing = [k for k, one in enumerate(kept) if not one.is_whole()]
+        missing = []
+        for k, one in enumerate(kept):
+            if one.is_whole():
+                with on_disk(self._base):
+                    inside.file_path(self._base, *one.names).touch()  # in use, see `store.gc`
+            else:
+                missing.append(k)
         if missing:
             reporter.log(f"{what}: {len(items) - len(missing)} of {len(items)} are there already")
             with on_disk(self._base):

@@ -2,12 +2,16 @@
 
 What is current, or was last, in the run or any of its variants stays; of the others of each stage the latest few, and
 those not old enough. A result's record goes first, so that a crash leaves no record without its artifact.
+
+Of single items (`run.items`), whose files bear the time of their last use, those go that have not been used since the
+oldest result of their stage that stays was begun. A stage without any result may be under way: its items stay, but for
+those older than is asked for.
 """
 
 import contextlib
 import datetime
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,17 +19,18 @@ from typing import Any
 from aatri.errors import ArtifactError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import VARIANTS, on_disk
-from aatri.pipeline.store.objects import OBJECTS, RECORD, base_of
+from aatri.pipeline.store.objects import ITEMS, OBJECTS, RECORD, base_of
 from aatri.pipeline.store.records import ARTIFACT, read_record
 
 _KEY = re.compile("[0-9a-f]{12}")
+_ITEM = re.compile("[0-9a-f]{32}[.]h5")
 OURS = (ARTIFACT, RECORD, "stage.log")
 """Files of a result: a folder with others is somebody's, and stays."""
 
 
 @dataclass(frozen=True)
 class Garbage:
-    """A result that may go: its folder, when it was made, and how large it is in bytes."""
+    """A result or item that may go: its folder or file, when it was made or last used, and how large it is in bytes."""
 
     stage: str
     key: str
@@ -57,13 +62,42 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
         for one in sorted(others, key=lambda g: (g.ended, g.key), reverse=True)[keep:]:
             if older_days is None or _age_days(one, now) > older_days:
                 removable.append(one)
+    gone = {one.folder for one in removable}
+    for stage in inside.names_in(base, ITEMS):
+        if inside.kind(base, ITEMS, stage) == "folder":
+            items = _unused_items(base, stage, gone, now if older_days is not None else None)
+            removable += [one for one in items if older_days is None or _age_days(one, now) > older_days]
     return removable
+
+
+def _unused_items(
+    base: Path, stage: str, gone: Collection[Path], else_before: datetime.datetime | None
+) -> list[Garbage]:
+    """Items not used since the oldest result of their stage that does not go was begun; without any, since a time."""
+    begun = []
+    for key in inside.names_in(base, OBJECTS, stage):
+        if inside.path_of(base, OBJECTS, stage, key) not in gone:
+            with contextlib.suppress(ArtifactError):
+                record = read_record(base, OBJECTS, stage, key, RECORD)
+                begun += [datetime.datetime.fromisoformat(record["started"])] if record is not None else []
+    before, items = min(begun, default=else_before), []
+    for name in inside.names_in(base, ITEMS, stage) if before is not None else ():
+        if _ITEM.fullmatch(name) and inside.kind(base, ITEMS, stage, name) == "file":
+            path = inside.path_of(base, ITEMS, stage, name)
+            used = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
+            if before is not None and used < before:
+                items.append(Garbage(stage, path.stem, path, used.isoformat(timespec="seconds"), path.stat().st_size))
+    return items
 
 
 def remove(run: Path, results: list[Garbage]) -> None:
     """Remove results; the record first."""
     base = base_of(run)
     for one in results:
+        if one.folder.suffix:
+            with on_disk(one.folder.parent):
+                inside.remove(base, ITEMS, one.stage, one.folder.name)
+            continue
         at = (OBJECTS, one.stage, one.key)
         with on_disk(one.folder):
             inside.remove(base, *at, RECORD)

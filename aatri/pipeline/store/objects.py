@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 A = TypeVar("A", bound="Artifact")
 
-OBJECTS, RECORD = "objects", "record.json"
+OBJECTS, ITEMS, RECORD = "objects", "items", "record.json"
 
 
 def base_of(run: Path) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,10 @@ import pytest
 from aatri.artifacts.features import MatchedKeypoints, Matches
 from aatri.errors import InputError
 from aatri.pipeline.run.items import ItemStore
+from aatri.pipeline.store.gc import garbage, remove
 from aatri.progress import SILENT, Item
+from tests.made_up_stages import write_pipeline
+from tests.pipeline.made_runs import run
 
 MADE = "made.txt"
 
@@ -55,3 +60,31 @@ def test_a_damaged_item_is_made_again_and_an_error_names_its_item(tmp_path: Path
     with pytest.raises(InputError, match="below zero") as caught:
         store.results(squares, _items(log, [-1]), Matches, "numbers", SILENT)
     assert "number -1" in str(caught.value)
+
+
+def test_items_that_no_kept_result_has_used_are_garbage(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write_pipeline(tmp_path, "  r: {use: source/random}\n")
+    log, store = tmp_path / MADE, ItemStore(out, "r")
+    run(tmp_path / "pipeline.yaml")
+    old, used = store.results(squares, _items(log, [3, 4]), Matches, "numbers", SILENT)
+    for one in (old, used):
+        os.utime(out / Path(*one.names), (1e9, 1e9))  # made for a result that is gone
+    store.results(squares, _items(log, [4]), Matches, "numbers", SILENT)
+    now = datetime.datetime.now(datetime.UTC)
+    (one,) = garbage(out, 2, None, now)
+    assert one.folder == out / Path(*old.names)
+    assert garbage(out, 2, 1e5, now) == []
+    remove(out, [one])
+    assert [p.name for p in (out / "items" / "r").iterdir()] == [used.names[-1]]
+
+
+def test_items_of_a_stage_without_a_result_stay_until_they_are_old(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write_pipeline(tmp_path, "  r: {use: source/random}\n")
+    run(tmp_path / "pipeline.yaml")
+    (kept,) = ItemStore(out, "killed").results(squares, _items(tmp_path / MADE, [3]), Matches, "numbers", SILENT)
+    os.utime(out / Path(*kept.names), (1e9, 1e9))
+    now = datetime.datetime.now(datetime.UTC)
+    assert garbage(out, 0, None, now) == []
+    assert [one.stage for one in garbage(out, 0, 30, now)] == ["killed"]
