@@ -18,23 +18,22 @@ STRONG = 0.9
 
 def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
     """Print the parameters of cameras and sets of the last Solution that has any; those of film images are counted."""
-    solutions = [r["stage"] for r in records if r.get("output", {}).get("kind") == "Solution"]
-    if not solutions:
+    solutions = [r for r in records if r.get("output", {}).get("kind") == "Solution"]
+    if not solutions or not solutions[-1]["output"].get("rows", {}).get("parameters", 1):
         return
+    stage = solutions[-1]["stage"]
     from aatri.artifacts.solution import Solution
     from aatri.errors import AatriError
     from aatri.pipeline.store import run_folder as store
-    from aatri.tables.hdf5 import read_header
+    from aatri.tables.hdf5 import read
 
     try:
-        header = read_header(store.artifact_path(run, solutions[-1]))
-        if not header["tables"].get("parameters", {}).get("rows"):
-            return
-        solution = store.load(run, solutions[-1], Solution)
+        shown = ("parameters", "parameter_covariances", "calibrated_sets")
+        solution = read(store.artifact_path(run, stage), Solution, shown)
     except AatriError as error:
         narrate(f"warning: {error}")
         return
-    say_parameters(solutions[-1], solution)
+    say_parameters(stage, solution)
 
 
 def say_parameters(stage: str, solution: Solution) -> None:

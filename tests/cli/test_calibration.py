@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from aatri.cli.calibration import say_parameters
+from aatri.tables.hdf5 import read, write
 from tests.formats.results.test_readable import full_solution
 
 
@@ -26,3 +28,13 @@ def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> No
     strong[2] = -1.94e-15  # of sigmas 2e-9 and 1e-6
     say_parameters("bundle", replace(solution, parameter_covariances=replace(c, covariance=strong)))
     assert "cam: k1 and p1 correlate by -0.970" in capsys.readouterr().out
+
+
+def test_of_a_solution_the_tables_that_are_shown_are_read_alone(tmp_path: Path) -> None:
+    whole = full_solution()
+    write(whole, tmp_path / "a.h5")
+    part = read(tmp_path / "a.h5", type(whole), ("parameters", "parameter_covariances"))
+    assert part.parameters.name.tolist() == whole.parameters.name.tolist()
+    assert part.parameter_covariances is not None
+    assert len(part.residuals) == 0
+    assert part.tests is None

@@ -77,6 +77,7 @@ def commit_object(
             "sha256": sha256,
             "size": size,
             "content_digest": content_digest,
+            "rows": hdf5.rows_of(artifact),
         }
         if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
             log = inside.path_of(run, "running", f"{stage}.log")

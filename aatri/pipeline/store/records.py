@@ -215,7 +215,14 @@ _RECORD: dict[str, Check] = {
     "seconds": _number,
     "environment": _by_name(_text),
     "offers": _optional(_list_of(_with(name=_text, nature=_text, what=_text, where=_text, bears_on=_text))),
-    "output": _with(kind=_text, file=lambda name: name == ARTIFACT, sha256=_text, size=_number, content_digest=_text),
+    "output": _with(
+        kind=_text,
+        file=lambda name: name == ARTIFACT,
+        sha256=_text,
+        size=_number,
+        content_digest=_text,
+        rows=_optional(_by_name(_number)),
+    ),
 }
 _REQUEST = _with(pipeline=_text, into=_text, variant=_text, set_=_list_of(_text), use=_list_of(_text))
 _GATE = _with(
