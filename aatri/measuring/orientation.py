@@ -6,7 +6,8 @@
 
 X is met by the clicks of this point, two or more, with its control coordinates as further observations; else it is the
 control point, the point of the run, or lies on the ray of the one click as far away as the points of its image are.
-Poses and the point are taken as independent. A click that the run has used already fits its poses a little too well.
+Poses have their covariances within the block, of each other they are taken as independent. A click that the run has
+used already fits its poses a little too well.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ LEVEL = 0.001
 """Of the test of a click: Baarda's, one good click of a thousand is called wrong."""
 MARGIN = 1.2
 """Points are looked for in an image up to this multiple of its format."""
+CHUNK, LOOSE = 100_000, 1e10
+"""Rays that are taken at once; condition from which points do not hold an image."""
 EXACT_M = 1e-5
 """Standard deviation of coordinates that are held."""
 
@@ -76,12 +79,12 @@ class RunOrientation:
         images = solution.images
         poses = poses_into(self.frame, images.position_m, images.ground_from_image)
         self.position_m, self.ground_from_image = poses.position_m, poses.ground_from_image
-        self.covariance = images.covariance
         self.oriented = finite_rows(self.position_m)
         self.xyz_m = points_into(self.frame, solution.points.xyz_m)
         self.point_row = {str(name): k for k, name in enumerate(solution.points.id)}
         self.rays = MeasuredRays(block, image_points, solution)
         self.c_mm = self.rays.c_mm
+        self.covariance = self._within_block(image_points)
 
     def places(self, name: str, clicks: list[Click], control: GroundEstimate | None) -> dict[str, PlaceInImage]:
         """Where a point must be, by image; what is seen of the other clicks at each.
@@ -117,14 +120,47 @@ class RunOrientation:
                 C = there.covariance + A @ np.diag(sigma_mm[k] ** 2) @ A.T
                 t, limit = float(np.sqrt(off @ np.linalg.solve(C, off))), 2.0
             of = None if t is None or not np.isfinite(t) else t
-            shown[click.image] = replace(there, off=off, t=of, wrong=of is not None and chi2.sf(of**2, limit) < LEVEL)
+            shown[click.image] = replace(
+                there, off=off, t=of, wrong=of is not None and bool(chi2.sf(of**2, limit) < LEVEL)
+            )
         return shown
+
+    def _within_block(self, image_points: ImagePoints) -> Float:
+        """Covariances (n, 6, 6) of poses in the field of the points that they see, without what all share.
+
+        Those of a run are absolute: without control they have the error of the datum, which moves images and points
+        alike. A resection in the points of the run has it not, Q = (sum A' A / s^2)^-1, where a point met by n rays
+        errs itself, s^2 = sigma^2 n / (n - 1). Images with too few points keep the covariance of the run.
+        """
+        m, n_images = image_points.measurements, len(self.block.images)
+        rows = np.flatnonzero(
+            m.active & self.oriented[m.image] & finite_rows(self.xyz_m[m.point]) & finite_rows(m.xy_mm)
+        )
+        n = np.bincount(m.point[rows], minlength=len(self.block.points))
+        rows = rows[n[m.point[rows]] > 1]
+        N = np.zeros((n_images, 6, 6))
+        for first in range(0, len(rows), CHUNK):
+            some = rows[first : first + CHUNK]
+            i, p = m.image[some], m.point[some]
+            A = collinearity(self.position_m[i], self.ground_from_image[i], self.xyz_m[p], self.c_mm[i])[1]
+            A = A / m.sigma_mm[some][:, :, None] * np.sqrt(1.0 - 1.0 / n[p])[:, None, None]
+            np.add.at(N, i, A.swapaxes(1, 2) @ A)
+        Q = self.solution.images.covariance.copy()
+        scale = np.sqrt(np.maximum(np.einsum("nii->ni", N), 1e-300))
+        firm = np.linalg.cond(N / scale[:, :, None] / scale[:, None, :]) < LOOSE
+        Q[firm] = np.linalg.inv(N[firm])
+        return Q
 
     def control(self, xyz_m: Float, covariance_m2: Float, crs: str) -> GroundEstimate | None:
         """Coordinates of a control point of the folder; None where its frame is not that of the run."""
         if crs != str(self.block.frames.crs[0]):
             return None
-        return GroundEstimate(points_into(self.frame, xyz_m[None])[0], covariance_m2)
+        xyz = points_into(self.frame, xyz_m[None])[0]
+        near = finite_rows(self.xyz_m) & np.isfinite(self.solution.points.covariance_m2).all(axis=(1, 2))
+        if near.any():  # how far the block itself may be off there
+            off = np.nan_to_num(self.xyz_m[near] - xyz)
+            covariance_m2 = covariance_m2 + self.solution.points.covariance_m2[near][np.argmin((off**2).sum(axis=1))]
+        return GroundEstimate(xyz, covariance_m2)
 
     def _axes(self, image: Int, xyz_m: Float) -> Float:
         return in_image_axes(self.position_m[image], self.ground_from_image[image], xyz_m)
@@ -184,10 +220,17 @@ class RunOrientation:
         return points[0], points[1:], parallax
 
     def _of_run(self, name: str) -> GroundEstimate | None:
-        k = self.point_row.get(name, -1)
+        """A point of the run, with the covariance that its own rays give it within the block."""
+        k, m = self.point_row.get(name, -1), self.block.image_points
         if k < 0 or not np.isfinite(self.xyz_m[k]).all():
             return None
-        return GroundEstimate(self.xyz_m[k], self.solution.points.covariance_m2[k])
+        rows = np.flatnonzero((m.point == k) & m.active & self.oriented[m.image])
+        i, X = m.image[rows], np.broadcast_to(self.xyz_m[k], (len(rows), 3))
+        _, A, J = collinearity(self.position_m[i], self.ground_from_image[i], X, self.c_mm[i])
+        C = A @ self.covariance[i] @ A.swapaxes(1, 2) + (m.sigma_mm[rows] ** 2)[:, :, None] * np.eye(2)
+        N = (J.swapaxes(1, 2) @ np.linalg.solve(C, J)).sum(axis=0)
+        singular = len(rows) < 2 or not np.isfinite(N).all()
+        return GroundEstimate(self.xyz_m[k], self.solution.points.covariance_m2[k] if singular else np.linalg.inv(N))
 
     def _on_ray(self, image: Int, ideal: Float, sigma_mm: Float) -> GroundEstimate | None:
         """On the ray of the one click, as far from its image as the points are that it sees."""

@@ -26,7 +26,7 @@ from aatri.measuring.place_of_mark import place_of_mark
 from aatri.measuring.run_of_folder import orientation_of, runs_near, stamp_of
 
 MOST_LISTED = 5000
-"""Points that are listed; of larger blocks the control and check points alone, others are asked for by their id."""
+"""Points that are listed; of larger blocks control and check points and those measured on the page."""
 MOST_CHANGES = 1000
 """Changes that can be undone."""
 SHOWN_SIGMAS = 3.03
@@ -64,7 +64,7 @@ class Session:
             folder, counts, of_image = self.folder, self.folder.points.counts(), self.folder.points.image_counts()
             names = folder.point_names()
             if len(names) > MOST_LISTED:
-                names = list(folder.ground)
+                names = list(dict.fromkeys([*folder.ground, *(name for _, _, name, _ in self._changes.values())]))
             return {
                 "version": self._version,
                 "block": folder.settings.name or folder.folder.resolve().name,

@@ -41,6 +41,7 @@
     state.places = state.name && state.kind === "point" ? (await ask("point" + query({ name: state.name }))).places : [];
     if (state.kind === "fiducial" && state.image) state.places = (await ask("marks" + query({ image: state.image }))).places;
     placesList();
+    lists();
     draw();
   }
 
@@ -58,15 +59,15 @@
     const image = state.images.find(i => i.name === state.image);
     if (state.kind === "fiducial") return (image ? image.marks : []).map(name => ({ name, role: "mark", count: row(name) ? 1 : 0 }));
     const text = by("name").value.trim().toLowerCase();
-    const all = state.points.some(p => p.name === state.name) || !state.name ? state.points : [{ name: state.name, role: "new", count: 0 }, ...state.points];
-    return all.filter(p => p.role === "new" || p.name.toLowerCase().includes(text));
+    const all = state.points.some(p => p.name === state.name) || !state.name ? state.points : [{ name: state.name, role: "", count: state.places.filter(p => p.row).length || "new" }, ...state.points];
+    return all.filter(p => p.name === state.name || p.name.toLowerCase().includes(text));
   }
   function lists() {
     const list = by("names"), at = list.scrollTop;
     list.textContent = "";
     for (const p of names()) item(list, p.name, [[[p.role, p.count || ""].filter(Boolean).join(" · ")]], p.name === state.name, () => choose(p.name));
     list.scrollTop = at;
-    if (!list.children.length) list.appendChild(document.createElement("li")).textContent = state.kind === "fiducial" ? "this camera has no fiducial marks" : "no points yet: write an id above and take it";
+    if (!list.children.length) list.appendChild(document.createElement("li")).textContent = state.kind === "fiducial" ? "this camera has no fiducial marks" : "no control or check point is given: write an id above and take it";
     by("image").textContent = "";
     for (const i of state.images) by("image").add(new Option(i.name + (i.count ? ` (${i.count})` : "") + (i.file ? "" : ": no file"), i.name, false, i.name === state.image));
     by("points").setAttribute("aria-pressed", state.kind === "point");
@@ -218,7 +219,7 @@
     place();
   }
   function stroke(colour, path, dash = []) {
-    for (const [width, style] of [[3.5, "#000a"], [1.5, colour]]) {
+    for (const [width, style] of [[4, "#0009"], [2, colour]]) {
       pen.lineWidth = width; pen.strokeStyle = style; pen.setLineDash(dash);
       pen.beginPath(); path(); pen.stroke();
     }
