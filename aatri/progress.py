@@ -74,12 +74,38 @@ class Item:
     arguments: tuple[Any, ...]
 
 
+class Workers(Protocol):
+    """Work in parts that go on together: each sends a message, and all wait for what comes of all messages."""
+
+    def together(
+        self,
+        work: Callable[[Any, Callable[[Any], Any]], Any],
+        parts: Sequence[Any],
+        combine: Callable[[list[Any]], list[Any]],
+    ) -> list[Any]:
+        """The results of `work(part, exchange)` of all parts, in their order.
+
+        Parameters
+        ----------
+        work : callable
+            A function of a module; `exchange(message)` gives the answer to a message. The same part and answers make
+            it send the same messages.
+        parts : sequence
+        combine : callable
+            The answers to the next message of each part, in their order.
+        """
+
+
 class StageContext(Reporter, Protocol):
     """What a running stage talks to."""
 
     @property
     def checkpoint(self) -> Checkpoint:
         """Where it keeps how far it has come."""
+
+    @property
+    def workers(self) -> Workers | None:
+        """Who works on parts of it; None: this process."""
 
     def mapped(self, function: Callable[..., Any], items: Sequence[Item], kind: type[Any], what: str) -> Sequence[Kept]:
         """The results of `function(*files, *arguments)` of many items, in their order.
@@ -135,6 +161,7 @@ class Silent:
     """A context that keeps nothing."""
 
     checkpoint: Checkpoint = NO_CHECKPOINT
+    workers: Workers | None = None
 
     def log(self, message: str) -> None:
         """Drop the line."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +29,20 @@ Fill = Callable[[int, int, Float, tuple[Float, ...]], None]
 Bind = Callable[[State], Fill]
 Weigh = Callable[[Float], Bind]
 Compiled = Callable[[Int], Weigh]
+
+
+@runtime_checkable
+class Equations(Protocol):
+    """Both lanes as one object, which can be made anew for some of its rows."""
+
+    def take(self, rows: Int) -> Equations:
+        """The equations of chosen rows, numbered anew."""
+
+    def compiled(self, order: Int) -> Weigh:
+        """The compiled lane."""
+
+    def __call__(self, state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        """Residuals and Jacobians."""
 
 
 @dataclass(frozen=True)
@@ -104,15 +119,16 @@ class Records:
         return np.where(used, np.sqrt(np.einsum("nij,nij->ni", inverse, inverse)), np.nan)
 
     def take(self, rows: Int) -> Records:
-        """The chosen records."""
-        everything, compiled, label, similarity = self.evaluate, self.compiled, self.label, self.similarity
+        """The chosen records; equations that have a `take` of their own keep nothing of the others."""
+        label, similarity = self.label, self.similarity
+        evaluate, compiled = _of_rows(self.evaluate, self.compiled, rows)
         return Records(
             self.name,
             tuple((group, block[rows]) for group, block in self.touches),
-            lambda state, some: everything(state, rows[some]),
+            evaluate,
             self.whitener[rows],
             self.active[rows],
-            None if compiled is None else lambda order: compiled(rows[order]),
+            compiled,
             self.loss,
             self.linear,
             None if label is None else lambda row: label(int(rows[row])),
@@ -123,6 +139,15 @@ class Records:
     def residuals(self, state: State) -> Float:
         """Residuals of all records, in units of the observation, (n, m)."""
         return self.evaluate(state, np.arange(len(self.active)))[0]
+
+
+def _of_rows(evaluate: Evaluate, compiled: Compiled | None, rows: Int) -> tuple[Evaluate, Compiled | None]:
+    """Both lanes of chosen rows."""
+    if isinstance(evaluate, Equations):
+        taken = evaluate.take(rows)
+        return taken, None if compiled is None else taken.compiled
+    of_rows = None if compiled is None else lambda order: compiled(rows[order])
+    return lambda state, some: evaluate(state, rows[some]), of_rows
 
 
 def keys_of(records: Sequence[Records]) -> tuple[str, ...]:

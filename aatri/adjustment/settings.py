@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from aatri.progress import NO_CHECKPOINT, Checkpoint
+from aatri.adjustment.others import Others
+from aatri.progress import NO_CHECKPOINT, Checkpoint, Workers
 
 Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips"]
 
@@ -32,3 +33,9 @@ class SolverSettings:
     """What was asked for that only a factor gives, in words: without the memory for it nothing is solved."""
     checkpoint: Checkpoint = NO_CHECKPOINT
     """Where long iterations are kept."""
+    parts: int = 1
+    """Parts in which the problem is adjusted, see `parts`."""
+    workers: Workers | None = None
+    """Who adjusts them; default: threads of this process."""
+    others: Others | None = None
+    """Of a part: all of them."""

@@ -21,7 +21,9 @@ WORTH_A_THREAD = 100_000
 
 
 def default_threads() -> int:
-    """Processors this process may use."""
+    """Processors this process may use; NUMBA_NUM_THREADS where several processes share them."""
+    if (share := os.environ.get("NUMBA_NUM_THREADS", "")).isdecimal():
+        return max(1, int(share))
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

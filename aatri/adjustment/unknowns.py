@@ -46,6 +46,8 @@ class Unknowns:
     """(k,). Standard deviations a priori beyond which a scalar counts as open, see `openness.nearly_open`."""
     retained: Bool | None = None
     """(n,). Blocks of an eliminated group that are kept all the same."""
+    shared: Bool | None = None
+    """(n,). Blocks that other parts of the problem have, too: they are kept, and none of them is eliminated here."""
 
     @property
     def size(self) -> int:

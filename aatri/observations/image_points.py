@@ -16,12 +16,12 @@ all others, nearly always all, the compiled one. Both give the same to 1e-12.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.records import Records, Weigh, whitener_of_sigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, Text
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
@@ -151,29 +151,49 @@ def film_correction(
     return LinearCorrection(group, rows.image, basis)
 
 
+@dataclass(frozen=True)
+class Collinearity:
+    """The collinearity equations of image points."""
+
+    rows: ImagePointRows
+    corrections: Sequence[LinearCorrection]
+    cameras: CameraRows | None
+
+    def take(self, rows: Int) -> Collinearity:
+        """Those of chosen rows."""
+        cameras = None if self.cameras is None else self.cameras.take(rows)
+        return Collinearity(self.rows.take(rows), [c.take(rows) for c in self.corrections], cameras)
+
+    def compiled(self, order: Int) -> Weigh:
+        """Their compiled lane in this order."""
+        return compiled_lane(self.rows, self.corrections, self.cameras)(order)
+
+    def __call__(self, state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
+        """Residuals and Jacobians of chosen rows, by NumPy."""
+        poses: Poses = state[POSE]
+        image, point = self.rows.image[chosen], self.rows.point[chosen]
+        X0, R, X = poses.position_m[image], poses.ground_from_image[image], state[POINT][point]
+        u = in_image_axes(X0, R, X)
+        v, by_u, by_camera = _at_camera(self.rows, self.cameras, state, chosen, u)
+        for c in self.corrections:
+            v = v - np.einsum("nij,nj->ni", c.basis[chosen], state[c.group][c.block[chosen]])
+        by_point = np.einsum("nij,nkj->nik", by_u, R)
+        by_pose = np.concatenate([-by_point, by_point @ skew(X - X0)], axis=2)
+        return v, (by_pose, *(-c.basis[chosen] for c in self.corrections), *by_camera, by_point)
+
+
 def image_point_records(
     rows: ImagePointRows, corrections: Sequence[LinearCorrection] = (), cameras: CameraRows | None = None
 ) -> Records:
     """Records of image points; they touch pose, corrections in their order, camera if unknown, and point."""
-
-    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
-        poses: Poses = state[POSE]
-        image, point = rows.image[chosen], rows.point[chosen]
-        X0, R, X = poses.position_m[image], poses.ground_from_image[image], state[POINT][point]
-        u = in_image_axes(X0, R, X)
-        v, by_u, by_camera = _at_camera(rows, cameras, state, chosen, u)
-        for correction in corrections:
-            v = v - np.einsum("nij,nj->ni", correction.basis[chosen], state[correction.group][correction.block[chosen]])
-        by_point = np.einsum("nij,nkj->nik", by_u, R)
-        by_pose = np.concatenate([-by_point, by_point @ skew(X - X0)], axis=2)
-        return v, (by_pose, *(-c.basis[chosen] for c in corrections), *by_camera, by_point)
-
     touches = [(POSE, rows.image), *((c.group, c.block) for c in corrections)]
     if cameras is not None and cameras.known is None:
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
-    lane = compiled_lane(rows, corrections, cameras)
-    return Records(KIND, tuple(touches), evaluate, whitener_of_sigmas(rows.sigma_mm), rows.active, lane)
+    equations = Collinearity(rows, corrections, cameras)
+    return Records(
+        KIND, tuple(touches), equations, whitener_of_sigmas(rows.sigma_mm), rows.active, equations.compiled
+    )
 
 
 def _at_camera(

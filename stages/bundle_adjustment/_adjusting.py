@@ -30,7 +30,6 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_considered, with_readmission, without_idle_parameters
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.plugin import Context, Field
-from aatri.progress import Checkpoint
 
 from ._variance_components import with_variance_components
 
@@ -102,7 +101,7 @@ def adjusted(
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
     adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
-    settings = _settings(options, how, context.checkpoint)
+    settings = _settings(options, how, context)
 
     def once(block: BundleInput) -> BundleResult:
         return with_observed_sigma0(adjust(block, settings, reporter=context))
@@ -120,7 +119,7 @@ def adjusted(
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
 
-def _settings(options: BundleOptions, how: AdjustOptions, checkpoint: Checkpoint) -> BundleSettings:
+def _settings(options: BundleOptions, how: AdjustOptions, context: Context) -> BundleSettings:
     searched = options.blunders.method != "none"
     covariances = searched or options.standard_deviations is not False or options.reliability
     covariances = how.covariances and (covariances or options.variance_components is not None)
@@ -132,7 +131,9 @@ def _settings(options: BundleOptions, how: AdjustOptions, checkpoint: Checkpoint
         memory_gb=options.memory_gb,
         solver=options.solver,
         demands="standard deviations" if options.standard_deviations or options.reliability else "",
-        checkpoint=checkpoint,
+        checkpoint=context.checkpoint,
+        parts=options.parts,
+        workers=context.workers,
     )
     keep_factor = not searched  # a search would keep the factors of several adjustments
     return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)

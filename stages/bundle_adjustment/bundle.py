@@ -111,6 +111,12 @@ class BundleOptions(AdjustmentOptions):
     memory_gb: float | None = Field(
         None, gt=0, description="limit of the memory; beyond it the factor goes to disk; null: 80 % of the machine's"
     )
+    parts: int = Field(
+        1,
+        ge=1,
+        description="parts in which the images are adjusted, each by a worker of its own where there is a cluster; what "
+        "needs the factor of the whole is left out, as with conjugate gradients, standard deviations are not",
+    )
     solver: Solver = Field(
         "auto", description="direct, or conjugate_gradients without standard deviations; auto: by the memory needed"
     )

@@ -23,6 +23,7 @@ from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.elimination.joint import shared_front
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.records import predicted
@@ -129,6 +130,10 @@ class _Down:
 
     def run(self) -> None:
         """Go down the tree."""
+        others = self.problem.settings.others
+        if others is not None:
+            front = shared_front(self.problem, others.shared_covariance())
+            self.boundary[len(self.problem.tree.nodes) - 1] = front
         Schedule.of(self.problem).down(self._visit)
 
     def _visit(self, k: int, pool: ThreadPoolExecutor | None) -> None:
@@ -145,7 +150,7 @@ class _Down:
         if held.any():
             S[held, :] = 0.0
             S[:, held] = 0.0
-        for i in range(node.own):
+        for i in range(node.own or len(node.vertices)):  # a root that eliminates nothing has what parts share
             a, b = int(node.offset[i]), int(node.offset[i + 1])
             self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
         row_of = np.full(self.problem.layout.n_kept + 1, -1, dtype=np.int64)

@@ -66,7 +66,8 @@ def cost_of(problem: IndexedProblem, state: State) -> float:
             of_stretch[stretch] += float((v**2).sum()) + excess(ray_records, v)
 
         over_rays(problem, fill, one)
-    return total + float(of_stretch.sum())
+    cost, others = total + float(of_stretch.sum()), problem.settings.others
+    return cost if others is None else others.total(cost)
 
 
 def predicted_decrease(problem: IndexedProblem, factored: Factored, step: dict[str, Float]) -> float:
@@ -86,4 +87,6 @@ def predicted_decrease(problem: IndexedProblem, factored: Factored, step: dict[s
         damped = np.stack([l00**2, l10**2 + l11**2, l20**2 + l21**2 + l22**2], axis=1)
         block_step = step[problem.layout.eliminated][problem.rays.block]
         held += float((damped / (1 + factored.damping) * block_step**2).sum())
+    if factored.joint is not None and problem.settings.others is not None:
+        held = problem.settings.others.total(held) + factored.joint.curvature
     return factored.decrease + factored.damping * held

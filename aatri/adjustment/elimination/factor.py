@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aatri.adjustment.elimination.panels import Panels, down_the_tree
+from aatri.adjustment.others import JointSolution
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
@@ -78,10 +79,14 @@ class Factored:
     multiplier: Float = field(default_factory=lambda: np.zeros(0))
     violation: Float = field(default_factory=lambda: np.zeros(0))
     """(m,). Of the constraints, if any."""
+    joint: JointSolution | None = None
+    """Of a part: what all parts together give; `cost` is theirs."""
 
     @property
     def decrease(self) -> float:
         """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""
+        if self.joint is not None:
+            return self.joint.decrease
         return float(sum(y @ y for y in self.y) + (self.block_y**2).sum())
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factor, Factored, without_factor
+from aatri.adjustment.elimination.joint import joined
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
@@ -42,7 +43,8 @@ def factorise(problem: IndexedProblem, state: State, damping: float = 0.0) -> Fa
         raise without_factor(f", {problem.tree.factor_bytes / 1e9:.3g} GB")
     work = Work(problem, state, damping)
     Schedule.of(problem).up(work.assemble, work.finish)
-    return work.result()
+    factored, others = work.result(), problem.settings.others
+    return factored if others is None else joined(problem, factored, work.fronts[-1], others)
 
 
 LARGEST_COPY = 2e8

@@ -55,7 +55,7 @@ def without_weak_parts(
     GeometryError
         If combinations of several blocks are open.
     """
-    if not factored.factor.whole:
+    if not factored.factor.whole or factored.joint is not None:
         return []
     weak = nearly_open(problem, factored, state)
     aside = _aside(problem, state, weak)

@@ -25,6 +25,7 @@ from aatri.adjustment.openness.set_aside import (
     without_open_parts,
     without_weak_parts,
 )
+from aatri.adjustment.others import NotInParts, Others
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import SolverSettings
@@ -102,6 +103,10 @@ def adjust_large(
     if not factored.factor.whole:
         refuse_singular(problem, start)
     linear = factored.factor.whole and all(r.linear and r.loss is None for r in problem.records)
+    joint_veto, others = veto, settings.others
+    if others is not None:
+        linear = others.total(float(not linear)) == 0.0
+        joint_veto = _veto_of_all(veto, others)
     here, kept = IterationState(problem, dict(start), factored), KeptIterations(settings.checkpoint, start)
     history = list[Step]()
     if (latest := kept.latest(here)) is not None:
@@ -135,13 +140,19 @@ def adjust_large(
         if iteration == max_iterations:
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
-        here, more = with_runaways_slowed(following(here, trial, step, veto, reporter))
+        here, more = with_runaways_slowed(following(here, trial, step, joint_veto, reporter))
         history[-1] = replace(history[-1], strayed=here.strayed)
         notes += more
         refuse_unusable(here)
         kept.keep(here, history, notes)
+    if others is not None:
+        raise NotInParts(f"no convergence in {max_iterations} iterations")
     refuse_nearly_singular(here.problem, here.state, max_iterations)
     raise ConvergenceError(_failure(records, here.state, max_iterations, history[-1]), remedy=advice_after(history))
+
+
+def _veto_of_all(veto: Veto | None, others: Others) -> Veto:
+    return lambda old, new: others.first(veto(old, new) if veto is not None else "")
 
 
 def _without_observations(problem: IndexedProblem) -> list[Note]:

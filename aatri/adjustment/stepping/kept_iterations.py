@@ -48,7 +48,7 @@ class KeptIterations:
                 "hold": here.problem.hold,
                 "history": np.array([dataclasses.astuple(step) for step in history], dtype=np.float64),
                 "notes": np.array(said),
-                **{f"state {name}": values for name, values in _arrays(here.state).items()},
+                **{f"state {name}": values for name, values in arrays_of(here.state).items()},
             },
         )
         self._clock = time.monotonic()
@@ -59,7 +59,7 @@ class KeptIterations:
         if kept is None or not np.array_equal(kept["start"], self._start):
             return None
         problem = with_curvature(dataclasses.replace(first.problem, hold=kept["hold"]), float(kept["curvature"]))
-        state = _state(first.state, {k.removeprefix("state "): v for k, v in kept.items() if k.startswith("state ")})
+        state = state_of(first.state, {k.removeprefix("state "): v for k, v in kept.items() if k.startswith("state ")})
         damping = Damping(*kept["damping"].tolist())
         factored = factorise_constrained(problem, state, damping.value)
         history = [Step(cost, decrement, by, bool(off)) for cost, decrement, by, off in kept["history"].tolist()]
@@ -67,7 +67,7 @@ class KeptIterations:
         return IterationState(problem, state, factored, damping, bool(kept["strayed"])), history, notes
 
 
-def _arrays(state: State) -> dict[str, npt.NDArray[Any]]:
+def arrays_of(state: State) -> dict[str, npt.NDArray[Any]]:
     """The arrays of all groups: a group is an array, or fields that are."""
     arrays: dict[str, npt.NDArray[Any]] = {}
     for name, value in state.items():
@@ -78,7 +78,7 @@ def _arrays(state: State) -> dict[str, npt.NDArray[Any]]:
     return arrays
 
 
-def _state(like: State, arrays: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
+def state_of(like: State, arrays: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
     """The groups of arrays."""
     state: dict[str, Any] = {}
     for name, value in like.items():
@@ -92,6 +92,6 @@ def _state(like: State, arrays: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
 
 def _digest(start: State) -> npt.NDArray[np.uint8]:
     digest = hashlib.sha256()
-    for name, values in sorted(_arrays(start).items()):
+    for name, values in sorted(arrays_of(start).items()):
         digest.update(f"{name} {values.dtype} {values.shape} ".encode() + np.ascontiguousarray(values).tobytes())
     return np.frombuffer(digest.digest(), dtype=np.uint8)

@@ -39,7 +39,9 @@ def after_step(problem: IndexedProblem, old: State, new: State, step: dict[str, 
     found = [_of_records(records, rows, old, new, step) for records, rows in problem.beside_rays]
     if problem.rays is not None:
         found.append(_of_rays(problem, old, new, step))
-    return max((departure for departure, _ in found), default=0.0), sum(cost for _, cost in found)
+    largest, cost = max((departure for departure, _ in found), default=0.0), sum(cost for _, cost in found)
+    others = problem.settings.others
+    return (largest, cost) if others is None else (others.largest(largest), others.total(cost))
 
 
 def _of_records(records: Records, rows: Int, old: State, new: State, step: dict[str, Float]) -> tuple[float, float]:

@@ -36,7 +36,9 @@ ENOUGH = 0.9
 def down_weighted(problem: IndexedProblem, state: State) -> int:
     """Number of records beyond the bound of their loss."""
     count = sum(int(_beyond(records, state, rows).sum()) for records, rows in problem.beside_rays)
-    return count + int(rays_beyond(problem, state).sum())
+    count += int(rays_beyond(problem, state).sum())
+    others = problem.settings.others
+    return count if others is None else int(others.total(count))
 
 
 def settled(problem: IndexedProblem, state: State) -> bool:

@@ -1,6 +1,7 @@
 """From unknowns and records to a problem with its index: graph, order, tree, places."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,9 @@ def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: L
 
 
 def tree_of(graph: Graph, layout: Layout, ordering: Ordering) -> Tree:
-    """The tree of an order of elimination."""
+    """The tree of an order of elimination, the root of which holds what is shared with other parts, if anything is."""
+    if layout.shared.any():
+        return _tree_below_shared(graph, layout)
     if ordering == "auto":
         return _better_tree(graph, layout)
     return _tree(graph, layout, _order(graph, layout, ordering))
@@ -174,6 +177,19 @@ def _better_tree(graph: Graph, layout: Layout) -> Tree:
 
 def _tree(graph: Graph, layout: Layout, order: list[OrderedNode]) -> Tree:
     return build_tree(graph, order, layout.size, layout.start)
+
+
+def _tree_below_shared(graph: Graph, layout: Layout) -> Tree:
+    """By nested dissection, with a root that has the shared vertices as its boundary, and eliminates nothing."""
+    place = np.where(layout.shared[:, None], np.nan, layout.position)  # that comes last
+    *order, last = nested_dissection(graph, place)
+    rest = last.own[~layout.shared[last.own]]
+    children = last.children
+    if len(rest):
+        order.append(OrderedNode(rest, children))
+        children = (len(order) - 1,)
+    tree = _tree(graph, layout, [*order, OrderedNode(np.flatnonzero(layout.shared), children)])
+    return replace(tree, nodes=(*tree.nodes[:-1], replace(tree.nodes[-1], own=0)))
 
 
 def _order(graph: Graph, layout: Layout, ordering: Ordering) -> list[OrderedNode]:

@@ -36,6 +36,8 @@ class Layout:
     """Name of the eliminated group, or empty."""
     block: Int
     """(n,) int32. For each block of the eliminated group its number among the eliminated ones; -1 where retained."""
+    shared: Bool
+    """(n_vertices,). Vertices that other parts of the problem have, too."""
 
     @property
     def n_kept(self) -> int:
@@ -66,6 +68,7 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
     within: dict[str, int] = {}
     sizes: list[Int] = []
     positions: list[Float] = []
+    shared = [np.zeros(0, dtype=bool)]
     first_of: dict[str, int] = {}
     n = 0
     block = np.zeros(0, dtype=np.int32)
@@ -90,12 +93,14 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
         sizes.append(np.full(count, max(width, 2)))
         place = np.full((len(u.free), 2), np.nan) if u.position is None else u.position[:, :2]
         positions.append(place[wanted])
+        shared.append(np.zeros(count, dtype=bool) if u.shared is None else u.shared[wanted])
         n += count
     size = np.concatenate(sizes).astype(np.int64) if sizes else np.zeros(0, dtype=np.int64)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     name = eliminated[0].name if eliminated else ""
     nothing = np.zeros(int(start[-1]), dtype=bool)
-    return with_held(Layout(vertex, within, size, start, nothing, np.concatenate(positions), name, block), unknowns)
+    joint, position = np.concatenate(shared), np.concatenate(positions)
+    return with_held(Layout(vertex, within, size, start, nothing, position, name, block, joint), unknowns)
 
 
 def _filler(unknowns: Sequence[Unknowns]) -> str:

@@ -9,7 +9,6 @@ observations are constraints. Coordinates are reduced to an origin near the bloc
 Source: Kraus, Photogrammetry; docs/formulas.md 4.5.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +20,12 @@ from aatri.adjustment.iterative.forecast import forecast
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.openness.reach import scaled, within_reach
 from aatri.adjustment.openness.set_aside import SET_ASIDE
+from aatri.adjustment.parts.adjust import AdjustedInParts, adjust
+from aatri.adjustment.parts.cut import VetoOf
 from aatri.adjustment.records import Records
-from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
@@ -68,7 +68,7 @@ def adjust_bundle(
     chain = settings.solution.ordering in ("across_strips", "along_strips")  # textbooks number images by their strips
     places = given.numbering.place if chain and given.numbering is not None else given.poses.position_m
     unknowns, held = told_apart(given, part, unknowns_of(given, part, poses, places))
-    records, constraints = _records(observed, part, settings)
+    records, constraints, vetoes = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
             "there is nothing to adjust: no image and no point has enough observations that tie it to others",
@@ -83,12 +83,13 @@ def adjust_bundle(
     datum_held = unknowns if free is None else minimally_held(free)
 
     def adjusted_from(values: State) -> Adjusted:
-        return adjust_large(
+        return adjust(
             datum_held,
             records,
             values,
             constraints=constraints,
-            veto=_veto(observed, part),
+            vetoes=vetoes,
+            covariances=settings.covariances,
             reporter=reporter,
             settings=settings.solution,
         )
@@ -101,12 +102,13 @@ def adjust_bundle(
     if settings.weights:
         adjusted = _weighted_down(adjusted, settings.weights)
     covariances, notes = settings.covariances and not adjusted.down_weighted, [*raised, *held, *adjusted.notes]
-    if covariances and not adjusted.has_factor:
+    in_parts = isinstance(adjusted, AdjustedInParts)
+    if covariances and not (adjusted.has_factor or in_parts):
         needed = forecast(adjusted.problem)
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))
         covariances = False
-    if covariances and settings.keep_factor:
+    if covariances and settings.keep_factor and not in_parts:
         adjusted = with_factor(adjusted)
     return _result(given, adjusted, part, covariances, free, tuple(notes))
 
@@ -197,8 +199,9 @@ def _is_ray(records: Records) -> bool:
 
 def _records(
     observed: tuple[Observed, ...], part: Participants, settings: BundleSettings
-) -> tuple[list[Records], list[Records]]:
-    """Observations and constraints of what takes part."""
+) -> tuple[list[Records], list[Records], list[VetoOf | None]]:
+    """Observations and constraints of what takes part, and why the observations would refuse a step."""
+    vetoes: list[VetoOf | None] = []
     records: list[Records] = []
     constraints: list[Records] = []
     for i, (o, rows) in enumerate(zip(observed, part.rows)):
@@ -211,14 +214,14 @@ def _records(
         if settings.huber is not None and not (o.components or o.exact):
             chosen = replace(chosen, loss=Huber(settings.huber))
         (constraints if o.exact else records).append(chosen)
-    return records, constraints
+        if not o.exact:
+            vetoes.append(None if o.veto is None else _veto_of(o.veto, rows))
+    return records, constraints, vetoes
 
 
-def _veto(observed: tuple[Observed, ...], part: Participants) -> Callable[[State, State], str] | None:
-    vetoes = [o.veto(rows[o.records.active[rows]]) for o, rows in zip(observed, part.rows) if o.veto and len(rows)]
-    if not vetoes:
-        return None
-    return lambda old, new: next((why for veto in vetoes if (why := veto(old, new))), "")
+def _veto_of(veto: VetoOf, rows: Int) -> VetoOf:
+    """The veto of chosen rows."""
+    return lambda some: veto(rows[some])
 
 
 def _result(
@@ -234,7 +237,8 @@ def _result(
     groups.setdefault(POSE, np.zeros((0, 6, 6)))
     found: dict[int, Float] = {}
     if covariances:
-        marginal = marginal_covariances(adjusted)
+        of_parts = adjusted.covariances if isinstance(adjusted, AdjustedInParts) else None
+        marginal = of_parts or marginal_covariances(adjusted)
         known = marginal.groups if free is None else free_covariances(free, adjusted, marginal.groups)
         for name, values in known.items():
             some = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)

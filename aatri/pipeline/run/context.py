@@ -24,7 +24,7 @@ from aatri.ids import utf8
 from aatri.pipeline.run.items import ItemStore, KeptItem
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.objects import base_of
-from aatri.progress import Item
+from aatri.progress import Item, Workers
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _DIGEST_BYTES = 32
@@ -36,10 +36,13 @@ Tell = Callable[..., None]
 class LoggedContext:
     """Everything goes to the log, warnings also to the record and the listener."""
 
-    def __init__(self, log: TextIO, tell: Tell, run: Path, stage: str, key: str) -> None:
+    def __init__(
+        self, log: TextIO, tell: Tell, run: Path, stage: str, key: str, cluster: Callable[..., Workers] | None = None
+    ) -> None:
         self._file, self._tell, self._clock = log, tell, time.perf_counter()
         self.warnings: list[str] = []
         self.checkpoint = FileCheckpoint(self, base_of(run), "checkpoints", stage, key)
+        self.workers = None if cluster is None else cluster(base_of(run), "checkpoints", stage, key)
         self._items = ItemStore(base_of(run), stage)
 
     def log(self, message: str) -> None:

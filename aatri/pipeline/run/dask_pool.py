@@ -20,6 +20,7 @@ from typing import Any
 from aatri.errors import ResourceError, SpecError
 from aatri.pipeline.methods.code_digest import BUILT_IN
 from aatri.pipeline.run.context import Tell
+from aatri.pipeline.run.dask_parts import DaskParts
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
@@ -208,4 +209,4 @@ def _perform(task: Task, topic: str) -> tuple[TaskOutcome, list[tuple[Any, ...]]
             events.append(event)
 
     with threadpool_limits(limits=1, user_api="blas"):
-        return perform(task, tell), events
+        return perform(task, tell, cluster=DaskParts), events

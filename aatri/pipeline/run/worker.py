@@ -13,7 +13,7 @@ import time
 import traceback
 import warnings
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,18 @@ from aatri.pipeline.store.inside import on_disk, write_json
 from aatri.pipeline.store.objects import commit_object, load_object
 from aatri.pipeline.store.provenance import environment, now
 from aatri.plugin import Options, StageCard
+from aatri.progress import Workers
 from aatri.tables.schema import Artifact
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
-def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -> TaskOutcome:
+def perform(
+    task: Task,
+    tell: Tell,
+    memory: dict[str, Artifact] | None = None,
+    cluster: Callable[..., Workers] | None = None,
+) -> TaskOutcome:
     """Make a stage.
 
     Parameters
@@ -42,6 +48,8 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
         Takes the events of the stage.
     memory : dict, optional
         Artifacts of this process by content digest, used and added to.
+    cluster : callable, optional
+        Run and folder in it -> who works on parts of a stage.
     """
     started = now()
     running = task.run / "running"
@@ -54,7 +62,7 @@ def perform(task: Task, tell: Tell, memory: dict[str, Artifact] | None = None) -
             log = inside.create(task.run, "running", f"{task.stage}.log")
         with on_disk(running), log:
             try:
-                context = LoggedContext(log, tell, task.run, task.stage, task.key)
+                context = LoggedContext(log, tell, task.run, task.stage, task.key, cluster)
                 artifact, record = _made(task, context, {} if memory is None else memory, started)
             except AatriError as problem:
                 log.write(f"error: {problem}\n")
