@@ -124,7 +124,7 @@ class Threads:
             exchange, end = exchange_by(k, "only", messages.put, queues[k].get)
             try:
                 end(work(parts[k], exchange))
-            except BaseException as error:  # noqa: BLE001 - raised where the results are waited for
+            except BaseException as error:
                 end(error)
 
         with ThreadPoolExecutor(len(parts)) as pool:

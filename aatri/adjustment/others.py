@@ -10,7 +10,7 @@ from typing import Protocol
 from aatri.arrays import Float, Int
 
 
-class NotInParts(Exception):  # noqa: N818 - no failure: one process has to look at the whole
+class NotInParts(Exception):
     """What only the whole problem shows: an unknown that is not determined, an iteration that does not converge."""
 
 
@@ -38,10 +38,14 @@ class JointSolution:
 
     x: Float
     """(n,). Solution of the part's shared unknowns."""
+    diagonal: Float
+    """(n,). Diagonal of A'A of all parts before the elimination."""
     cost: float
     decrease: float
-    curvature: float
-    """x' diag(A'A) x of all shared unknowns."""
+    counted_twice: float
+    """x' diag(A'A) x of the shared unknowns, as often as they are in more parts than one."""
+    covariance: Float | None = None
+    """(n, n). Of the part's shared unknowns, where it was asked for."""
 
 
 class Others(Protocol):

@@ -191,9 +191,7 @@ def image_point_records(
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
     equations = Collinearity(rows, corrections, cameras)
-    return Records(
-        KIND, tuple(touches), equations, whitener_of_sigmas(rows.sigma_mm), rows.active, equations.compiled
-    )
+    return Records(KIND, tuple(touches), equations, whitener_of_sigmas(rows.sigma_mm), rows.active, equations.compiled)
 
 
 def _at_camera(

@@ -114,8 +114,8 @@ class BundleOptions(AdjustmentOptions):
     parts: int = Field(
         1,
         ge=1,
-        description="parts in which the images are adjusted, each by a worker of its own where there is a cluster; what "
-        "needs the factor of the whole is left out, as with conjugate gradients, standard deviations are not",
+        description="parts in which the block is adjusted, each by its own worker of a cluster; tests of groups and "
+        "others that need the factor of the whole are left out, standard deviations are not",
     )
     solver: Solver = Field(
         "auto", description="direct, or conjugate_gradients without standard deviations; auto: by the memory needed"

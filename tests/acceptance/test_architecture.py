@@ -22,6 +22,7 @@ SMALL = {
     "extras",
     "regular_file",
     "strict_yaml",
+    "together",
 }
 ROOMS = {
     row[0]: set(re.findall(r"`([\w/]+)`", row[2]))

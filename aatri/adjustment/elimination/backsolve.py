@@ -7,6 +7,7 @@ import numpy as np
 
 from aatri.adjustment.elimination.chunks import over_rays
 from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.elimination.joint import shared_columns
 from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
 from aatri.adjustment.elimination.schedule import stretches
 from aatri.adjustment.kernels.back_substitution import substitute
@@ -20,6 +21,10 @@ def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> 
     """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
     x = np.where(problem.layout.held[:, None], 0.0, right)
     up_the_tree(problem.tree, factored.factor.panel, x)
+    if factored.joint is not None and factored.joint.covariance is not None:
+        # the other parts have nothing on their right-hand sides
+        shared = shared_columns(problem)
+        x[shared] = factored.joint.covariance @ x[shared]
     down_the_tree(problem.tree, factored.factor.panel, x)
     return np.where(problem.layout.held[:, None], 0.0, x)
 
@@ -88,5 +93,5 @@ def predicted_decrease(problem: IndexedProblem, factored: Factored, step: dict[s
         block_step = step[problem.layout.eliminated][problem.rays.block]
         held += float((damped / (1 + factored.damping) * block_step**2).sum())
     if factored.joint is not None and problem.settings.others is not None:
-        held = problem.settings.others.total(held) + factored.joint.curvature
+        held = problem.settings.others.total(held) - factored.joint.counted_twice
     return factored.decrease + factored.damping * held

@@ -51,6 +51,7 @@ def joined(
     down_the_tree(problem.tree, factored.factor.panel, x[:, None])
     factored.factor = Factor(factored.factor.panels, x)
     factored.cost, factored.joint = reply.cost, reply
+    factored.diagonal[columns] = reply.diagonal
     return factored
 
 

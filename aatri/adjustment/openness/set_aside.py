@@ -11,6 +11,7 @@ from aatri.adjustment.openness.nearly_open import nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
+from aatri.adjustment.others import NotInParts
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import with_set_aside
 from aatri.adjustment.unknowns import State
@@ -55,8 +56,15 @@ def without_weak_parts(
     GeometryError
         If combinations of several blocks are open.
     """
-    if not factored.factor.whole or factored.joint is not None:
+    if not factored.factor.whole:
         return []
+    others = problem.settings.others
+    if factored.joint is not None and others is not None:
+        factored.joint = replace(factored.joint, covariance=others.shared_covariance())
+        weak = nearly_open(problem, factored, state)
+        if others.first("open" if weak.texts or len(weak.vertices) or len(weak.blocks) else ""):
+            raise NotInParts("unknowns are nearly open")
+        return weak.notes()
     weak = nearly_open(problem, factored, state)
     aside = _aside(problem, state, weak)
     if not aside:

@@ -17,7 +17,7 @@ import numpy as np
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.others import NotInParts
-from aatri.adjustment.parts.cut import Part, VetoOf, Vetoes, cut
+from aatri.adjustment.parts.cut import Part, Vetoes, VetoOf, cut
 from aatri.adjustment.parts.top import Failed, OthersByMessages, Top
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
@@ -48,7 +48,7 @@ class AdjustedInParts(Adjusted):
 
 
 @dataclass(frozen=True)
-class Work:
+class PartTask:
     """What a worker gets."""
 
     part: Part
@@ -141,7 +141,7 @@ def _in_parts(
     own = replace(
         settings, parts=1, workers=None, checkpoint=NO_CHECKPOINT, solver="direct", threads=threads
     )  # fmt: skip
-    work = [Work(part, start, own, covariances) for part in parts]
+    work = [PartTask(part, start, own, covariances) for part in parts]
     results = (settings.workers or Threads()).together(adjust_part, work, top.answers)
     failed = next((r.why for r in results if isinstance(r, Failed)), "")
     if failed:
@@ -159,7 +159,7 @@ def _in_parts(
     )  # fmt: skip
 
 
-def adjust_part(work: Work, exchange: Callable[[Any], Any]) -> PartAdjusted | Failed:
+def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted | Failed:
     """On a worker: adjust a part."""
     others, part = OthersByMessages(exchange), work.part
     try:

@@ -70,9 +70,7 @@ def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) ->
                 met[k, vertex[vertex >= 0]] = True
     met[0] |= ~met.any(axis=0)
     first = met.argmax(axis=0)
-    return [
-        _part(problem, rows[k], vetoes, met[k], of_vertex == -1, first == k, of_block == k) for k in range(n_parts)
-    ]
+    return [_part(problem, rows[k], vetoes, met[k], of_vertex == -1, first == k, of_block == k) for k in range(n_parts)]
 
 
 def _part(
@@ -102,9 +100,7 @@ def _part(
         replace(r if len(some) == len(r.active) else r.take(some), label=None, similarity=None)
         for r, some in zip(problem.records, rows)
     )
-    of_rows = [
-        veto(some[r.active[some]]) for veto, r, some in zip(vetoes, problem.records, rows) if veto and len(some)
-    ]
+    of_rows = [veto(some[r.active[some]]) for veto, r, some in zip(vetoes, problem.records, rows) if veto and len(some)]
     return Part(tuple(unknowns), records, rows, own, Vetoes(tuple(of_rows)) if of_rows else None)
 
 

@@ -102,11 +102,12 @@ class Top:
         x = y.copy()
         lapack.backward(N, x)
         self._factor = N
-        decrease, curvature = sum(m.decrease for m in messages) + float(y @ y), float(diagonal @ x**2)
+        decrease, size = sum(m.decrease for m in messages) + float(y @ y), diagonal * x**2
+        twice = sum(float(size[place].sum()) for place in self._place) - float(size.sum())
         self._iteration += 1
         decrement = float(np.sqrt(max(decrease, 0.0)))
         tell_iteration(self._reporter, self._iteration, cost, self._redundancy, decrement, messages[0].damping)
-        return [JointSolution(x[place], cost, decrease, curvature) for place in self._place]
+        return [JointSolution(x[place], diagonal[place], cost, decrease, twice) for place in self._place]
 
     def _covariances(self) -> list[Any]:
         S = lapack.panel_covariance(self._factor, np.zeros((0, 0), order="F")) if len(self._factor) else self._factor

@@ -20,6 +20,9 @@ from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.together import Answers, Combine, Exchange, Message, exchange_by
 
+LOOK_S = 60.0
+"""After which time without an answer a part looks whether it is still wanted: whoever made the stage may have died."""
+
 WAIT_S = 5.0
 """After which time without a message it is looked whether a part has failed."""
 
@@ -113,9 +116,7 @@ def _modules() -> tuple[Any, Any]:
     return importlib.import_module("cloudpickle"), importlib.import_module("distributed")
 
 
-def _one(
-    work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str], topic: str, part: int
-) -> Message:
+def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str], topic: str, part: int) -> Message:
     """On a worker: a part, from its beginning."""
     from threadpoolctl import threadpool_limits
 
@@ -132,7 +133,19 @@ def _one(
             result.append(message)
         up.put(b"" if message.last else pickle.dumps(message, protocol=5))  # nothing wakes who waits
 
-    exchange, end = exchange_by(part, attempt, send, lambda: pickle.loads(down.get()))
+    worker = distributed.get_worker()
+    key = worker.get_current_task()
+
+    def receive() -> Any:
+        while True:
+            try:
+                return pickle.loads(down.get(timeout=LOOK_S))
+            except (TimeoutError, queue.Empty):
+                task = worker.state.tasks.get(key)
+                if task is None or task.state in ("cancelled", "released", "forgotten"):
+                    raise ResourceError("nobody waits for this part any more") from None
+
+    exchange, end = exchange_by(part, attempt, send, receive)
     with threadpool_limits(limits=1, user_api="blas"):
         try:
             end(work(pickle.loads(inside.file_path(base, *names).read_bytes()), exchange))

@@ -1,0 +1,88 @@
+"""One adjustment in parts on a Dask cluster: the bits of one process, also where workers die in the middle of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.adjustment.parts import adjust as in_parts
+from aatri.adjustment.settings import SolverSettings
+from aatri.pipeline.run.dask_parts import DaskParts
+from aatri.together import Threads
+from tests.adjustment.block_problem import joined_problem
+
+distributed: Any = pytest.importorskip("distributed", reason="Dask is not installed")
+
+RESULT = 10_000
+"""Stands for the moment at which a part has its result."""
+
+
+class Mortal:
+    """A part's work whose process ends before a message, the first time it comes to it."""
+
+    def __init__(self, work: Any, before: int, marker: Path, last: Any) -> None:
+        self.work, self.before, self.marker, self.last = work, before, marker, last
+
+    def __call__(self, part: Any, exchange: Any) -> Any:
+        sent, last = 0, part.part.own["a"][-1] == self.last
+
+        def die(now: int) -> None:
+            if last and now == self.before and not self.marker.exists():
+                self.marker.touch()
+                os._exit(1)
+
+        def mortal(message: Any) -> Any:
+            nonlocal sent
+            die(sent)
+            sent += 1
+            return exchange(message)
+
+        result = self.work(part, mortal)
+        die(RESULT)
+        return result
+
+
+class MortalParts:
+    """Parts one of which dies."""
+
+    def __init__(self, folder: Path, before: int) -> None:
+        self.parts, self.before, self.marker = DaskParts(folder, "checkpoints"), before, folder / f"died-{before}"
+
+    def together(self, work: Any, parts: Any, combine: Any) -> list[Any]:
+        last = parts[1].part.own["a"][-1]  # the second part is not at the worker that makes the stage
+        return self.parts.together(Mortal(work, self.before, self.marker, last), parts, combine)
+
+
+def _adjusted(workers: Any) -> Any:
+    unknowns, records, start = joined_problem(2, n_kept=140, n_points=700, rays=4)
+    settings = SolverSettings(ordering="nested_dissection", reproducible=True, parts=2, workers=workers, threads=1)
+    found = in_parts.adjust(unknowns, records, start, settings=settings, vetoes=[None] * len(records), covariances=True)
+    assert isinstance(found, in_parts.AdjustedInParts)
+    return found.state, found.covariances.groups
+
+
+def _on_cluster(folder: Path, before: int) -> Any:
+    return _adjusted(MortalParts(folder, before))
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_in_any_phase_changes_no_bit(tmp_path: Path) -> None:
+    """Before the first linearisation, in the iteration, before the covariances, and with the result made."""
+    state, groups = _adjusted(Threads())
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        for before in (0, 1, 2, 3, RESULT):
+            client.wait_for_workers(2)
+            first = min(client.scheduler_info(n_workers=-1)["workers"])
+            found = client.submit(_on_cluster, tmp_path, before, workers=[first], pure=False).result(timeout=60)
+            assert (tmp_path / f"died-{before}").exists()
+            for name, values in state.items():
+                np.testing.assert_array_equal(found[0][name], values)
+                np.testing.assert_array_equal(found[1][name], groups[name])
+            assert not list((tmp_path / "checkpoints").iterdir())
