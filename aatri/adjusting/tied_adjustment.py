@@ -99,14 +99,14 @@ def snooping_of(problem: TiedProblem, limit: float | None) -> Snooping:
 
 
 def adjust_tied(
-    problem: TiedProblem, rule: Snooping, *, active: Bool | None = None, deformed: bool = True
+    problem: TiedProblem, snooping: Snooping, *, active: Bool | None = None, deformed: bool = True
 ) -> TiedResult:
     """Adjust all bodies together, with data snooping and an estimate of their deformation.
 
     Parameters
     ----------
     problem : TiedProblem
-    rule : Snooping
+    snooping : Snooping
     active : (n,) bool, optional
         Observations to begin with; the others are tested for re-admission.
     deformed : bool
@@ -120,9 +120,9 @@ def adjust_tied(
         If the iteration does not converge.
     """
     near = (POINT, POSE) if POSE in problem.start else (POINT,)
-    rule = replace(rule, neighbourhood=near, share=(BODY, rule.share[1]))
+    snooping = replace(snooping, neighbourhood=near, share=(BODY, snooping.share[1]))
     variances = np.concatenate([problem.spread(problem.start).values.sum(axis=1), problem.ground_variance])
-    pool = pool_of(rule, problem.records, [variances])
+    pool = pool_of(snooping, problem.records, [variances])
 
     def solve(before: TiedSolution | None, use: Bool, tau_m: float) -> TiedSolution:
         return solve_tied(problem, problem.start if before is None else before.state, use, tau_m, before)
@@ -131,24 +131,24 @@ def adjust_tied(
 
     def wrong(solved: TiedSolution, use: Bool) -> Bool:
         if not room:
-            room.append(_room(solved, rule, pool))
-        return clearest_controlled(rule, replace(pool, room=room[0]), solved, use)
+            room.append(_room(solved, snooping, pool))
+        return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
-    searched = search(solve, begin, rule, pool, wrong, added=deformed)
+    searched = search(solve, begin, snooping, pool, wrong, added=deformed)
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
-    crowded, back = overfull(rule, full, searched.above & ~pool.carrier, searched.active, begin)
+    crowded, back = overfull(snooping, full, searched.above & ~pool.carrier, searched.active, begin)
     if room and back.any():
         room[0][crowded] = 0
-        searched = search(solve, begin, rule, pool, wrong, added=deformed, first=searched.first)
+        searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=searched.first)
     return _result(searched)
 
 
-def _room(solved: TiedSolution, rule: Snooping, pool: Pool) -> Int:
+def _room(solved: TiedSolution, snooping: Snooping, pool: Pool) -> Int:
     """How many may be rejected: of a body the share of the rule; of a kind also what the others answer for."""
     none = np.ones(len(pool.source), dtype=bool)
-    room, sources = room_left(rule, pool, none), int(pool.source.max()) + 1
+    room, sources = room_left(snooping, pool, none), int(pool.source.max()) + 1
     weights = np.where(pool.counted, solved.answered, 0.0)
     answered: Float = np.bincount(pool.source, weights, sources).astype(np.float64)
     # Whatever goes, seven coordinates and one to test them are left of all that is observed of the ground.

@@ -45,9 +45,9 @@ class ObservedAngles:
         """All three are given, (n,)."""
         return np.asarray(np.isfinite(self.angles_rad).all(axis=1))
 
-    def take(self, some: Int) -> ObservedAngles:
+    def take(self, rows: Int) -> ObservedAngles:
         """The chosen ones."""
-        return ObservedAngles(self.angles_rad[some], self.system, self.ground[some], self.mount_deg[some])
+        return ObservedAngles(self.angles_rad[rows], self.system, self.ground[rows], self.mount_deg[rows])
 
     def rotations(self) -> tuple[Float, Float]:
         """R_obs: axes of the block from those of the camera without boresight, and G, both (n, 3, 3)."""

@@ -44,7 +44,7 @@ from aatri.observations.angle_differences import (
 )
 from aatri.observations.carried_vectors import BORESIGHT, BORESIGHTS
 from aatri.observations.drift import drift_term, group_times, observed_with_terms, time_notes
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
@@ -100,16 +100,16 @@ class Attitudes:
         for exact, angles in ((False, self.sigma_rad > 0), (True, self.sigma_rad == 0)):
             yield exact, np.flatnonzero(angles.any(axis=1))
 
-    def take(self, some: Int) -> Attitudes:
+    def take(self, rows: Int) -> Attitudes:
         """The chosen ones."""
-        columns = {name: getattr(self, name)[some] for name in self.__dataclass_fields__ if name != "angles"}
-        return replace(self, **columns, angles=None if self.angles is None else self.angles.take(some))
+        columns = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "angles"}
+        return replace(self, **columns, angles=None if self.angles is None else self.angles.take(rows))
 
 
-def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
+def attitudes(source: ObservationSource, options: AttitudeOptions) -> tuple[Observed, ...]:
     """Observed attitudes of the images."""
-    block = given.block
-    rows = attitudes_of(given)
+    block = source.block
+    rows = attitudes_of(source)
     if not options.use or not len(rows.row):
         return ()
     group = block.exterior.drift_group[rows.row] if options.drift != "none" else np.full(len(rows.row), "")
@@ -135,57 +135,57 @@ def attitudes(given: Given, options: AttitudeOptions) -> tuple[Observed, ...]:
     return (*observed, *BORESIGHTS.priors(block, block.cameras.boresight_rad, boresights))
 
 
-def attitudes_of(given: Given) -> Attitudes:
+def attitudes_of(source: ObservationSource) -> Attitudes:
     """Observed attitudes of a block, in the order of its exterior table."""
-    block, e = given.block, given.block.exterior
+    block, e = source.block, source.block.exterior
     known = np.isfinite(e.angles_rad).any(axis=1) & (e.angle_use == OBSERVED_VALUE) & block.images.active[e.image]
     row = np.flatnonzero(known)
     image = e.image[row]
     camera = block.images.camera[image]
     place = np.where(
         finite_rows(e.position_m)[row, None],
-        given.placed(e.position_m[row])[0],
-        given.start[POSE].position_m[image] + given.origin_m,
+        source.placed(e.position_m[row])[0],
+        source.start[POSE].position_m[image] + source.origin_m,
     )
     angles = ObservedAngles(
-        e.angles_rad[row], block.rotation, ground_of_angles(given, place), block.cameras.mount_deg[camera]
+        e.angles_rad[row], block.rotation, ground_of_angles(source, place), block.cameras.mount_deg[camera]
     )
     observed, turning = angles.rotations()
-    return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], given.axes_at(place), angles)
+    return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], source.axes_at(place), angles)
 
 
-def ground_of_angles(given: Given, place: Float) -> Float:
+def ground_of_angles(source: ObservationSource, place: Float) -> Float:
     """What the angles refer to, in the axes of the block: its own axes, or north, east, down of each place."""
     n = len(place)
-    if given.block.rotation != CARRIER:
+    if source.block.rotation != CARRIER:
         return np.broadcast_to(np.eye(3), (n, 3, 3))
-    return given.north_east_down_at(place)
+    return source.north_east_down_at(place)
 
 
 def attitude_records(rows: Attitudes, *, exact: bool = False) -> Records:
     """Records of observed attitudes, of their weighted angles or of their exact ones; they touch pose and boresight."""
     image, camera = rows.image.astype(np.int32), rows.camera.astype(np.int32)
 
-    def differences(predicted: Any, some: Int) -> tuple[Any, Any]:
-        whole = rows.whole[some]
+    def differences(predicted: Any, chosen: Int) -> tuple[Any, Any]:
+        whole = rows.whole[chosen]
         if whole.all():
-            return whole_differences(predicted, rows.observed[some], rows.turning[some])
+            return whole_differences(predicted, rows.observed[chosen], rows.turning[chosen])
         assert rows.angles is not None
-        v, by_turn = np.zeros((len(some), 3)), np.zeros((len(some), 3, 3))
-        all_three, part = some[whole], some[~whole]
+        v, by_turn = np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3, 3))
+        all_three, part = chosen[whole], chosen[~whole]
         v[whole], by_turn[whole] = whole_differences(
             predicted[whole], rows.observed[all_three], rows.turning[all_three]
         )
         v[~whole], by_turn[~whole] = partial_differences(predicted[~whole], rows.angles.take(part))
         return v, by_turn
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        b: Any = state[BORESIGHT][camera[some]]
-        B = rows.axes[some].swapaxes(1, 2)
-        predicted = B @ poses.ground_from_image[image[some]] @ exp_rotation(-b)
-        v, by_turn = differences(predicted, some)
-        nothing = np.zeros((len(some), 3, 3))
+        b: Any = state[BORESIGHT][camera[chosen]]
+        B = rows.axes[chosen].swapaxes(1, 2)
+        predicted = B @ poses.ground_from_image[image[chosen]] @ exp_rotation(-b)
+        v, by_turn = differences(predicted, chosen)
+        nothing = np.zeros((len(chosen), 3, 3))
         by_pose = np.concatenate([nothing, by_turn @ B], axis=2)
         return v, (by_pose, -by_turn @ predicted @ left_jacobian(b))
 

@@ -70,13 +70,13 @@ def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePo
     return replace(rows, xy_mm=xy, c_mm=c), None
 
 
-def compared(cameras: CameraRows, parameters: Float, some: Int, u: Float, xy_mm: Float) -> tuple[Float, Float, Float]:
+def compared(cameras: CameraRows, parameters: Float, rows: Int, u: Float, xy_mm: Float) -> tuple[Float, Float, Float]:
     """Computed minus measured of some rows, and its derivatives to u and to the parameters.
 
     Parameters
     ----------
     parameters : (n_blocks, s) float64
-    some : (n,) int
+    rows : (n,) int
         Rows of the cameras.
     u : (n, 3) float64
         Their points in image axes.
@@ -88,7 +88,7 @@ def compared(cameras: CameraRows, parameters: Float, some: Int, u: Float, xy_mm:
     by_u : (n, 2, 3) float64
     by_camera : (n, 2, s) float64
     """
-    block = cameras.block[some]
+    block = cameras.block[rows]
     v, by_u = np.empty((len(u), 2)), np.empty((len(u), 2, 3))
     by_camera = np.zeros((len(u), 2, parameters.shape[1]))
     models = np.array(cameras.model)[block]

@@ -18,7 +18,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
 from aatri.observations.correlated import joined
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
-from aatri.observations.observed import NEARLY_EXACT, Given, Holds, Observed, named
+from aatri.observations.observed import NEARLY_EXACT, Holds, ObservationSource, Observed, named
 from aatri.observations.poses import POINT
 
 if TYPE_CHECKING:
@@ -54,14 +54,14 @@ class Control:
         """Coordinates that are control, (n, 3)."""
         return self.observed | self.exact
 
-    def take(self, some: Int) -> Control:
+    def take(self, rows: Int) -> Control:
         """The chosen points."""
-        return Control(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+        return Control(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    def nearly_exact(self, held: Bool) -> Float:
+    def nearly_exact(self, exact: Bool) -> Float:
         """Covariances in which exact coordinates that are not held have a very small variance, (n, 3, 3)."""
         covariance = self.covariance_m2.copy()
-        row, axis = np.nonzero(self.exact & ~held)
+        row, axis = np.nonzero(self.exact & ~exact)
         covariance[row, axis, axis] = NEARLY_EXACT**2
         return covariance
 
@@ -82,12 +82,12 @@ def control_of(block: Block) -> Control:
     )
 
 
-def control(given: Given) -> tuple[Observed, ...]:
+def control(source: ObservationSource) -> tuple[Observed, ...]:
     """Control points of the block."""
-    rows = control_of(given.block)
-    coordinates = given_coordinates(given, rows.xyz_m, rows.given)
-    observed = observed_control(rows, given.origin_m, given.block.points.id[rows.point], coordinates)
-    c = given.block.ground_point_covariances
+    rows = control_of(source.block)
+    coordinates = given_coordinates(source, rows.xyz_m, rows.given)
+    observed = observed_control(rows, source.origin_m, source.block.points.id[rows.point], coordinates)
+    c = source.block.ground_point_covariances
     if not len(c) or not observed:
         return observed
     scalars = [3 * o.row[:, None] + np.arange(3) for o in observed]
@@ -104,8 +104,8 @@ def observed_control(
     # Exact coordinates of the block are coordinates of a turned adjustment only where all three of a point are exact.
     held = rows.exact if given.expanded is None else rows.exact & rows.exact.all(axis=1, keepdims=True)
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, D = given.residuals(state[POINT][rows.point[some]], some)
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, D = given.residuals(state[POINT][rows.point[chosen]], chosen)
         return v, (D,)
 
     whitener = whitener_of_covariances(rows.nearly_exact(held), rows.given & ~held)

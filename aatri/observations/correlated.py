@@ -120,14 +120,14 @@ def _joined(
     first = np.cumsum([0, *(part.records.rows for part in parts)])
     m = int(first[-1])
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, J = np.zeros((len(some), m)), [np.zeros(0)] * len(touches)
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, J = np.zeros((len(chosen), m)), [np.zeros(0)] * len(touches)
         for j, part in enumerate(parts):
             own = slice(first[j], first[j + 1])
-            v[:, own], jacobians = part.records.evaluate(state, rows[some, j])
+            v[:, own], jacobians = part.records.evaluate(state, rows[chosen, j])
             for k, d in zip(at[j], jacobians):
                 if not J[k].size:
-                    J[k] = np.zeros((len(some), m, d.shape[2]))
+                    J[k] = np.zeros((len(chosen), m, d.shape[2]))
                 J[k][:, own] = d
         return v, tuple(J)
 

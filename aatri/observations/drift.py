@@ -43,9 +43,9 @@ class SharedUnknowns:
     basis: Float | None = None
     """(n, 3, k). Derivatives; None where the observations say how they depend on it (an unknown lever arm)."""
 
-    def take(self, some: Int) -> SharedUnknowns:
+    def take(self, rows: Int) -> SharedUnknowns:
         """Of the chosen observations."""
-        return replace(self, block=self.block[some], basis=None if self.basis is None else self.basis[some])
+        return replace(self, block=self.block[rows], basis=None if self.basis is None else self.basis[rows])
 
 
 def drift_term(
@@ -125,11 +125,11 @@ def with_terms(plain: Records, terms: Sequence[SharedUnknowns]) -> Records:
     if not linear:
         return plain
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, jacobians = plain.evaluate(state, some)
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, jacobians = plain.evaluate(state, rows)
         for group, block, basis in linear:
-            v = v + np.einsum("nij,nj->ni", basis[some], state[group][block[some]])
-        return v, (*jacobians, *(basis[some] for _, _, basis in linear))
+            v = v + np.einsum("nij,nj->ni", basis[rows], state[group][block[rows]])
+        return v, (*jacobians, *(basis[rows] for _, _, basis in linear))
 
     touches = (*plain.touches, *((group, block) for group, block, _ in linear))
     return Records(plain.name, touches, evaluate, plain.whitener, plain.active)

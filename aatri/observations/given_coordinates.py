@@ -3,7 +3,7 @@
     all three     v = D (X - X_given)
     some          v = x(X) - x_given
 
-D is I where the adjustment is in the axes of the block, else it turns the residual into them (`Given.placed`).
+D is I where the adjustment is in the axes of the block, else it turns the residual into them (`placed` of the source).
 Coordinates given in part have no place there; they are compared in the coordinates of the block, so that they stay
 right at any distance from the origin; x is the map of the frame (`frames.expanded`).
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.frames.expanded import Expanded
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class GivenCoordinates:
         """Whose scalars in the adjustment are the coordinates given, or all three together, (n,)."""
         return np.asarray(self.used.all(axis=1) | (self.expanded is None))
 
-    def take(self, some: Int) -> GivenCoordinates:
+    def take(self, rows: Int) -> GivenCoordinates:
         """The chosen ones."""
         names = ("used", "place_m", "derivatives", "partial_m")
-        return replace(self, **{name: getattr(self, name)[some] for name in names})
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def residuals(self, X: Any, rows: Int) -> tuple[Any, Any]:
         """v and dv/dX at places of the adjustment.
@@ -82,21 +82,21 @@ def in_own_axes(xyz_m: Float, origin_m: Float, used: Bool) -> GivenCoordinates:
     return GivenCoordinates(used, place, np.eye(3) * used[:, :, None], None, place, origin_m)
 
 
-def given_coordinates(given: Given, xyz_m: Float, used: Bool) -> GivenCoordinates:
+def given_coordinates(source: ObservationSource, xyz_m: Float, used: Bool) -> GivenCoordinates:
     """Coordinates of the block in the adjustment.
 
     Parameters
     ----------
-    given : Given
+    source : ObservationSource
     xyz_m : (n, 3) float64, m
         In the frame of the block.
     used : (n, 3) bool
     """
-    if given.frame is None:
-        return in_own_axes(xyz_m, given.origin_m, used)
-    reference = given.frame.to_block(given.origin_m[None])[0]
+    if source.frame is None:
+        return in_own_axes(xyz_m, source.origin_m, used)
+    reference = source.frame.to_block(source.origin_m[None])[0]
     whole = np.flatnonzero(used.all(axis=1))
     place, D = np.zeros_like(xyz_m), np.broadcast_to(np.eye(3), (len(xyz_m), 3, 3)).copy()
-    placed, D[whole] = given.placed(xyz_m[whole])
-    place[whole] = placed - given.origin_m
-    return GivenCoordinates(used, place, D, Expanded(given.frame, reference), xyz_m - reference, given.origin_m)
+    placed, D[whole] = source.placed(xyz_m[whole])
+    place[whole] = placed - source.origin_m
+    return GivenCoordinates(used, place, D, Expanded(source.frame, reference), xyz_m - reference, source.origin_m)

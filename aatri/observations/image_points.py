@@ -32,7 +32,7 @@ from aatri.observations.camera_models import CameraRows, compared, known_beforeh
 from aatri.observations.collinearity_lane import compiled_lane, side_veto
 from aatri.observations.coordinates import observed_priors
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
-from aatri.observations.observed import Given, Names, Observed
+from aatri.observations.observed import Names, ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows, parameter_unknowns
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 
@@ -43,16 +43,16 @@ if TYPE_CHECKING:
 KIND = "image_point"
 
 
-def image_points(given: Given) -> tuple[Observed, ...]:
+def image_points(source: ObservationSource) -> tuple[Observed, ...]:
     """Image points of the block, and what is known of the parameters of its images and cameras."""
-    if given.image_points is None:
+    if source.image_points is None:
         return ()
-    rays, block = rays_of(given.block, given.image_points), given.block
+    rays, block = rays_of(source.block, source.image_points), source.block
 
     def names(rows: Int) -> tuple[Text, Text]:
         return block.images.id[rays.image[rows]], block.points.id[rays.point[rows]]
 
-    return observed_image_points(rays, given.parameters, names, block.image_points.group)
+    return observed_image_points(rays, source.parameters, names, block.image_points.group)
 
 
 def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:

@@ -2,7 +2,7 @@
 
 A kind of observation is one file of this folder and one line of `kinds`. The file has a function
 
-    def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]
+    def distances(given: ObservationSource, options: DistanceOptions) -> tuple[Observed, ...]
 
 which takes its rows out of the tables of the Block. Observed and exact rows, and rows that touch other groups of
 unknowns, are one `Observed` each. Nothing else needs to know the kind.
@@ -38,7 +38,7 @@ NEARLY_EXACT = 1e-6
 
 
 @dataclass(frozen=True)
-class Given:
+class ObservationSource:
     """What observations are taken from."""
 
     block: Block
@@ -178,8 +178,8 @@ class Observed:
     def take(self, rows: Int) -> Observed:
         """The chosen ones."""
 
-        def names(some: Int) -> tuple[Text, Text]:
-            return self.names(rows[some])
+        def names(chosen: Int) -> tuple[Text, Text]:
+            return self.names(rows[chosen])
 
         sees: tuple[bool, bool, bool] | Bool = self.sees[rows] if isinstance(self.sees, np.ndarray) else self.sees
         h = self.holds

@@ -31,7 +31,7 @@ from aatri.observations.carried_vectors import ARMS, LEVER_ARM
 from aatri.observations.drift import DRIFT, SharedUnknowns, drift_term, group_times, observed_with_terms, time_notes
 from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
@@ -82,9 +82,9 @@ class Positions:
         """Coordinates that are exact, (n, 3)."""
         return np.asarray(self.given & (np.einsum("nii->ni", self.covariance_m2) == 0))
 
-    def take(self, some: Int | Bool) -> Positions:
+    def take(self, rows: Int | Bool) -> Positions:
         """The chosen positions."""
-        return Positions(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+        return Positions(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def by_exactness(self) -> Iterator[tuple[bool, Int]]:
         """False with the rows that have weighted coordinates, True with those that have exact ones, where there are."""
@@ -105,14 +105,14 @@ def positions_of(block: Block) -> Positions:
     return Positions(row, image, exterior.position_m[row], exterior.position_covariance_m2[row], arm)
 
 
-def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
+def positions(source: ObservationSource, options: PositionOptions) -> tuple[Observed, ...]:
     """Observed positions of the block, with the unknowns that they share."""
-    block, rows = given.block, positions_of(given.block)
+    block, rows = source.block, positions_of(source.block)
     if not options.use or not len(rows.row):
         return ()
-    coordinates = given_coordinates(given, rows.position_m, rows.given)
-    names, terms = block.images.id[rows.image], terms_of(given, rows, options)
-    observed = observed_positions(rows, given.origin_m, names, coordinates, terms)
+    coordinates = given_coordinates(source, rows.position_m, rows.given)
+    names, terms = block.images.id[rows.image], terms_of(source, rows, options)
+    observed = observed_positions(rows, source.origin_m, names, coordinates, terms)
     drifting = next((k for k, o in enumerate(observed) if DRIFT in o.start), None)
     if options.drift == "linear" and drifting is not None:
         notes = time_notes(block.images, rows.image, drift_groups(block, rows, options))
@@ -122,9 +122,9 @@ def positions(given: Given, options: PositionOptions) -> tuple[Observed, ...]:
     return (*observed, *ARMS.priors(block, block.cameras.lever_arm_m, ARMS.unknowns(block)))
 
 
-def terms_of(given: Given, rows: Positions, options: PositionOptions) -> list[SharedUnknowns]:
+def terms_of(source: ObservationSource, rows: Positions, options: PositionOptions) -> list[SharedUnknowns]:
     """The unknowns of positions beside the poses: drift, unknown lever arms, exposure-time offsets."""
-    block, terms = given.block, []
+    block, terms = source.block, []
     group = drift_groups(block, rows, options)
     if (group != "").any():
         time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
@@ -182,9 +182,9 @@ def observed_positions(
     """Weighted and exact positions, given the names of their images, their coordinates in the adjustment, and terms."""
     given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
 
-    def records(some: Int, exact: bool, touched: Sequence[SharedUnknowns]) -> Records:
+    def records(chosen: Int, exact: bool, touched: Sequence[SharedUnknowns]) -> Records:
         arm = next((t.block.astype(np.int32) for t in touched if t.basis is None), None)
-        return position_records(rows.take(some), given.take(some), arm, exact=exact)
+        return position_records(rows.take(chosen), given.take(chosen), arm, exact=exact)
 
     return observed_with_terms(records, rows.by_exactness(), terms, rows.row, names, "m")
 
@@ -197,13 +197,13 @@ def position_records(
     `camera` is that of each, where its lever arm is unknown: they touch it, too.
     """
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        image = rows.image[some]
+        image = rows.image[chosen]
         R = poses.ground_from_image[image]
-        own = rows.lever_arm_m[some] if camera is None else state[LEVER_ARM][camera[some]]
+        own = rows.lever_arm_m[chosen] if camera is None else state[LEVER_ARM][camera[chosen]]
         arm = np.einsum("nij,nj->ni", R, own)
-        v, D = coordinates.residuals(poses.position_m[image] + arm, some)
+        v, D = coordinates.residuals(poses.position_m[image] + arm, chosen)
         by_pose = np.concatenate([D, -D @ skew(arm)], axis=2)
         return v, (by_pose,) if camera is None else (by_pose, D @ R)
 

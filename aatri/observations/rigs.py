@@ -32,7 +32,7 @@ from aatri.arrays import Float, Int
 from aatri.geometry.rotations import angle_axes, exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.coordinates import observed_priors
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.options import Options
 
@@ -82,9 +82,9 @@ class RigPairs:
     """(m, 3, 3). M_0 of every member."""
 
 
-def rigs(given: Given, options: RigOptions) -> tuple[Observed, ...]:
+def rigs(source: ObservationSource, options: RigOptions) -> tuple[Observed, ...]:
     """Images of one exposure of a rig."""
-    block = given.block
+    block = source.block
     pairs = rig_pairs(block)
     if not options.use or not len(pairs.first):
         return ()
@@ -99,7 +99,7 @@ def rigs(given: Given, options: RigOptions) -> tuple[Observed, ...]:
     unknowns = Unknowns(MOUNT, free, LABELS, ids, add_step, generator=_scaled)
     start = np.concatenate([members.position_m, np.zeros((len(members), 3))], axis=1)
     row = np.full(len(pairs.first), -1)
-    by_position, by_rotation = rig_records(pairs, *_tight(given, options))
+    by_position, by_rotation = rig_records(pairs, *_tight(source, options))
     C = sigma[:, :, None] ** 2 * np.eye(6)
     return (
         Observed(by_position, row, names, "m", unknowns=(unknowns,), start={MOUNT: start}),
@@ -108,17 +108,17 @@ def rigs(given: Given, options: RigOptions) -> tuple[Observed, ...]:
     )
 
 
-def _tight(given: Given, options: RigOptions) -> tuple[float, float]:
+def _tight(source: ObservationSource, options: RigOptions) -> tuple[float, float]:
     """Standard deviations of the ties, m and rad.
 
     Smaller ones would gain nothing, and leave nothing of the digits that tell whether a mount is determined.
     """
     angle, away = 2e-5, 1.0
-    if given.image_points is not None:
-        m, poses = given.image_points.measurements, given.start[POSE]
-        c = given.block.cameras.principal_distance_mm[given.block.images.camera[m.image]]
+    if source.image_points is not None:
+        m, poses = source.image_points.measurements, source.start[POSE]
+        c = source.block.cameras.principal_distance_mm[source.block.images.camera[m.image]]
         angle = float(np.nanmedian(m.sigma_mm[:, 0] / c))
-        lengths = np.linalg.norm(given.start[POINT][m.point] - poses.position_m[m.image], axis=1)
+        lengths = np.linalg.norm(source.start[POINT][m.point] - poses.position_m[m.image], axis=1)
         away = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else away
     position_m = TIGHT * angle * away if options.position_m is None else options.position_m
     return position_m, TIGHT * angle if options.angle_deg is None else float(np.radians(options.angle_deg))
@@ -158,27 +158,27 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
     touches = ((POSE, pairs.first), (POSE, pairs.second), (MOUNT, pairs.first_mount), (MOUNT, pairs.second_mount))
     n = len(pairs.first)
 
-    def place(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def place(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        a, b, ma, mb = pairs.first[some], pairs.second[some], pairs.first_mount[some], pairs.second_mount[some]
+        a, b, ma, mb = pairs.first[rows], pairs.second[rows], pairs.first_mount[rows], pairs.second_mount[rows]
         mounts: Any = state[MOUNT]
         F = poses.ground_from_image[a] @ (exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma]).swapaxes(1, 2)
         back, away = F.swapaxes(1, 2), poses.position_m[b] - poses.position_m[a]
         y = np.einsum("nij,nj->ni", back, away)
-        nothing, one = np.zeros((len(some), 3, 3)), np.broadcast_to(np.eye(3), (len(some), 3, 3))
+        nothing, one = np.zeros((len(rows), 3, 3)), np.broadcast_to(np.eye(3), (len(rows), 3, 3))
         by_a = np.concatenate([-back, back @ skew(away)], axis=2)
         by_ma = np.concatenate([one, -skew(y) @ left_jacobian(mounts[ma, 3:])], axis=2)
         J = by_a, np.concatenate([back, nothing], axis=2), by_ma, np.concatenate([-one, nothing], axis=2)
         return y - mounts[mb, :3] + mounts[ma, :3], J
 
-    def turn(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def turn(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: Poses = state[POSE]
-        a, b, ma, mb = pairs.first[some], pairs.second[some], pairs.first_mount[some], pairs.second_mount[some]
+        a, b, ma, mb = pairs.first[rows], pairs.second[rows], pairs.first_mount[rows], pairs.second_mount[rows]
         mounts: Any = state[MOUNT]
         back = exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma] @ poses.ground_from_image[a].swapaxes(1, 2)
         E = back @ poses.ground_from_image[b] @ (exp_rotation(mounts[mb, 3:]) @ pairs.mount[mb]).swapaxes(1, 2)
         q = log_rotation(E)
-        inverse, nothing = np.linalg.inv(left_jacobian(q)), np.zeros((len(some), 3, 3))
+        inverse, nothing = np.linalg.inv(left_jacobian(q)), np.zeros((len(rows), 3, 3))
         turned = inverse @ back
         by = (-turned, turned, inverse @ left_jacobian(mounts[ma, 3:]), -inverse @ E @ left_jacobian(mounts[mb, 3:]))
         return q, tuple(np.concatenate([nothing, J], axis=2) for J in by)

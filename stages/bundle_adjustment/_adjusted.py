@@ -20,7 +20,7 @@ from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.search import AcceptedGroup
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 class AdjustedBundle:
     """An adjusted block with what it was made of."""
 
-    source: Given
+    source: ObservationSource
     done: AdjustedBlock
     groups: tuple[AcceptedGroup, ...]
     components: VarianceComponents | None
@@ -82,16 +82,16 @@ def adjusted_bundle(
 
 
 def _with_information(
-    source: Given, given: BundleInput, information: Information | None, context: Context
+    source: ObservationSource, inputs: BundleInput, information: Information | None, context: Context
 ) -> tuple[BundleInput, InformationShare | None]:
     if information is None:
-        return given, None
-    check_unknowns(information, source.block, given)
-    twice = standing_in(information, source.block, given)
-    share = information_share(information, given)
+        return inputs, None
+    check_unknowns(information, source.block, inputs)
+    twice = standing_in(information, source.block, inputs)
+    share = information_share(information, inputs)
     count = sum(int(rows.sum()) for rows in twice)
     context.log(
         f"Information of block {information.block}: {information.observations} observations, "
         f"{len(information.unknowns)} unknowns; {count} observations of this block stand in it and count once"
     )
-    return with_information(given, information, share, twice), share
+    return with_information(inputs, information, share, twice), share

@@ -16,7 +16,7 @@ from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import KindOptions
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
 from aatri.orientation.bundle.block import BundleInput
@@ -52,10 +52,10 @@ COARSE = 5.0
 
 
 def adjusted_block(
-    source: Given, given: BundleInput, options: BundleOptions, context: Context
+    source: ObservationSource, inputs: BundleInput, options: BundleOptions, context: Context
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...], VarianceComponents | None]:
     """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
-    done, groups = _searched(source, given, options, context)
+    done, groups = _searched(source, inputs, options, context)
     adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
     done = with_settled_terms(done, adjust, partial(adjust, how=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
@@ -63,7 +63,7 @@ def adjusted_block(
 
 
 def _searched(
-    source: Given, given: BundleInput, options: BundleOptions, context: Context
+    source: ObservationSource, inputs: BundleInput, options: BundleOptions, context: Context
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
     searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
@@ -79,17 +79,17 @@ def _searched(
         return search(block, adjust, searching, options.tolerance, squares)
 
     if searching.method == "robust":
-        done = robustly(given, adjust, searching)
+        done = robustly(inputs, adjust, searching)
     else:
-        given = given if searching.method == "none" else without_exchanged(given)
-        done, groups = search_with_groups(given, adjust, single, candidate_groups, searching)
+        inputs = inputs if searching.method == "none" else without_exchanged(inputs)
+        done, groups = search_with_groups(inputs, adjust, single, candidate_groups, searching)
     if options.self_calibration is None or not options.self_calibration.remove:
         return done, groups
     rebuilt, before = partial(with_parameters, source), done.notes
     undecided = any(kind != IMAGE_POINT for kind, _ in done.undecided)
     done = without_idle_parameters(done, adjust, rebuilt)
     if undecided and done.considered:  # parameters that are not worth keeping could take up what is wrong
-        fewer = rebuilt(given, done.given.parameters)
+        fewer = rebuilt(inputs, done.inputs.parameters)
         again, groups = search_with_groups(fewer, adjust, single, candidate_groups, searching)
         removed = [note for note in done.notes if note not in before]
         done = replace(again, notes=(*again.notes, *removed), considered=done.considered)
@@ -97,7 +97,7 @@ def _searched(
 
 
 def adjusted(
-    given: BundleInput, options: BundleOptions, context: Context, how: AdjustOptions = AdjustOptions()
+    inputs: BundleInput, options: BundleOptions, context: Context, how: AdjustOptions = AdjustOptions()
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
     adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
@@ -110,11 +110,11 @@ def adjusted(
         return adjust(block, replace(settings, covariances=False), reporter=context)
 
     try:
-        return adjusted_with_terms(given, once, roughly)
+        return adjusted_with_terms(inputs, once, roughly)
     except GeometryError as error:
-        names = tuple(name for p in given.parameters for name in p.labels)
-        advice = rank_advice(error, names, column_kinds(given))
-        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in given.observed}:
+        names = tuple(name for p in inputs.parameters for name in p.labels)
+        advice = rank_advice(error, names, column_kinds(inputs))
+        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in inputs.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 

@@ -23,7 +23,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
@@ -102,8 +102,8 @@ def alternated(
     source = observation_source(block, image_points, initial)
     given = bundle_input(source, options, None if initial is None else initial.suspects)
 
-    def adjust(given: BundleInput, settings: BundleSettings) -> BundleResult:
-        return adjust_alternating(given, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
+    def adjust(inputs: BundleInput, settings: BundleSettings) -> BundleResult:
+        return adjust_alternating(inputs, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
 
     return _made(source, initial, given, options, context, "alternating", adjust)
 
@@ -127,9 +127,9 @@ def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
 
 
 def _made(
-    source: Given,
+    source: ObservationSource,
     initial: Solution | None,
-    given: BundleInput,
+    inputs: BundleInput,
     options: AdjustmentOptions,
     context: Context,
     variant: str,
@@ -137,14 +137,14 @@ def _made(
     *,
     tests: bool = False,
 ) -> Solution:
-    tell([*options_without_data(source.block, options), *(note for o in given.observed for note in o.notes)], context)
+    tell([*options_without_data(source.block, options), *(note for o in inputs.observed for note in o.notes)], context)
     suspects, notes = inherited(initial)
     tell(notes, context)
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)
     )
-    done = AdjustedBlock(given, adjust(given, settings))
+    done = AdjustedBlock(inputs, adjust(inputs, settings))
     result, uncontrolled = done.result, uncontrolled_of(done.result)
-    report([*result.notes, *left_out(given, result), *sigma0(result, options.max_sigma0)], context)
+    report([*result.notes, *left_out(inputs, result), *sigma0(result, options.max_sigma0)], context)
     report(uncontrolled_observations(uncontrolled), context)
     return bundle_solution(source, done, after(suspects, done), uncontrolled, variant=variant, tests=tests)

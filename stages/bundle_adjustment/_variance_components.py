@@ -39,9 +39,9 @@ def with_variance_components(
     """The components as a table, and the block adjusted with them where they are to be applied."""
     if options is None:
         return done, None
-    groups = variance_groups(block, done.given, options.groups)
-    found, given, result = variance_components(done.given, done.result, adjust, groups)
+    groups = variance_groups(block, done.inputs, options.groups)
+    found, given, result = variance_components(done.inputs, done.result, adjust, groups)
     notes = (*done.notes, *variance_notes(groups.names, found, applied=options.apply))
-    done = replace(done, given=given, result=result) if options.apply else done
+    done = replace(done, inputs=given, result=result) if options.apply else done
     done = replace(done, notes=notes)
     return done, variance_table(groups.names, found, applied=options.apply)

@@ -21,7 +21,7 @@ from aatri.observations.attitudes import (
     attitudes,
 )
 from aatri.observations.drift import drift_term, with_terms
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 from tests.complex_step import complex_step
 from tests.stages.chain import simulated
@@ -110,7 +110,7 @@ def test_attitudes_without_errors_have_no_residuals(
     frame = frame_of(block)
     assert block.true_images is not None
     poses = poses_into(frame, block.true_images.position_m, block.true_images.ground_from_image)
-    given = Given(block, None, np.zeros(3), {POSE: poses}, frame=frame, geodesy=geodesy_of(block, frame))
+    given = ObservationSource(block, None, np.zeros(3), {POSE: poses}, frame=frame, geodesy=geodesy_of(block, frame))
     (found,) = attitudes(given, AttitudeOptions())
     v, _ = found.records.evaluate({POSE: poses, BORESIGHT: block.cameras.boresight_rad}, np.arange(8))
     assert np.abs(v).max() < 1e-8

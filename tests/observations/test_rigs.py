@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.rigs import MOUNT, RigOptions, RigPairs, poses_by_rigs, rig_pairs, rig_records, rigs
 from tests.complex_step import complex_step
@@ -69,7 +69,7 @@ def test_true_poses_have_no_residuals_and_give_those_of_the_other_members() -> N
     block = rigged(noise=False)
     assert block.true_images is not None
     poses = Poses(block.true_images.position_m, block.true_images.ground_from_image)
-    found = rigs(Given(block, None, np.zeros(3), {POSE: poses}), RigOptions())
+    found = rigs(ObservationSource(block, None, np.zeros(3), {POSE: poses}), RigOptions())
     for o in found:
         v, _ = o.records.evaluate({POSE: poses, **found[0].start}, np.arange(len(o)))
         assert np.abs(v).max() < 1e-9
@@ -89,7 +89,7 @@ def test_an_exposure_without_its_frame_ties_its_members_to_each_other() -> None:
     assert len(pairs.first) == 6
     assert not frames[pairs.first].any()
     poses = Poses(block.true_images.position_m, block.true_images.ground_from_image)
-    for o in rigs(Given(without, None, np.zeros(3), {POSE: poses}), RigOptions()):
+    for o in rigs(ObservationSource(without, None, np.zeros(3), {POSE: poses}), RigOptions()):
         start = np.concatenate([block.rig_members.position_m, np.zeros((3, 3))], axis=1)
         v, _ = o.records.evaluate({POSE: poses, MOUNT: start}, np.arange(len(o)))
         assert np.abs(v).max() < 1e-9

@@ -19,7 +19,7 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds.catalogue import KindOptions, observe
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
@@ -36,7 +36,7 @@ def observation_source(
     parameters: tuple[ParameterRows, ...] = (),
     origin: Float | None = None,
     linear_start: bool = False,
-) -> Given:
+) -> ObservationSource:
     """A block in the frame of its adjustment; missing start values are filled in by intersection and resection.
 
     Parameters
@@ -82,15 +82,15 @@ def observation_source(
             )
     geodesy, start = geodesy_of(block, frame), {POSE: poses, POINT: xyz}
     level = level_of(frame, geodesy, origin)
-    return Given(block, image_points, origin, start, parameters, level, frame, geodesy, notes)
+    return ObservationSource(block, image_points, origin, start, parameters, level, frame, geodesy, notes)
 
 
-def bundle_input(source: Given, options: KindOptions, suspects: Suspects | None = None) -> BundleInput:
+def bundle_input(source: ObservationSource, options: KindOptions, suspects: Suspects | None = None) -> BundleInput:
     """All observations of a block, without what earlier stages have rejected: from here on there are arrays alone.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
     options : KindOptions
     suspects : Suspects, optional
         Of earlier stages.
@@ -122,12 +122,12 @@ def _image_groups(block: Block) -> ImageGroups:
     return ImageGroups(cameras.id, corner_mm, images.camera, strip, images.flight, images.time_s, images.sequence)
 
 
-def with_parameters(source: Given, made: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+def with_parameters(source: ObservationSource, made: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
     """The same block with other parameters of images and cameras; weights, rejections and start values stay.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
     made : BundleInput
     parameters : tuple of ParameterRows
         The groups of `made` with other terms, or with others free; those that are not free begin anew.

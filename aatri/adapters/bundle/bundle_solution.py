@@ -26,7 +26,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM_PRIOR
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.gains import gains_of_observations
@@ -37,7 +37,7 @@ NOTHING_OF_CAMERAS = ParameterTables()
 
 
 def bundle_solution(
-    source: Given,
+    source: ObservationSource,
     done: AdjustedBlock,
     suspects: Suspects,
     uncontrolled: Uncontrolled | None,
@@ -50,7 +50,7 @@ def bundle_solution(
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
     done : AdjustedBlock
     suspects : Suspects
     uncontrolled : Uncontrolled or None
@@ -61,7 +61,7 @@ def bundle_solution(
     tests : bool
         Redundancy numbers, tests and detectable errors of all observations.
     """
-    given, result = done.given, done.result
+    given, result = done.inputs, done.result
     adjusted, block = result.adjusted, source.block
     independent = independent_errors_table(block, result, tests=tests)
     result = without_absent(result_out_of(source.frame, result))
@@ -149,24 +149,24 @@ def _by_camera(cameras: Text, p: Parameters, group: str, names: tuple[str, ...],
     return changed
 
 
-def _image_points(given: BundleInput, result: BundleResult) -> tuple[Int, Int, float]:
+def _image_points(inputs: BundleInput, result: BundleResult) -> tuple[Int, Int, float]:
     """Image points used per image and point, and their standard deviation, RMS, um."""
-    n_images, n_points = len(given.image_ids), len(given.point_ids)
-    if given.rays is None or not result.ray_used.any():
+    n_images, n_points = len(inputs.image_ids), len(inputs.point_ids)
+    if inputs.rays is None or not result.ray_used.any():
         return np.zeros(n_images, dtype=np.int64), np.zeros(n_points, dtype=np.int64), float("nan")
     used = result.ray_used
     return (
-        np.bincount(given.rays.image[used], minlength=n_images),
-        np.bincount(given.rays.point[used], minlength=n_points),
-        1e3 * float(np.sqrt((given.rays.sigma_mm[used] ** 2).mean())),
+        np.bincount(inputs.rays.image[used], minlength=n_images),
+        np.bincount(inputs.rays.point[used], minlength=n_points),
+        1e3 * float(np.sqrt((inputs.rays.sigma_mm[used] ** 2).mean())),
     )
 
 
-def _own_unknowns(given: BundleInput, result: BundleResult) -> list[Parameters]:
+def _own_unknowns(inputs: BundleInput, result: BundleResult) -> list[Parameters]:
     """Unknowns that kinds of observations bring along: drift ..."""
-    of_cameras_already = {p.group for p in given.parameters}
+    of_cameras_already = {p.group for p in inputs.parameters}
     tables = []
-    for o in given.observed:
+    for o in inputs.observed:
         for u in o.unknowns:
             if u.name in of_cameras_already:
                 continue

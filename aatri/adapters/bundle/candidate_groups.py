@@ -83,23 +83,23 @@ def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:
 
 
 def _of_positions(
-    images: ImageGroups, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
+    images: ImageGroups, result: BundleResult, place: int, adjusted: AdjustedObservations, rows: Int
 ) -> Iterator[Candidates]:
-    image = found.observed.records.touches[0][1][rows]
+    image = adjusted.observed.records.touches[0][1][rows]
     yield from _in_time(images, place, rows, image, (ALL, "strip", "flight"))
-    by_pose = found.observed.records.evaluate(result.adjusted.state, rows)[1][0]
+    by_pose = adjusted.observed.records.evaluate(result.adjusted.state, rows)[1][0]
     R = result.adjusted.state[POSE].ground_from_image[image]
     cameras, H = images.cameras[images.camera], by_pose[:, :, :3] @ R
     yield from _units(place, "camera", cameras, image, rows, H, (Cause("lever arm", (0, 1, 2)),), True)
 
 
 def _of_attitudes(
-    images: ImageGroups, result: BundleResult, place: int, found: AdjustedObservations, rows: Int
+    images: ImageGroups, result: BundleResult, place: int, adjusted: AdjustedObservations, rows: Int
 ) -> Iterator[Candidates]:
-    image = found.observed.records.touches[0][1][rows]
+    image = adjusted.observed.records.touches[0][1][rows]
     cameras = images.cameras[images.camera]
-    by_boresight = found.observed.records.evaluate(result.adjusted.state, rows)[1][1]
-    fixed = not any(u.free.any() for u in found.observed.unknowns if u.name == BORESIGHT)
+    by_boresight = adjusted.observed.records.evaluate(result.adjusted.state, rows)[1][1]
+    fixed = not any(u.free.any() for u in adjusted.observed.unknowns if u.name == BORESIGHT)
     yield from _units(place, "camera", cameras, image, rows, by_boresight, (Cause("boresight", (0, 1, 2)),), fixed)
     yield from _in_time(images, place, rows, image, ("strip", "flight"))
 
@@ -204,8 +204,8 @@ def _by_camera(xy_mm: Float, c_mm: Float, r0_mm: Float) -> Float:
     return H
 
 
-def _of_relief(result: BundleResult, place: int, found: AdjustedObservations, rows: Int) -> Iterator[Candidates]:
-    records = found.observed.records
+def _of_relief(result: BundleResult, place: int, adjusted: AdjustedObservations, rows: Int) -> Iterator[Candidates]:
+    records = adjusted.observed.records
     rows = rows[records.observed_components()[rows, 2]]
     if len(rows) < 2 * FEWEST:  # three heights tilt and shift the block, and some must be left to contradict
         return

@@ -35,7 +35,7 @@ def check_frame(information: Information, block: Block) -> None:
         )
 
 
-def check_unknowns(information: Information, block: Block, given: BundleInput) -> None:
+def check_unknowns(information: Information, block: Block, inputs: BundleInput) -> None:
     """Raise if cameras or their parameters are others, or the Information has eliminated what the block has.
 
     Raises
@@ -51,12 +51,12 @@ def check_unknowns(information: Information, block: Block, given: BundleInput) -
             what = f"camera {printable(name)} is another in block {of}: its figures differ"
             faults.add(what, remedy="give it another id, or the same figures in both")
     gone = information.eliminated_objects
-    for group, ids in ((POSE, given.image_ids), (POINT, given.point_ids)):
+    for group, ids in ((POSE, inputs.image_ids), (POINT, inputs.point_ids)):
         both = np.intersect1d(gone.object[gone.group == group], np.asarray(ids, dtype=np.str_))
         if len(both):
             what = f"{group}s {shown(both.tolist())} of this block were eliminated in the Information of block {of}"
             faults.add(what, remedy="keep them there (`keep`), or give what is something else another id")
-    here = {u.name: u.labels for o in given.observed for u in o.unknowns if u.free.any()}
+    here = {u.name: u.labels for o in inputs.observed for u in o.unknowns if u.free.any()}
     there = {str(group) for group in np.unique(information.unknowns.group)}
     for group in sorted({*here, *there} if common else ()):
         if (is_additional(group) or group == CAMERA) and (group not in here or group not in there):
@@ -88,7 +88,7 @@ def check_sets(information: Information, sets: CalibratedSets | None) -> None:
                     )
 
 
-def standing_in(information: Information, block: Block, given: BundleInput) -> tuple[Bool, ...]:
+def standing_in(information: Information, block: Block, inputs: BundleInput) -> tuple[Bool, ...]:
     """Which rows of each observation of the block stand in the Information.
 
     Raises
@@ -102,10 +102,10 @@ def standing_in(information: Information, block: Block, given: BundleInput) -> t
         there.setdefault((kind, image, point), set()).add(digest)
     keep = {
         group: np.isin(np.asarray(ids, dtype=np.str_), unknowns.object[unknowns.group == group])
-        for group, ids in ((POSE, given.image_ids), (POINT, given.point_ids))
+        for group, ids in ((POSE, inputs.image_ids), (POINT, inputs.point_ids))
     }
     twice = []
-    for o in given.observed:
+    for o in inputs.observed:
         same = np.zeros(len(o), dtype=bool)
         for row, key, digest in counted_rows(block, o, o.records.active, keep):
             digests = there.get(key, set())

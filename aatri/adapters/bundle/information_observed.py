@@ -48,15 +48,15 @@ class SharedBlock:
     """Where they are linearised: (k,) float64, or the position and the rotation matrix of an image."""
 
 
-def shared_blocks(information: Information, given: BundleInput) -> list[SharedBlock]:
+def shared_blocks(information: Information, inputs: BundleInput) -> list[SharedBlock]:
     """The unknowns of an Information that a block has, in its rows."""
-    rows: dict[str, Mapping[str, int]] = {POSE: _rows(given.image_ids), POINT: _rows(given.point_ids)}
+    rows: dict[str, Mapping[str, int]] = {POSE: _rows(inputs.image_ids), POINT: _rows(inputs.point_ids)}
     labels: dict[str, tuple[str, ...]] = {POSE: POSE_LABELS, POINT: ("X", "Y", "Z")}
-    for u in (u for o in given.observed for u in o.unknowns):
+    for u in (u for o in inputs.observed for u in o.unknowns):
         rows[u.name], labels[u.name] = _rows(u.ids), u.labels
     unknowns = information.unknowns
     images = {name: k for k, name in enumerate(information.images.image.tolist())}
-    shift = information.origin_m - given.origin_m
+    shift = information.origin_m - inputs.origin_m
     first = np.flatnonzero(
         np.r_[True, (unknowns.group[1:] != unknowns.group[:-1]) | (unknowns.object[1:] != unknowns.object[:-1])]
     )
@@ -93,7 +93,7 @@ class InformationShare:
     """Unknowns that were eliminated, there and here."""
 
 
-def information_share(information: Information, given: BundleInput) -> InformationShare:
+def information_share(information: Information, inputs: BundleInput) -> InformationShare:
     """The Information as one observation of the unknowns that the block shares with it.
 
     Raises
@@ -101,7 +101,7 @@ def information_share(information: Information, given: BundleInput) -> Informati
     ArtifactError
         If it shares none, or they are not the same.
     """
-    blocks = shared_blocks(information, given)
+    blocks = shared_blocks(information, inputs)
     if not blocks:
         raise ArtifactError(
             f"the Information of block {information.block} shares no unknown with this block",
@@ -110,7 +110,7 @@ def information_share(information: Information, given: BundleInput) -> Informati
     own = np.concatenate([b.column for b in blocks])
     other = np.setdiff1d(np.arange(len(information.unknowns)), own)
     N, right, fall, rank = without(information.matrix, information.unknowns.right, own, other)
-    sizes = {POSE: 6, POINT: 3, **{u.name: u.size for o in given.observed for u in o.unknowns}}
+    sizes = {POSE: 6, POINT: 3, **{u.name: u.size for o in inputs.observed for u in o.unknowns}}
     observed, best = _observed(information, blocks, sizes, N, right)
     made = {b"": observed}
 
@@ -191,7 +191,7 @@ def _observed(
 
 
 def with_information(
-    given: BundleInput, information: Information, share: InformationShare, twice: tuple[Bool, ...]
+    inputs: BundleInput, information: Information, share: InformationShare, twice: tuple[Bool, ...]
 ) -> BundleInput:
     """The block with the Information, and without its own observations that stand in it.
 
@@ -199,7 +199,7 @@ def with_information(
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     information : Information
     share : InformationShare
     twice : tuple of (n,) bool
@@ -207,15 +207,15 @@ def with_information(
     """
     observed = [
         replace(o, records=replace(o.records, active=o.records.active & ~rows)) if rows.any() else o
-        for o, rows in zip(given.observed, twice)
+        for o, rows in zip(inputs.observed, twice)
     ]
-    position, rotation, xyz = given.poses.position_m.copy(), given.poses.ground_from_image.copy(), given.xyz_m.copy()
-    for b in shared_blocks(information, given):
+    position, rotation, xyz = inputs.poses.position_m.copy(), inputs.poses.ground_from_image.copy(), inputs.xyz_m.copy()
+    for b in shared_blocks(information, inputs):
         if b.group == POSE and not np.isfinite(position[b.row]).all():
             position[b.row], rotation[b.row] = b.value
         if b.group == POINT and not np.isfinite(xyz[b.row]).all():
             xyz[b.row, b.scalar] = b.value
-    return replace(given, poses=Poses(position, rotation), xyz_m=xyz, observed=(*observed, share.observed))
+    return replace(inputs, poses=Poses(position, rotation), xyz_m=xyz, observed=(*observed, share.observed))
 
 
 def square_root(N: Float, right: Float) -> tuple[Float, Float]:

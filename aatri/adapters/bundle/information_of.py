@@ -30,7 +30,7 @@ from aatri.artifacts.information import (
 from aatri.artifacts.solution import CalibratedSets
 from aatri.errors import GeometryError
 from aatri.observations.geodetic.covariances import KINDS as GEODETIC
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
@@ -45,7 +45,7 @@ VALUES: Mapping[str, tuple[str, str]] = {
 
 
 def information_of(
-    source: Given,
+    source: ObservationSource,
     done: AdjustedBlock,
     equations: SharedEquations,
     sets: CalibratedSets | None,
@@ -56,7 +56,7 @@ def information_of(
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
     done : AdjustedBlock
     equations : SharedEquations
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
@@ -146,7 +146,7 @@ def _values(value: Any, u: Unknowns) -> Any:
 
 
 def _eliminated(done: AdjustedBlock, keep: Mapping[str, Bool]) -> EliminatedObjects:
-    given, result = done.given, done.result
+    given, result = done.inputs, done.result
     gone = {
         POSE: np.asarray(given.image_ids)[result.image_adjusted & ~keep[POSE]],
         POINT: np.asarray(given.point_ids)[result.point_adjusted & ~keep[POINT]],

@@ -14,7 +14,7 @@ CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
 
 def report_orderings(done: AdjustedBlock, used: Ordering, reporter: Reporter) -> Orderings | None:
     """Compare the order in use with those of the textbook, in the log and as a table; None without images."""
-    problem, numbering = done.result.adjusted.problem, done.given.numbering
+    problem, numbering = done.result.adjusted.problem, done.inputs.numbering
     if numbering is None:
         return None
     position = problem.layout.position.copy()

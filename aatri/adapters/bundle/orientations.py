@@ -8,7 +8,7 @@ from aatri.artifacts.block import ANTENNA, Block
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.angle_differences import ObservedAngles
 from aatri.observations.attitudes import ground_of_angles
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 
 
 def given_orientations(block: Block) -> tuple[Float, Float]:
@@ -25,7 +25,7 @@ def given_orientations(block: Block) -> tuple[Float, Float]:
     with_angles = np.flatnonzero(np.isfinite(exterior.angles_rad).all(axis=1))
     if len(with_angles):
         image = exterior.image[with_angles]
-        source = Given(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
+        source = ObservationSource(block, None, np.zeros(3), {}, geodesy=geodesy_of(block))
         cameras = block.images.camera[image]
         ground = ground_of_angles(source, exterior.position_m[with_angles])
         mount_deg, angles_rad = block.cameras.mount_deg[cameras], exterior.angles_rad[with_angles]

@@ -16,9 +16,9 @@ def proposed_numbers(done: AdjustedBlock) -> ProposedNumbers:
         for one, other in (pair, pair[::-1]):
             (o, row), (of_other, other_row) = (_place_of(observed, key) for key in (one, other))
             rows.append((o, row, str(of_other.names(np.array([other_row]))[1][0]), True))
-    if done.renumbered and done.given.rays is not None:
-        o = next(o for o in observed if is_of_rays(o, done.given.rays))
-        rows += [(o, one.row, str(done.given.point_ids[one.point]), False) for one in done.renumbered]
+    if done.renumbered and done.inputs.rays is not None:
+        o = next(o for o in observed if is_of_rays(o, done.inputs.rays))
+        rows += [(o, one.row, str(done.inputs.point_ids[one.point]), False) for one in done.renumbered]
     if not rows:
         return ProposedNumbers.empty()
     named = [o.names(np.array([row])) for o, row, _, _ in rows]

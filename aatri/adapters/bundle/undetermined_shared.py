@@ -44,7 +44,7 @@ def shared_equations(done: AdjustedBlock, wanted: Mapping[str, Bool]) -> SharedE
     wanted : mapping of group to (n,) bool
         Images and points that other blocks have too.
     """
-    given, result = done.given, done.result
+    given, result = done.inputs, done.result
     adjusted = {POSE: result.image_adjusted, POINT: result.point_adjusted}
     poses = result.adjusted.state[POSE].where(adjusted[POSE], given.poses)
     xyz_m = np.where(adjusted[POINT][:, None], result.adjusted.state[POINT], given.xyz_m)
@@ -80,7 +80,7 @@ def _with_free(
     done: AdjustedBlock, unknowns: tuple[Unknowns, ...], state: State, more: Mapping[str, Bool]
 ) -> tuple[Unknowns, ...]:
     """The unknowns of an adjustment, those of more images and points free as they would be in it."""
-    given, of = done.given, {u.name: np.ones(len(u.free), dtype=bool) for u in unknowns}
+    given, of = done.inputs, {u.name: np.ones(len(u.free), dtype=bool) for u in unknowns}
     absent = absent_coordinates(given.observed, len(given.point_ids))
     poses = np.ones((len(given.image_ids), 6), dtype=bool)
     declared = unknowns_of(given, Participants(state, of, (), absent), poses, given.poses.position_m)

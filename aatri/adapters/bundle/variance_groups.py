@@ -17,11 +17,11 @@ from aatri.orientation.bundle.variance_groups import VarianceGroups, grouped
 Level = Literal["kind", "camera", "flight", "group"]
 
 
-def variance_groups(block: Block, given: BundleInput, levels: Collection[Level]) -> VarianceGroups:
+def variance_groups(block: Block, inputs: BundleInput, levels: Collection[Level]) -> VarianceGroups:
     """Groups of all observations: their kind and its parts always; of image points the camera, flight and group."""
     labels: list[list[str]] = []
     parts: list[Int] = []
-    for o in given.observed:
+    for o in inputs.observed:
         if o.exact or not len(o):
             labels.append([])
             parts.append(np.full((len(o), o.records.rows), -1, dtype=np.int64))
@@ -30,7 +30,7 @@ def variance_groups(block: Block, given: BundleInput, levels: Collection[Level])
         names, number = classes_of(o, of_rows.tolist(), row)
         labels.append(names)
         parts.append(number)
-    return grouped(given.observed, labels, parts)
+    return grouped(inputs.observed, labels, parts)
 
 
 def _of_rows(block: Block, o: Observed, levels: Collection[Level]) -> Text:

@@ -85,12 +85,12 @@ def residual_tables(part: OrientedPart) -> Iterator[Residuals]:
         yield replace(made, residual=to.scale * made.residual @ to.rotation.T)
 
 
-def _on_ground(found: AdjustedObservations, to: Similarity) -> AdjustedObservations:
+def _on_ground(adjusted: AdjustedObservations, to: Similarity) -> AdjustedObservations:
     """Ties of a component, with their standard deviations on the ground."""
-    spread = found.observed.spread
+    spread = adjusted.observed.spread
     assert spread is not None
     turned = Spread(to.scale**2 * spread.values, to.rotation @ spread.vectors, spread.at)
-    return replace(found, observed=replace(found.observed, spread=turned))
+    return replace(adjusted, observed=replace(adjusted.observed, spread=turned))
 
 
 def carried(block: Block, strips: Strips, rays: ImagePointRows, parts: Sequence[OrientedPart]) -> Suspects:

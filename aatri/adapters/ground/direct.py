@@ -20,7 +20,7 @@ from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.attitudes import attitudes_of
 from aatri.observations.image_points import rays_of
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 
 METHOD = "absolute_orientation/direct"
@@ -61,7 +61,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     """X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight."""
     n, e = len(block.images), block.exterior
     position, rotation, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 6, 6), np.nan)
-    given = Given(
+    given = ObservationSource(
         block,
         None,
         np.zeros(3),
@@ -118,7 +118,7 @@ def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPo
 
 
 def _solution(
-    block: Block, image_points: ImagePoints | None, poses: DirectPoses, found: UncertainIntersection | None
+    block: Block, image_points: ImagePoints | None, poses: DirectPoses, intersection: UncertainIntersection | None
 ) -> Solution:
     n_points = len(block.points)
     counts: Int = np.zeros(len(block.images), dtype=np.int64)
@@ -127,17 +127,19 @@ def _solution(
     rays: Int = np.zeros(n_points, dtype=np.int64)
     observations = unknowns = 0
     sigma0 = sigma0_um = float("nan")
-    if found is not None and image_points is not None:
-        m, used = image_points.measurements, found.used
+    if intersection is not None and image_points is not None:
+        m, used = image_points.measurements, intersection.used
         counts = np.bincount(m.image[used], minlength=len(block.images))
-        xyz, covariance, rays = found.xyz_m, found.covariance_m2, found.rays
+        xyz, covariance, rays = intersection.xyz_m, intersection.covariance_m2, intersection.rays
         rows = np.flatnonzero(used)
         names = block.images.id[m.image[rows]], block.points.id[m.point[rows]]
-        residuals = assemble.residuals("image_point", rows, *names, found.residual_mm[rows], found.sigma_mm[rows])
+        residuals = assemble.residuals(
+            "image_point", rows, *names, intersection.residual_mm[rows], intersection.sigma_mm[rows]
+        )
         observations, unknowns = 2 * len(rows), 3 * int((rays > 0).sum())
         if observations > unknowns:
-            sigma0 = float(np.sqrt((found.whitened[used] ** 2).sum() / (observations - unknowns)))
-            sigma0_um = 1e3 * sigma0 * float(np.sqrt((found.sigma_mm[used] ** 2).mean()))
+            sigma0 = float(np.sqrt((intersection.whitened[used] ** 2).sum() / (observations - unknowns)))
+            sigma0_um = 1e3 * sigma0 * float(np.sqrt((intersection.sigma_mm[used] ** 2).mean()))
     return Solution(
         method=METHOD,
         observations=observations,

@@ -21,7 +21,7 @@ from aatri.observations.geodetic.distances import HORIZONTAL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.kinds import catalogue
 from aatri.observations.kinds.catalogue import KindOptions, observe
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
@@ -60,7 +60,7 @@ class GroundObserved:
     use_positions: bool
     frame: TangentFrame | None
     geodesy: TangentFrame | None
-    """See `Given`."""
+    """See `ObservationSource`."""
     beside: tuple[Observed, ...] = ()
     """Further observations, such as what neighbours of a body tell of it."""
 
@@ -87,7 +87,7 @@ class GroundObserved:
 
         def observed(to: Similarity) -> tuple[Observed, ...]:
             start = body.on_ground(to)
-            given = Given(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
+            given = ObservationSource(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
             beside = tuple(o for o in self.beside if attitudes or o.kind != ATTITUDE)
             return concerning([o for o in (*observe(given, options), *beside) if chosen(o)], body)
 
@@ -163,10 +163,10 @@ def oriented_by(
     raise failed[-1]
 
 
-def _of_more(found: OrientedBody, first: Sequence[str], what: str, alone: str) -> Note:
+def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, alone: str) -> Note:
     """That more than given coordinates takes part, and why."""
-    kinds = {o.kind for o in found.tied.problem.ground}
-    turned = sum(len(o) for o in found.tied.problem.ground if o.kind == ATTITUDE)
+    kinds = {o.kind for o in oriented.tied.problem.ground}
+    turned = sum(len(o) for o in oriented.tied.problem.ground if o.kind == ATTITUDE)
     text = f"{what}: oriented by observations of all kinds together; without them {alone}"
     if kinds <= {*first, ATTITUDE}:
         text = f"{what}: attitudes of {turned} images take part, as control and positions leave it open: {alone}"

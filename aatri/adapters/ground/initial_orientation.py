@@ -158,13 +158,13 @@ def _oriented(
     body = body_of(component, rays)
     found, notes = oriented_by(ground, body, rules, what)
 
-    def part(found: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
-        to = found.ground_from_body
-        return OnGround(component.moved(to), found, to, left=left)
+    def part(oriented: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
+        to = oriented.ground_from_body
+        return OnGround(component.moved(to), oriented, to, left=left)
 
-    def told(found: OrientedBody) -> list[Note]:
-        turned = [] if notes else attitude_notes(ground, body, found.ground_from_body, what)
-        return [*height_notes(ground.block, found, what), *turned]
+    def told(oriented: OrientedBody) -> list[Note]:
+        turned = [] if notes else attitude_notes(ground, body, oriented.ground_from_body, what)
+        return [*height_notes(ground.block, oriented, what), *turned]
 
     if notes or found.tied.tau_m == 0 or _fits_bent(ground.block, part(found).component, found, rays):
         return part(found), [*notes, *told(found)]

@@ -20,7 +20,7 @@ from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.geometry.vectors import tangents
 from aatri.notes import Note
 from aatri.observations.control import control_of, observed_control
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import PositionOptions, positions, positions_of
 from aatri.observations.ties import MODEL_TIE, PERSPECTIVE_CENTRE
@@ -145,7 +145,7 @@ def _ground(block: Block, initial: Solution) -> tuple[Float, Poses, list[Observe
     control, images = control_of(block), initial.images
     origin = pieces.origin_of(control, positions_of(block))
     poses = Poses(images.position_m - origin, images.ground_from_image)
-    observed = positions(Given(block, None, origin, {POSE: poses}), PositionOptions())
+    observed = positions(ObservationSource(block, None, origin, {POSE: poses}), PositionOptions())
     observed = tuple(o for o in observed if not o.unknowns and len(o.records.touches) == 1)
     ground = [*observed_control(control, origin, block.points.id[control.point])]
     ground += [o.take(np.flatnonzero(images.oriented[o.records.touches[0][1]])) for o in observed]

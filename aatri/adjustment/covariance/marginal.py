@@ -168,13 +168,13 @@ class _Down:
         else:
             run_all(pool, jobs)
 
-    def _rays(self, some: Stretch, S: Float, row_of: Int) -> None:
+    def _rays(self, stretch: Stretch, S: Float, row_of: Int) -> None:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
         covariances = block_covariances(rays.records.rows, rays.parts.size)
         # S is zero where an unknown is held, so that A need not be; gains are of A itself.
-        for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=bool(self.gains)):
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, stretch, masked=bool(self.gains)):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
             if self.residuals:
                 self.ray_residual[base:last] = v

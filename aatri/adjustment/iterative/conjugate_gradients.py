@@ -201,13 +201,13 @@ class _Reduced:
                 total += part
         return total
 
-    def _share(self, x: Float | None, some: Sequence[Stretch]) -> Float:
+    def _share(self, x: Float | None, parts: Sequence[Stretch]) -> Float:
         problem, factored, total = self.problem, self.factored, np.zeros(len(self.free))
         rays, w = problem.rays, factored.block_y if x is None else np.empty_like(factored.block_y)
         assert rays is not None
         size, start = rays.parts.size, rays.parts.start
         assert self.fill is not None
-        for stretch in some:
+        for stretch in parts:
             for p0, p1, v, A, B in linearised(problem, self.fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 place = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], size, start)

@@ -22,9 +22,6 @@ from aatri.notes import Note
 Blocks = dict[str, Bool]
 """Some blocks by group, (n,) each."""
 
-SET_ASIDE = "set aside, "
-"""How the notes of what is set aside begin."""
-
 MOST_PARTS = 20
 """So many loose parts are set aside at most, one after the other."""
 
@@ -137,15 +134,15 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     )
 
 
-def _aside(problem: IndexedProblem, state: State, found: OpenDirections) -> Blocks:
+def _aside(problem: IndexedProblem, state: State, directions: OpenDirections) -> Blocks:
     """What is to be set aside: blocks that are open by themselves, and a part that moves; nothing if all does."""
-    aside = loose_part(problem, state, found.directions) if found.texts else {}
-    if (found.texts and not aside) or (found.exact and 0 < len(problem.block_free) == len(found.blocks)):
+    aside = loose_part(problem, state, directions.directions) if directions.texts else {}
+    if (directions.texts and not aside) or (directions.exact and 0 < len(problem.block_free) == len(directions.blocks)):
         return {}
     for u in problem.unknowns:
-        alone = np.isin(problem.layout.vertex[u.name], found.vertices) & u.free.any(axis=1)
+        alone = np.isin(problem.layout.vertex[u.name], directions.vertices) & u.free.any(axis=1)
         if u.eliminated:
-            alone |= _of_rays(problem, found.blocks)
+            alone |= _of_rays(problem, directions.blocks)
         if alone.any():
             aside[u.name] = alone | aside.get(u.name, False)
     return aside
@@ -185,7 +182,7 @@ def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Bloc
 def _note(problem: IndexedProblem, blocks: Blocks, why: str) -> Note:
     groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
     ids = [f"{name} {one}" for name, of, some in groups for one, out in zip(of, some) if out]
-    return Note("warning", f"{SET_ASIDE}{why}", tuple(ids))
+    return Note("warning", f"set aside, {why}", tuple(ids), sets_aside=True)
 
 
 def _of_rays(problem: IndexedProblem, places: Int) -> Bool:

@@ -54,7 +54,7 @@ class Pool:
     """(sources,) int64. How many may be rejected of each source; default: by the share of the rule."""
 
 
-def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Float]) -> Pool:
+def pool_of(snooping: Snooping, records: Sequence[Records], variances: Sequence[Float]) -> Pool:
     """Put records together for the rules; `variances` are the traces of their covariances, kind by kind."""
     neighbours, source, carrier = [], [], []
     kinds = len(records)
@@ -62,8 +62,8 @@ def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Floa
         touched = dict(r.touches)
         n = len(r.active)
         none = np.full(n, -1, dtype=np.int64)
-        neighbours.append(np.stack([touched.get(group, none) for group in rule.neighbourhood], axis=1))
-        owner = touched.get(rule.share[0])
+        neighbours.append(np.stack([touched.get(group, none) for group in snooping.neighbourhood], axis=1))
+        owner = touched.get(snooping.share[0])
         carrier.append(np.full(n, owner is not None))
         source.append(np.full(n, kind, dtype=np.int64) if owner is None else kinds + owner.astype(np.int64))
     near = np.concatenate(neighbours).astype(np.int64)
@@ -73,19 +73,19 @@ def pool_of(rule: Snooping, records: Sequence[Records], variances: Sequence[Floa
     return Pool(near, np.concatenate(source), np.concatenate(carrier), counted, np.concatenate(variances))
 
 
-def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: Bool | None = None) -> Bool:
+def clearest(snooping: Snooping, pool: Pool, test: Float, active: Bool, controlled: Bool | None = None) -> Bool:
     """The clearest gross errors among the active records, (n,) bool; none of records that are not `controlled`."""
     wrong = np.zeros(len(test), dtype=bool)
-    candidates = np.flatnonzero(active & (test > rule.limit) & (True if controlled is None else controlled))
+    candidates = np.flatnonzero(active & (test > snooping.limit) & (True if controlled is None else controlled))
     if not len(candidates):
         return wrong
     keys = (-pool.variance[candidates], pool.carrier[candidates], -np.round(test[candidates], 6))
     order = candidates[np.lexsort(keys)]
-    order = order[test[order] >= rule.clear * test[order[0]]]
-    room = room_left(rule, pool, active)
+    order = order[test[order] >= snooping.clear * test[order[0]]]
+    room = room_left(snooping, pool, active)
     ties = [_carriers(pool, block, active) for block in pool.neighbours.T]
-    most = max(1, int(rule.most * len(test) + 1e-9))
-    taken: list[set[int]] = [set() for _ in rule.neighbourhood]
+    most = max(1, int(snooping.most * len(test) + 1e-9))
+    taken: list[set[int]] = [set() for _ in snooping.neighbourhood]
     for k in order:
         near = pool.neighbours[k].tolist()
         met = any(b in seen for b, seen in zip(near, taken))
@@ -102,9 +102,9 @@ def clearest(rule: Snooping, pool: Pool, test: Float, active: Bool, controlled: 
     return wrong
 
 
-def fitting(rule: Snooping, test: Float, active: Bool) -> Bool:
+def fitting(snooping: Snooping, test: Float, active: Bool) -> Bool:
     """Rejected records whose prediction fits after all, (n,) bool."""
-    return np.asarray(~active & (test < rule.limit))
+    return np.asarray(~active & (test < snooping.limit))
 
 
 def stranded(pool: Pool, test: Float, active: Bool) -> Bool:
@@ -124,16 +124,16 @@ def _carriers(pool: Pool, block: Int, active: Bool) -> Float:
     return np.bincount(block[tied], minlength=int(block.max(initial=0)) + 1).astype(np.float64)
 
 
-def room_left(rule: Snooping, pool: Pool, active: Bool) -> Int:
+def room_left(snooping: Snooping, pool: Pool, active: Bool) -> Int:
     """How many more records of each source may be rejected, (sources,)."""
     n = int(pool.source.max(initial=-1)) + 1 if pool.room is None else len(pool.room)
     room = pool.room
     if room is None:
-        room = np.ceil(rule.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
+        room = np.ceil(snooping.share[1] * np.bincount(pool.source[pool.counted], minlength=n)).astype(np.int64)
     return np.asarray(room - np.bincount(pool.source[~active & pool.counted], minlength=n))
 
 
-def overfull(rule: Snooping, pool: Pool, above: Bool, active: Bool, began: Bool) -> tuple[Bool, Bool]:
+def overfull(snooping: Snooping, pool: Pool, above: Bool, active: Bool, began: Bool) -> tuple[Bool, Bool]:
     """Sources of which more disagrees than there is room for, (sources,); what is to come back of them, all, (n,).
 
     Parameters
@@ -143,7 +143,7 @@ def overfull(rule: Snooping, pool: Pool, above: Bool, active: Bool, began: Bool)
     active, began : (n,) bool
         Records in use, and those of the beginning.
     """
-    left = room_left(rule, pool, active)
+    left = room_left(snooping, pool, active)
     full = (left <= 0) & (np.bincount(pool.source[above & active], minlength=len(left)) > 0)
     back = full[pool.source] & began & ~active
     return full & (np.bincount(pool.source[back], minlength=len(left)) > 0), back

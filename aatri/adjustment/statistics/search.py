@@ -103,7 +103,7 @@ class SearchState(Generic[A]):
 def search(
     solve: Callable[[A | None, Bool, float], A],
     active: Bool,
-    rule: Snooping,
+    snooping: Snooping,
     pool: Pool,
     rejections: Callable[[A, Bool], Bool] | None = None,
     *,
@@ -118,7 +118,7 @@ def search(
         (adjustment before, active records, added standard deviation) -> adjustment.
     active : (n,) bool
         Records to begin with; the others are tested for re-admission.
-    rule, pool
+    snooping, pool
         See `rejection`.
     rejections : callable, optional
         (adjustment, active records) -> what is to be rejected next; default: `rejection.clearest`.
@@ -128,7 +128,7 @@ def search(
         Where to begin: that of a search with the same records and at least as much room.
     """
     if rejections is None:
-        rejections = partial(clearest_controlled, rule, pool)
+        rejections = partial(clearest_controlled, snooping, pool)
     use, readmitted, needed = active.copy(), np.zeros(len(active), dtype=bool), np.zeros(len(active), dtype=bool)
     first = first or SearchState(solve(None, use, 0.0))
     solved, tau, robust, steps, rounds = first.solved, first.tau, first.robust, first.steps, first.rounds
@@ -140,14 +140,14 @@ def search(
         if better != tau:
             tau = better
         elif (wrong := rejections(solved, use & ~needed) & ~needed).any() and not (
-            robust and new > 0 and _negligible(rule, solved.test, use)
+            robust and new > 0 and _negligible(snooping, solved.test, use)
         ):
             first = first or SearchState(solved, tau, robust, steps, rounds)
             use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
             robust, steps = False, Steps()
             continue
-        elif (back := ~readmitted & (fitting(rule, solved.test, use) | stranded(pool, solved.test, use))).any():
+        elif (back := ~readmitted & (fitting(snooping, solved.test, use) | stranded(pool, solved.test, use))).any():
             first = first or SearchState(solved, tau, robust, steps, rounds)
             use, readmitted, steps = use | back, readmitted | back, Steps()
         else:
@@ -156,7 +156,7 @@ def search(
         rounds += 1
         solved, use, stays = _next(solve, solved, before, use, tau, pool)
         needed |= stays
-    above = use & (solved.test > rule.limit)
+    above = use & (solved.test > snooping.limit)
     return Searched(solved, use, tau, rounds, settled, above, first or SearchState(solved, tau, robust, steps, rounds))
 
 
@@ -177,9 +177,9 @@ def _next(
         use, wrong = before & ~fewer, fewer
 
 
-def _negligible(rule: Snooping, test: Float, use: Bool) -> bool:
+def _negligible(snooping: Snooping, test: Float, use: Bool) -> bool:
     """Whether the records above the limit move the added standard deviation of all residuals by less than `SETTLED`."""
-    above = test[use & (test > rule.limit)]
+    above = test[use & (test > snooping.limit)]
     return float(above @ above) <= 2 * SETTLED * int(use.sum())
 
 
@@ -195,9 +195,9 @@ def _clearer_half(pool: Pool, test: Float, wrong: Bool) -> Bool:
     return half
 
 
-def clearest_controlled(rule: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
+def clearest_controlled(snooping: Snooping, pool: Pool, solved: Solved, use: Bool) -> Bool:
     """The clearest gross errors of an adjustment, none of records whose errors would be known badly."""
-    rows = np.flatnonzero(use & (solved.test > rule.limit))
+    rows = np.flatnonzero(use & (solved.test > snooping.limit))
     controlled = np.zeros(len(use), dtype=bool)
     controlled[rows] = solved.controlled(rows)
-    return clearest(rule, pool, solved.test, use, controlled)
+    return clearest(snooping, pool, solved.test, use, controlled)

@@ -66,8 +66,8 @@ def _of_rays(problem: IndexedProblem, old: State, new: State, step: dict[str, Fl
     count = len(stretches(problem))
     largest, cost = np.zeros(count), np.zeros(count)
 
-    def one(some: Sequence[Stretch]) -> None:
-        for stretch in some:
+    def one(parts: Sequence[Stretch]) -> None:
+        for stretch in parts:
             k = stretch.number
             for (p0, p1, v, A, B), (_, _, v_after, _, _) in zip(
                 linearised(problem, before, stretch, masked=False), linearised(problem, after, stretch, masked=False)

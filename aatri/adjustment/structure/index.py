@@ -91,9 +91,9 @@ def parts_of(records: Records, rows: Int, layout: Layout, size_of: dict[str, int
     )
 
 
-def part_columns(parts: Parts, layout: Layout, some: slice | Int = slice(None)) -> Int:
+def part_columns(parts: Parts, layout: Layout, rows: slice | Int = slice(None)) -> Int:
     """Kept column of each column of the Jacobians, (n, columns) int64; -1 where the unknown is held."""
-    vertex = parts.vertex[some]
+    vertex = parts.vertex[rows]
     first = np.where(vertex >= 0, layout.start[np.maximum(vertex, 0)] + parts.shift, -1)
     columns = [np.where(vertex[:, [i]] >= 0, first[:, [i]] + np.arange(s), -1) for i, s in enumerate(parts.size)]
     found = np.concatenate(columns, axis=1) if columns else np.zeros((len(vertex), 0), dtype=np.int64)

@@ -20,19 +20,19 @@ from aatri.camera.parameters.parameter_set import chosen
 from aatri.checks.finding import Finding
 from aatri.checks.limits import MOST_POINTS_OF_SCORE, UNSEEN_BEND, UNSEEN_DISTORTION
 from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import FILM, POINT
 from aatri.orientation.bundle.result import BundleResult
 
 RADIAL = chosen(BROWN_CONRADY, ("k1",))
 
 
-def hidden_distortion(source: Given, result: BundleResult, *, tests: bool) -> list[Finding]:
+def hidden_distortion(source: ObservationSource, result: BundleResult, *, tests: bool) -> list[Finding]:
     """What the image points of each camera say of a radial distortion that would bend the block.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
         What the observations of the block were taken from.
     result : BundleResult
         With covariances. Nothing is said where parameters of cameras are estimated.

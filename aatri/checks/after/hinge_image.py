@@ -21,10 +21,10 @@ from aatri.orientation.bundle.block import BundleInput
 REMEDY = "measure more points common to the images before and after it, or give each part control of its own"
 
 
-def hinge_images(given: BundleInput) -> list[Finding]:
+def hinge_images(inputs: BundleInput) -> list[Finding]:
     """A warning for each image on which alone a part hangs."""
-    image, point, own = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(len(given.image_ids))
-    for o in given.observed:
+    image, point, own = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(len(inputs.image_ids))
+    for o in inputs.observed:
         touched = dict(o.records.touches)
         if POSE in touched and POINT in touched and o.kind == "image_point":
             image = np.append(image, touched[POSE][o.records.active])
@@ -32,20 +32,22 @@ def hinge_images(given: BundleInput) -> list[Finding]:
         elif o.kind == "position":
             own[np.unique(touched[POSE][o.records.active])] += 1.0
     first = dict(zip(point[::-1].tolist(), image[::-1].tolist()))
-    for o in given.observed:
+    for o in inputs.observed:
         if o.kind == "control":
             tied_points = np.unique(dict(o.records.touches)[POINT][o.records.active]).tolist()
             np.add.at(own, [first[p] for p in tied_points if p in first], 1.0)
-    shows = csr_array((np.ones(len(image)), (image, point)), shape=(len(given.image_ids), len(given.point_ids)))
+    shows = csr_array((np.ones(len(image)), (image, point)), shape=(len(inputs.image_ids), len(inputs.point_ids)))
     common = (shows @ shows.T).tocoo()
     tied = (common.data >= TIE_POINTS) & (common.row != common.col)
     neighbours = np.split(common.col[tied], np.cumsum(np.bincount(common.row[tied], minlength=len(own)))[:-1])
-    return [_finding(given, hinge, part) for hinge, part in hanging_parts(neighbours, own)]
+    return [_finding(inputs, hinge, part) for hinge, part in hanging_parts(neighbours, own)]
 
 
-def _finding(given: BundleInput, hinge: int, part: Int) -> Finding:
-    text = f"image {given.image_ids[hinge]} alone ties {len(part)} images to the rest of the block"
-    return Finding("hinge_image", "warning", text, REMEDY, ids=tuple(given.image_ids[k] for k in sorted(part.tolist())))
+def _finding(inputs: BundleInput, hinge: int, part: Int) -> Finding:
+    text = f"image {inputs.image_ids[hinge]} alone ties {len(part)} images to the rest of the block"
+    return Finding(
+        "hinge_image", "warning", text, REMEDY, ids=tuple(inputs.image_ids[k] for k in sorted(part.tolist()))
+    )
 
 
 def hanging_parts(neighbours: list[Int], own: Float) -> Iterator[tuple[int, Int]]:

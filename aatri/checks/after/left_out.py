@@ -14,25 +14,25 @@ from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import BundleResult
 
 
-def left_out(given: BundleInput, result: BundleResult) -> list[Finding]:
+def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """Images, points and observations that do not take part, by name.
 
     Observations of points that nothing ties to the block are only noted.
     """
     findings = []
     set_aside = result.set_aside
-    images = np.asarray(given.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
-    tied = touched_points(given)
-    points = np.asarray(given.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
+    images = np.asarray(inputs.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
+    tied = touched_points(inputs)
+    points = np.asarray(inputs.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
     for ids, of, what, why in (
-        (points, len(given.point_ids), "points", "too few usable rays"),
-        (images, len(given.image_ids), "images", "no start or too few points"),
+        (points, len(inputs.point_ids), "points", "too few usable rays"),
+        (images, len(inputs.image_ids), "images", "no start or too few points"),
     ):
         if len(ids):
             findings.append(
                 Finding("left_out", "warning", f"left out, {why} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist()))
             )
-    n_rays = -1 if given.rays is None else len(given.rays.image)
+    n_rays = -1 if inputs.rays is None else len(inputs.rays.image)
     for o in result.observations:
         findings += _unused(o, tied, n_rays)
     return [*findings, *_idle(result)]

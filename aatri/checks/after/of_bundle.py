@@ -19,14 +19,14 @@ from aatri.checks.after.weak_datum import weak_datum
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.finding import Finding
 from aatri.notes import Note
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
 
 def findings_after(
-    source: Given,
+    source: ObservationSource,
     done: AdjustedBlock,
     groups: tuple[AcceptedGroup, ...],
     max_sigma0: float,
@@ -37,14 +37,14 @@ def findings_after(
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
         What the observations of the block were taken from.
     done : AdjustedBlock
         Without covariances where none are wanted.
     tests : bool
         Observations are tested too.
     """
-    given, result = done.given, done.result
+    given, result = done.inputs, done.result
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     named = wrong_groups(groups)
     return [

@@ -32,12 +32,12 @@ from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")
 
 
-def parameter_findings(given: BundleInput, result: BundleResult) -> list[Finding]:
+def parameter_findings(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """Notes of what is not significant, warnings of what is not determined or highly correlated.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     result : BundleResult
         With covariances; without there is nothing to say.
     """
@@ -50,10 +50,10 @@ def parameter_findings(given: BundleInput, result: BundleResult) -> list[Finding
             continue
         estimated = [(k, e) for k in range(len(group.value)) if (e := unit_estimates(group, k, result)) is not None]
         if len(estimated) > MOST_UNITS_TOLD:
-            findings += _summed_up(given, group, [e for _, e in estimated])
+            findings += _summed_up(inputs, group, [e for _, e in estimated])
             continue
         for k, e in estimated:
-            findings += _unit(given, result, group, k, e)
+            findings += _unit(inputs, result, group, k, e)
     return findings
 
 
@@ -84,7 +84,7 @@ def _calibrated(group: AdjustedParameters) -> list[Finding]:
 
 
 def _unit(
-    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
+    inputs: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
 ) -> list[Finding]:
     name, tests, findings = str(group.given.ids[unit]), parameter_tests(e), []
     lens = np.array([n not in SHORT.values() for n in e.names]) | is_additional(group.given.group)
@@ -98,8 +98,8 @@ def _unit(
         which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
         findings.append(Finding("parameters", "note", f"{name}: not significant at 5 %: {which}"))
     findings += _moved(group, unit)
-    kinds = column_kinds(given) if is_additional(group.given.group) else {}
-    advice = advise([*correlated_pairs(e, WARNED), *_pairs_with_pose(given, result, group, unit, e)], kinds)
+    kinds = column_kinds(inputs) if is_additional(group.given.group) else {}
+    advice = advise([*correlated_pairs(e, WARNED), *_pairs_with_pose(inputs, result, group, unit, e)], kinds)
     return [*findings, *(Finding("parameters", "warning", f"{name}: {a.text}") for a in advice)]
 
 
@@ -119,26 +119,26 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Finding]:
 
 
 def _pairs_with_pose(
-    given: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
+    inputs: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
 ) -> list[CorrelatedPair]:
     """High correlations with the orientation of the image that has the most points of the unit.
 
     None in a free datum: the factor has scalars held there, the variances of the orientations are of inner constraints.
     """
-    if group.given.per_image or given.rays is None or result.free is not None:
+    if group.given.per_image or inputs.rays is None or result.free is not None:
         return []
-    images = given.rays.image[(group.given.block == unit) & result.ray_used]
+    images = inputs.rays.image[(group.given.block == unit) & result.ray_used]
     if not len(images):
         return []
     image = int(np.bincount(images).argmax())
     cross = covariances_of_pairs(result.adjusted, [((group.given.group, unit), (POSE, image))])[0]
-    labels = [f"{n} of image {given.image_ids[image]}" for n in _POSE]
+    labels = [f"{n} of image {inputs.image_ids[image]}" for n in _POSE]
     variance = np.diag(result.pose_covariance[image])
     columns = np.flatnonzero(group.given.free[unit])
     return correlated_with_others(e, cross[columns], variance, labels, WARNED)
 
 
-def _summed_up(given: BundleInput, group: AdjustedParameters, estimated: list[Estimates]) -> list[Finding]:
+def _summed_up(inputs: BundleInput, group: AdjustedParameters, estimated: list[Estimates]) -> list[Finding]:
     """One line each for many units."""
     idle: dict[str, int] = {}
     coupled: dict[tuple[str, str], list[float]] = {}
@@ -149,7 +149,7 @@ def _summed_up(given: BundleInput, group: AdjustedParameters, estimated: list[Es
         for p in correlated_pairs(e, WARNED):
             coupled.setdefault((p.first, p.second), []).append(p.correlation)
     findings, what = [], f"{group.given.group} of {len(estimated)} units"
-    kinds = column_kinds(given) if is_additional(group.given.group) else {}
+    kinds = column_kinds(inputs) if is_additional(group.given.group) else {}
     if idle:
         names = shown([f"{name} ({n})" for name, n in sorted(idle.items())])
         findings.append(Finding("parameters", "note", f"{what}: not significant in {names}"))

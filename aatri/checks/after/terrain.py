@@ -13,11 +13,11 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.terrain_test import ALARM, off_terrain
 
 
-def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Finding]:
+def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """A warning of the points that lie off the terrain around them."""
-    if given.rays is None or not result.image_adjusted.any():
+    if inputs.rays is None or not result.image_adjusted.any():
         return []
-    rays = np.bincount(given.rays.point[result.ray_used], minlength=len(given.point_ids))
+    rays = np.bincount(inputs.rays.point[result.ray_used], minlength=len(inputs.point_ids))
     for found in result.observations:  # what is tied to other points is no matter of the terrain: of spheres, facades
         touches = found.observed.records.touches
         for group, block in touches if len(touches) > 1 and POSE not in dict(touches) else ():
@@ -29,7 +29,7 @@ def points_off_the_terrain(given: BundleInput, result: BundleResult) -> list[Fin
     if not len(off.row):
         return []
     order = np.argsort(-off.test)
-    ids = tuple(f"{given.point_ids[off.row[k]]} ({off.height_m[k]:+.3g} m)" for k in order.tolist())
+    ids = tuple(f"{inputs.point_ids[off.row[k]]} ({off.height_m[k]:+.3g} m)" for k in order.tolist())
     text = f"{len(ids)} points lie off the terrain around them by more than {off.limit:.3g} times its roughness, and "
     text, remedy = f"{text}are doubtful", "measure them in a third image, or leave them out"
     test = float(off.test.max())

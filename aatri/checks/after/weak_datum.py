@@ -20,14 +20,14 @@ from aatri.orientation.bundle.seen_distances import median_distance_m
 REMEDY = "give control spread over the block; join strips by more points; weight parameters that free each other"
 
 
-def weak_datum(given: BundleInput, result: BundleResult) -> list[Finding]:
+def weak_datum(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """A warning that names what a block hardly determines as a whole."""
-    distance, adjusted = median_distance_m(given.rays, given.poses, given.xyz_m), result.adjusted
-    if distance is None or given.rays is None or result.free is not None:
+    distance, adjusted = median_distance_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
+    if distance is None or inputs.rays is None or result.free is not None:
         return []
     if not adjusted.has_factor or POINT not in result.covariances:
         return []
-    angle = np.nanmedian(given.rays.sigma_mm / given.rays.c_mm[:, None])
+    angle = np.nanmedian(inputs.rays.sigma_mm / inputs.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)
     sigmas, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], float(angle) * distance
     most = float(np.quantile(sigmas, WEAK_SHARE)) if len(sigmas) else 0.0

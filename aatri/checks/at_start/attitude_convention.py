@@ -23,27 +23,29 @@ from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, 
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.attitudes import attitudes_of
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def attitude_conventions(source: Given, given: BundleInput, state: State, *, before: bool) -> list[Finding]:
+def attitude_conventions(
+    source: ObservationSource, inputs: BundleInput, state: State, *, before: bool
+) -> list[Finding]:
     """Attitudes in another convention than declared: an error before the adjustment, if the right one is found.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
         What the attitudes were taken from.
-    given : BundleInput
+    inputs : BundleInput
     state : mapping
         Orientations: those that an earlier stage has made, or the adjusted ones.
     before : bool
         It is before the adjustment.
     """
-    used = [o.row[o.records.active] for o in given.observed if o.kind == ATTITUDE and not o.exact]
+    used = [o.row[o.records.active] for o in inputs.observed if o.kind == ATTITUDE and not o.exact]
     if not used:
         return []
     block, rows = source.block, attitudes_of(source)

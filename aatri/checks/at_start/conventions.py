@@ -39,12 +39,12 @@ OTHERS: dict[str, dict[str, Other]] = {
 """By kind: what its values may be instead, and their change."""
 
 
-def other_conventions(table: Geodetic, given: BundleInput) -> list[Finding]:
+def other_conventions(table: Geodetic, inputs: BundleInput) -> list[Finding]:
     """Warnings of kinds of geodetic observations that fit the start far better in another convention."""
     if not len(table):
         return []
-    state, findings = start_of(given), list[Finding]()
-    for o in given.observed:
+    state, findings = start_of(inputs), list[Finding]()
+    for o in inputs.observed:
         if o.kind not in OTHERS or len(o) < FEWEST_OF_CONVENTION or o.records.rows != 1:
             continue
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -11,17 +11,17 @@ from aatri.adapters.imported import read_at
 from aatri.checks.finding import Finding
 from aatri.checks.limits import ENOUGH_CONTROL
 from aatri.observations.control import control_of
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.block import BundleInput
 from aatri.units import length
 
 
-def exchanged_control(source: Given, given: BundleInput) -> list[Finding]:
+def exchanged_control(source: ObservationSource, inputs: BundleInput) -> list[Finding]:
     """Control points that the start finds at each other's coordinates, and that cannot be left out."""
     block = source.block
     few = int(control_of(block).given.any(axis=1).sum()) - 2 < ENOUGH_CONTROL
     findings = []
-    for two in exchanged_control_at_start(given):
+    for two in exchanged_control_at_start(inputs):
         if not (few or two.exact):
             continue
         (first, second), pair = block.points.id[two.points].tolist(), two.pair

@@ -13,37 +13,37 @@ from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.finding import Finding
 from aatri.notes import Note
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.block import BundleInput, start_of
 
 
-def findings_at_start(source: Given, given: BundleInput, *, of_the_block: bool) -> list[Finding | Note]:
+def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_block: bool) -> list[Finding | Note]:
     """What there is to say before a bundle: of its frame, of conventions, and of the orientations it starts from.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
         What the observations of the block were taken from.
-    given : BundleInput
+    inputs : BundleInput
     of_the_block : bool
         The start comes from the block itself, not from an earlier stage.
     """
     block, frame = source.block, source.frame
-    poses = poses_out_of(frame, given.poses.shifted(given.origin_m))
-    xyz = given.xyz_m + given.origin_m
+    poses = poses_out_of(frame, inputs.poses.shifted(inputs.origin_m))
+    xyz = inputs.xyz_m + inputs.origin_m
     xyz = xyz if frame is None else frame.to_block(xyz)
     findings: list[Finding | Note] = [
-        *other_conventions(block.geodetic, given),
+        *other_conventions(block.geodetic, inputs),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
-        state = start_of(given)
-        return [*findings, *attitude_conventions(source, given, state, before=True)]
-    if given.rays is None or (frame is not None and frame.geocentric):
+        state = start_of(inputs)
+        return [*findings, *attitude_conventions(source, inputs, state, before=True)]
+    if inputs.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [
         *findings,
         *unlikely_orientations(block, poses.position_m, poses.ground_from_image, xyz),
         *control_outside(block, poses.position_m, poses.ground_from_image),
-        *exchanged_control(source, given),
+        *exchanged_control(source, inputs),
     ]

@@ -16,7 +16,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.observations.geodetic.sights import HEIGHT, Measured, observed_sights, sights_of
 from aatri.observations.level import Level
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 
 HEIGHT_DIFFERENCE, COORDINATE_DIFFERENCE = "height_difference", "coordinate_difference"
 """Names of the kinds."""
@@ -29,21 +29,21 @@ USES = (
 )
 
 
-def height_differences(given: Given) -> tuple[Observed, ...]:
+def height_differences(source: ObservationSource) -> tuple[Observed, ...]:
     """Height differences of the geodetic observations."""
-    rows = sights_of(given.block, HEIGHT_DIFFERENCE)
-    return tuple(observed_sights(HEIGHT_DIFFERENCE, rows, given.level, along(2), "m", HEIGHT, between_heights))
+    rows = sights_of(source.block, HEIGHT_DIFFERENCE)
+    return tuple(observed_sights(HEIGHT_DIFFERENCE, rows, source.level, along(2), "m", HEIGHT, between_heights))
 
 
-def coordinate_differences(given: Given) -> tuple[Observed, ...]:
+def coordinate_differences(source: ObservationSource) -> tuple[Observed, ...]:
     """Coordinate differences of the geodetic observations."""
     observed = list[Observed]()
     for axis, type_ in enumerate(AXES):
-        rows = sights_of(given.block, type_)
+        rows = sights_of(source.block, type_)
         rows = replace(rows, names=np.char.add(rows.names, f" {type_}"))
         sees = (axis == 0, axis == 1, axis == 2)
         observed += observed_sights(
-            COORDINATE_DIFFERENCE, rows, given.level, along(axis), "m", sees, between_coordinates
+            COORDINATE_DIFFERENCE, rows, source.level, along(axis), "m", sees, between_coordinates
         )
     return tuple(observed)
 

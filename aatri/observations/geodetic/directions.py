@@ -32,7 +32,7 @@ from aatri.observations.geodetic.sights import (
     sights_of,
 )
 from aatri.observations.level import Level, line_between
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.observations.poses import POINT, POSE, by_unknowns, position
 
 DIRECTION, AZIMUTH, ANGLE, ORIENTATION = "direction", "azimuth", "angle", "orientation"
@@ -45,27 +45,27 @@ USES = (
 )
 
 
-def directions(given: Given) -> tuple[Observed, ...]:
+def directions(source: ObservationSource) -> tuple[Observed, ...]:
     """Directions of sets with an orientation each, azimuths and angles."""
     observed = list[Observed]()
-    for rows, between in by_surface(given, sights_of(given.block, AZIMUTH)):
-        observed += observed_sights(AZIMUTH, rows, given.level, bearing, "rad", PLAN, between)
-    rows = sights_of(given.block, DIRECTION)
+    for rows, between in by_surface(source, sights_of(source.block, AZIMUTH)):
+        observed += observed_sights(AZIMUTH, rows, source.level, bearing, "rad", PLAN, between)
+    rows = sights_of(source.block, DIRECTION)
     if len(rows):
-        observed += _oriented(given, rows)
-    return (*observed, *_angles(given))
+        observed += _oriented(source, rows)
+    return (*observed, *_angles(source))
 
 
-def by_surface(given: Given, rows: Sights) -> Iterator[tuple[Sights, Between]]:
+def by_surface(source: ObservationSource, rows: Sights) -> Iterator[tuple[Sights, Between]]:
     """Sights in the horizon of their stations, and those in the map, with the lines that they measure."""
-    in_a_map = (rows.reduced == "map") & np.bool_(given.frame is not None)
-    check_map(given, rows.take(in_a_map))
+    in_a_map = (rows.reduced == "map") & np.bool_(source.frame is not None)
+    check_map(source, rows.take(in_a_map))
     for some, between in ((~in_a_map, line_between), (in_a_map, in_map)):
         if some.any():
             yield rows.take(some), between
 
 
-def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
+def _oriented(source: ObservationSource, rows: Sights) -> Iterator[Observed]:
     """Directions of sets; the unknowns come with the first part."""
     ids, block = np.unique(rows.set, return_inverse=True)
     free = np.ones((len(ids), 1), dtype=bool)
@@ -74,14 +74,14 @@ def _oriented(given: Given, rows: Sights) -> Iterator[Observed]:
             ORIENTATION, free, ("orientation",), ids, _turned, generator=lambda state: _generator(state[ORIENTATION])
         ),
     )
-    start: State = {ORIENTATION: orientation_start(rows, given.start, block, len(ids), given.level)[:, None]}
+    start: State = {ORIENTATION: orientation_start(rows, source.start, block, len(ids), source.level)[:, None]}
     number = dict(zip(ids.tolist(), range(len(ids))))
     notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
-    parts = [(part, exact, between) for some, between in by_surface(given, rows) for part, exact in alike(some)]
+    parts = [(part, exact, between) for some, between in by_surface(source, rows) for part, exact in alike(some)]
     for part, exact, between in parts:
         of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
         own_set = Calibrated(ORIENTATION, of, _shown)
-        records = sight_records(DIRECTION, part, given.level, bearing, own_set, angular=True, between=between)
+        records = sight_records(DIRECTION, part, source.level, bearing, own_set, angular=True, between=between)
         yield Observed(
             records,
             part.row,
@@ -138,16 +138,16 @@ def _generator(values: Float) -> Float:
     return moves
 
 
-def _angles(given: Given) -> Iterator[Observed]:
+def _angles(source: ObservationSource) -> Iterator[Observed]:
     """Angles at a vertex, from one target to another."""
-    block, g = given.block, given.block.geodetic
+    block, g = source.block, source.block.geodetic
     row = np.flatnonzero((g.type == ANGLE) & g.active)
     if not len(row):
         return
     vertex = rows_of_ends(block, g.via[row], np.full(len(row), "point"))
     ends = [rows_of_ends(block, ids[row], kind[row]) for ids, kind in ((g.start, g.start_kind), (g.end, g.end_kind))]
     names = np.array([f"{a}-{v}-{b}" for a, v, b in zip(g.start[row], g.via[row], g.end[row])], dtype=np.str_)
-    reduced = (g.reduced[row] == "map") & np.bool_(given.frame is not None)
+    reduced = (g.reduced[row] == "map") & np.bool_(source.frame is not None)
     surfaces: tuple[Between, ...] = (line_between, in_map)
     for back, fore, between in itertools.product((False, True), (False, True), surfaces):
         of_ends = ((g.start_kind[row] == "image") == back) & ((g.end_kind[row] == "image") == fore)
@@ -155,21 +155,21 @@ def _angles(given: Given) -> Iterator[Observed]:
         if len(some):
             groups = (POINT, *(POSE if image else POINT for image in (back, fore)))
             blocks = (vertex[some], *(end[some] for end in ends))
-            yield _observed_angles(given, row[some], groups, blocks, names[some], between)
+            yield _observed_angles(source, row[some], groups, blocks, names[some], between)
 
 
 def _observed_angles(
-    given: Given, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...], names: Text, between: Between
+    source: ObservationSource, row: Int, groups: tuple[str, ...], blocks: tuple[Int, ...], names: Text, between: Between
 ) -> Observed:
-    g, level = given.block.geodetic, given.level
+    g, level = source.block.geodetic, source.level
     above = [np.nan_to_num(h[row]) for h in (g.start_height_m, g.end_height_m)]
     value = g.value[row]
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        at, backsight, foresight = (position(state, group)[b[some]] for group, b in zip(groups, blocks))
-        v, by_vertex, by_targets = -value[some], np.zeros((len(some), 1, 3)), list[Float]()
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        at, backsight, foresight = (position(state, group)[b[rows]] for group, b in zip(groups, blocks))
+        v, by_vertex, by_targets = -value[rows], np.zeros((len(rows), 1, 3)), list[Float]()
         for sign, target, h in ((-1.0, backsight, above[0]), (1.0, foresight, above[1])):
-            line, by_start, by_end = between(level, at, target, np.zeros(len(some)), h[some])
+            line, by_start, by_end = between(level, at, target, np.zeros(len(rows)), h[rows])
             t, by_line = bearing(line)
             v = v + sign * t
             by_vertex = by_vertex + sign * by_line[:, None, :] @ by_start

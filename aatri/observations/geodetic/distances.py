@@ -30,7 +30,7 @@ from aatri.observations.geodetic.sights import (
     sights_of,
 )
 from aatri.observations.level import Level, line_between
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.options import Options
 
 KIND, HORIZONTAL, CALIBRATION = "distance", "horizontal_distance", "distance_group"
@@ -49,25 +49,25 @@ class DistanceOptions(Options):
     addition: bool = Field(True, description="the distances of a group have a common addition constant, to be found")
 
 
-def distances(given: Given, options: DistanceOptions) -> tuple[Observed, ...]:
+def distances(source: ObservationSource, options: DistanceOptions) -> tuple[Observed, ...]:
     """Distances of the geodetic observations."""
-    rows = sights_of(given.block, KIND, HORIZONTAL)
+    rows = sights_of(source.block, KIND, HORIZONTAL)
     observed: list[Observed] = []
-    for kind, ways in _ways(given, rows):
+    for kind, ways in _ways(source, rows):
         own = _groups(kind, [way.rows for way in ways], options)
         calibrated: list[Observed] = []
         for way in ways:
             grouped = way.rows.group != "" if own else np.zeros(len(way.rows), dtype=bool)
             observed += observed_sights(
-                kind, way.rows.take(~grouped), given.level, way.measured, "m", way.sees, way.between
+                kind, way.rows.take(~grouped), source.level, way.measured, "m", way.sees, way.between
             )
             if own and grouped.any():
-                calibrated += _calibrated(kind, way, way.rows.take(grouped), given.level, own)
+                calibrated += _calibrated(kind, way, way.rows.take(grouped), source.level, own)
         if own:
             start = {own.name: np.zeros((len(own.ids), 2))}
             calibrated[0] = replace(calibrated[0], unknowns=(own,), start=start)
         observed += calibrated
-    notes = not_reduced(given, rows.take(np.isin(rows.reduced, ("no", "horizon"))))
+    notes = not_reduced(source, rows.take(np.isin(rows.reduced, ("no", "horizon"))))
     if observed:
         observed[0] = replace(observed[0], notes=notes)
     return tuple(observed)
@@ -83,17 +83,17 @@ class _Way:
     between: Between = line_between
 
 
-def _ways(given: Given, rows: Sights) -> list[tuple[str, list[_Way]]]:
+def _ways(source: ObservationSource, rows: Sights) -> list[tuple[str, list[_Way]]]:
     """Distances by kind, and by what they are reduced to."""
-    type_ = given.block.geodetic.type[rows.row]
+    type_ = source.block.geodetic.type[rows.row]
     level_with = (rows.reduced == "horizon") | ((type_ == HORIZONTAL) & (rows.reduced == "no"))
     to_map, to_ellipsoid = (rows.take(rows.reduced == name) for name in ("map", "ellipsoid"))
-    check_map(given, to_map)
+    check_map(source, to_map)
     plane = [_Way(rows.take(level_with), horizontal, PLAN)]
-    if given.frame is None:
-        plane += [_Way(some, horizontal, PLAN) for some in (to_map, in_the_plane(given, to_ellipsoid))]
+    if source.frame is None:
+        plane += [_Way(some, horizontal, PLAN) for some in (to_map, in_the_plane(source, to_ellipsoid))]
     else:
-        between, arc = on_ellipsoid(given.frame, given.origin_m)
+        between, arc = on_ellipsoid(source.frame, source.origin_m)
         plane += [_Way(to_map, slope, PLAN, in_map), _Way(to_ellipsoid, arc, PLAN, between)]
     return [(KIND, [_Way(rows.take((type_ == KIND) & (rows.reduced == "no")), slope, ALL)]), (HORIZONTAL, plane)]
 

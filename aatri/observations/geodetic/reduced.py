@@ -28,7 +28,7 @@ from aatri.observations.poses import POINT, POSE, position
 
 if TYPE_CHECKING:
     from aatri.frames.tangent import TangentFrame
-    from aatri.observations.observed import Given
+    from aatri.observations.observed import ObservationSource
 
 TOLD = 0.1
 """Share of the standard deviation from which on what a map does to a distance that is not reduced to it is told."""
@@ -79,15 +79,15 @@ def map_scale(frame: TangentFrame, xyz: Float) -> Float:
     return np.asarray(np.sqrt(np.abs(np.linalg.det(D[:, :2, :2]))))
 
 
-def in_the_plane(given: Given, rows: Sights) -> Sights:
+def in_the_plane(source: ObservationSource, rows: Sights) -> Sights:
     """Distances on the ellipsoid as they are in the plane of a map."""
-    if given.geodesy is None or given.frame is not None:
+    if source.geodesy is None or source.frame is not None:
         return rows
-    middle = _middles(given, rows) * np.array([1.0, 1.0, 0.0])
-    return replace(rows, value=rows.value * np.where(np.isfinite(middle[:, 0]), map_scale(given.geodesy, middle), 1.0))
+    middle = _middles(source, rows) * np.array([1.0, 1.0, 0.0])
+    return replace(rows, value=rows.value * np.where(np.isfinite(middle[:, 0]), map_scale(source.geodesy, middle), 1.0))
 
 
-def check_map(given: Given, rows: Sights) -> None:
+def check_map(source: ObservationSource, rows: Sights) -> None:
     """Whether there is a map that distances can be reduced to.
 
     Raises
@@ -95,7 +95,7 @@ def check_map(given: Given, rows: Sights) -> None:
     InputError
         If the first frame of the block is geocentric.
     """
-    if len(rows) and given.frame is not None and given.frame.geocentric:
+    if len(rows) and source.frame is not None and source.frame.geocentric:
         raise InputError(
             f"{len(rows)} geodetic observations are reduced to a map, but the block's first frame is none",
             where=f"geodetic.csv: {rows.names[0]}",
@@ -103,13 +103,13 @@ def check_map(given: Given, rows: Sights) -> None:
         )
 
 
-def not_reduced(given: Given, rows: Sights) -> tuple[Note, ...]:
+def not_reduced(source: ObservationSource, rows: Sights) -> tuple[Note, ...]:
     """What the scale of the map, in which the block is adjusted, does to distances that are not reduced to it."""
-    if given.geodesy is None or given.frame is not None or not len(rows):
+    if source.geodesy is None or source.frame is not None or not len(rows):
         return ()
-    middle = _middles(given, rows)
+    middle = _middles(source, rows)
     try:
-        scale = map_scale(given.geodesy, middle)
+        scale = map_scale(source.geodesy, middle)
     except AatriError:
         return ()
     effect = np.abs(scale - 1) * rows.value
@@ -125,12 +125,12 @@ def not_reduced(given: Given, rows: Sights) -> tuple[Note, ...]:
     return (Note("warning", text, tuple(rows.names[large].tolist())),)
 
 
-def _middles(given: Given, rows: Sights) -> Float:
+def _middles(source: ObservationSource, rows: Sights) -> Float:
     """Middles of the lines, in the coordinates of the block; NaN where an end is unknown."""
     ends = []
     for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target)):
         ends.append(np.full((len(rows), 3), np.nan))
         for group, of_group in ((POSE, image), (POINT, ~image)):
             if of_group.any():
-                ends[-1][of_group] = position(given.start, group)[at[of_group]]
-    return np.asarray(0.5 * (ends[0] + ends[1]) + given.origin_m)
+                ends[-1][of_group] = position(source.start, group)[at[of_group]]
+    return np.asarray(0.5 * (ends[0] + ends[1]) + source.origin_m)

@@ -147,16 +147,16 @@ def sight_records(
     """
     at, to = groups_of(sights)
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        start, end = position(state, at)[sights.station[some]], position(state, to)[sights.target[some]]
-        heights = sights.station_height_m[some], sights.target_height_m[some]
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        start, end = position(state, at)[sights.station[rows]], position(state, to)[sights.target[rows]]
+        heights = sights.station_height_m[rows], sights.target_height_m[rows]
         line, by_start, by_end = between(level, start, end, *heights)
         value, by_line = measured(line)
         by_own: tuple[Float, ...] = ()
         if own is not None:
-            value, by_value, by_unknown = own.shown(value, state[own.group][own.block[some]])
+            value, by_value, by_unknown = own.shown(value, state[own.group][own.block[rows]])
             by_line, by_own = by_line * by_value[:, None], (by_unknown[:, None, :],)
-        v = value - sights.value[some]
+        v = value - sights.value[rows]
         ends = (by_unknowns(group, by_line[:, None, :] @ d) for group, d in ((at, by_start), (to, by_end)))
         return (around(v) if angular else v)[:, None], (*ends, *by_own)
 

@@ -18,7 +18,7 @@ from aatri.notes import Note
 from aatri.observations.geodetic.lengths import horizontal, zenith
 from aatri.observations.geodetic.sights import Measured, Sights, observed_sights, sights_of
 from aatri.observations.level import Level
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, position
 from aatri.options import Options
 from aatri.units import EARTH_RADIUS_M
@@ -37,12 +37,12 @@ class ZenithOptions(Options):
     refraction: float = Field(0.13, ge=-2, le=2, description="coefficient of refraction k")
 
 
-def zenith_angles(given: Given, options: ZenithOptions) -> tuple[Observed, ...]:
+def zenith_angles(source: ObservationSource, options: ZenithOptions) -> tuple[Observed, ...]:
     """Zenith angles of the geodetic observations."""
-    rows = sights_of(given.block, KIND)
-    observed = list(observed_sights(KIND, rows, given.level, measured_with(given.level, options.refraction), "rad"))
-    if observed and not given.level.curvature_per_m:
-        observed[0] = replace(observed[0], notes=_neglected(given, rows, options.refraction))
+    rows = sights_of(source.block, KIND)
+    observed = list(observed_sights(KIND, rows, source.level, measured_with(source.level, options.refraction), "rad"))
+    if observed and not source.level.curvature_per_m:
+        observed[0] = replace(observed[0], notes=_neglected(source, rows, options.refraction))
     return tuple(observed)
 
 
@@ -58,9 +58,9 @@ def measured_with(level: Level, refraction: float) -> Measured:
     return measured
 
 
-def _neglected(given: Given, rows: Sights, refraction: float) -> tuple[Note, ...]:
+def _neglected(source: ObservationSource, rows: Sights, refraction: float) -> tuple[Note, ...]:
     """What curvature and refraction would do to the longest sights, where it matters."""
-    points = position(given.start, POINT)
+    points = position(source.start, POINT)
     some = ~(rows.station_is_image | rows.target_is_image)
     away = np.hypot(*(points[rows.target[some]] - points[rows.station[some]])[:, :2].T)
     effect = away * (1 - refraction) / (2 * EARTH_RADIUS_M)

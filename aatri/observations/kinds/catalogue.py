@@ -15,7 +15,7 @@ from aatri.observations.geodetic import covariances, directions, distances, zeni
 from aatri.observations.geodetic import differences as geodetic_differences
 from aatri.observations.geodetic.distances import DistanceOptions
 from aatri.observations.geodetic.zenith_angles import ZenithOptions
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.positions import PositionOptions
 from aatri.observations.relative import angles, differences, lines, planes, round_shapes
 from aatri.observations.rigs import RigOptions
@@ -74,13 +74,13 @@ USES = tuple(sorted({*covariances.USES, *(name for kind in KINDS for name in kin
 """What the kinds use of a block, also where their options set them aside: then the user has said so."""
 
 
-def observe(given: Given, options: KindOptions) -> tuple[Observed, ...]:
+def observe(source: ObservationSource, options: KindOptions) -> tuple[Observed, ...]:
     """All observations of a block."""
     observed: list[Observed] = []
     for kind in KINDS:
-        if not kind.table or len(getattr(given.block, kind.table)):
-            observed += kind.observe(given) if kind.options is None else kind.observe(given, kind.options(options))
-    return covariances.with_geodetic_covariances(given.block, observed)
+        if not kind.table or len(getattr(source.block, kind.table)):
+            observed += kind.observe(source) if kind.options is None else kind.observe(source, kind.options(options))
+    return covariances.with_geodetic_covariances(source.block, observed)
 
 
 def options_without_data(block: Block, options: KindOptions) -> list[Note]:

@@ -18,7 +18,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import skew
 from aatri.observations.geodetic.sights import inverse_sigmas
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.relative.members import by_exactness, members_of
 from aatri.observations.relative.shapes import NOTHING, seeing
@@ -31,13 +31,13 @@ Pair = Callable[[Float, Float], tuple[Float, Float, Float]]
 """Unit vectors of the lines (n, 3) -> v (n, m), by the first and by the second (n, m, 3)."""
 
 
-def relative_angles(given: Given) -> tuple[Observed, ...]:
+def relative_angles(source: ObservationSource) -> tuple[Observed, ...]:
     """Angles, parallel and perpendicular lines of the relative control."""
     observed: list[Observed] = []
-    control, xyz = given.block.relative_control, given.start[POINT]
+    control, xyz = source.block.relative_control, source.start[POINT]
     for type_, kind in (("angle", ANGLE), ("parallel", PARALLEL), ("perpendicular", PERPENDICULAR)):
-        for some, exact in by_exactness(given.block, type_):
-            members = [members_of(given.block, int(k)) for k in some]
+        for some, exact in by_exactness(source.block, type_):
+            members = [members_of(source.block, int(k)) for k in some]
             point = np.array([m[0] for m in members])
             if type_ == "angle":
                 point = point[:, [0, 1, 0, 2]]
@@ -50,16 +50,16 @@ def relative_angles(given: Given) -> tuple[Observed, ...]:
 
 
 def _records(kind: str, point: Int, value: Float, sigma: Float, pair: Callable[[Int], Pair], rows: int) -> Records:
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        x = state[POINT][point[some]]
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
+        x = state[POINT][point[chosen]]
         u, du = _unit(x[:, 1] - x[:, 0])
         w, dw = _unit(x[:, 3] - x[:, 2])
-        v, by_u, by_w = pair(some)(u, w)
+        v, by_u, by_w = pair(chosen)(u, w)
         by_first, by_second = by_u @ du, by_w @ dw
         ends: tuple[Float, ...] = (-by_first, by_first, -by_second, by_second)
         if kind == ANGLE:
             ends = (-by_first - by_second, by_first, by_second)
-        return v - (value[some][:, None] if rows == 1 else 0.0), ends
+        return v - (value[chosen][:, None] if rows == 1 else 0.0), ends
 
     places = point[:, [0, 1, 3]] if kind == ANGLE else point
     touches = tuple((POINT, column.astype(np.int32)) for column in places.T)
@@ -103,8 +103,8 @@ def _parallel(xyz: Float, point: Int) -> Callable[[Int], Pair]:
     axis = np.eye(3)[np.argmin(np.abs(lines[:, 0]), axis=1)]
     sign = np.where(np.einsum("ni,ni->n", lines[:, 0], lines[:, 1]) < 0, -1.0, 1.0)
 
-    def of_rows(some: Int) -> Pair:
-        k, s = axis[some], sign[some]
+    def of_rows(rows: Int) -> Pair:
+        k, s = axis[rows], sign[rows]
 
         def pair(u: Float, w: Float) -> tuple[Float, Float, Float]:
             across = np.cross(k, u)

@@ -15,7 +15,7 @@ from aatri.observations.geodetic.differences import along, between_coordinates
 from aatri.observations.geodetic.lengths import slope
 from aatri.observations.geodetic.sights import ALL, observed_sights
 from aatri.observations.level import PLANE
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT
 from aatri.observations.relative.members import Conditions, means, observed_conditions, pairs_as_sights
 from aatri.observations.relative.shapes import NOTHING, seeing
@@ -25,37 +25,37 @@ DISTANCE, EQUAL, DIFFERENCE = "relative_distance", "equal_distance", "relative_d
 USES = ("relative_control:distance", "relative_control:equal_distance", "relative_control:coordinate_difference")
 
 
-def relative_distances(given: Given) -> tuple[Observed, ...]:
+def relative_distances(source: ObservationSource) -> tuple[Observed, ...]:
     """Distances of the relative control, between points or projection centres."""
-    return tuple(observed_sights(DISTANCE, pairs_as_sights(given.block, "distance"), PLANE, slope, "m"))
+    return tuple(observed_sights(DISTANCE, pairs_as_sights(source.block, "distance"), PLANE, slope, "m"))
 
 
-def relative_differences(given: Given) -> tuple[Observed, ...]:
+def relative_differences(source: ObservationSource) -> tuple[Observed, ...]:
     """Equal distances and coordinate differences of the relative control."""
-    observed = [*observed_conditions(given, EQUAL, _equal, at_once=2)]
-    sights = pairs_as_sights(given.block, "coordinate_difference")
+    observed = [*observed_conditions(source, EQUAL, _equal, at_once=2)]
+    sights = pairs_as_sights(source.block, "coordinate_difference")
     for axis, name in enumerate("XYZ"):
-        of_axis = sights.take(given.block.relative_control.axis[sights.row] == name)
-        sees = ALL if given.level.curved else (axis == 0, axis == 1, axis == 2)
-        observed += observed_sights(DIFFERENCE, of_axis, given.level, along(axis), "m", sees, between_coordinates)
+        of_axis = sights.take(source.block.relative_control.axis[sights.row] == name)
+        sees = ALL if source.level.curved else (axis == 0, axis == 1, axis == 2)
+        observed += observed_sights(DIFFERENCE, of_axis, source.level, along(axis), "m", sees, between_coordinates)
     return tuple(observed)
 
 
-def _equal(given: Given, made: Conditions) -> Observed:
+def _equal(source: ObservationSource, made: Conditions) -> Observed:
     pairs, of, n = made.point, made.of, len(made.row)
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         x = state[POINT]
-        length, u = slope(x[pairs[some, 1]] - x[pairs[some, 0]])
-        v = length - state[made.group][of[some], 0]
-        return v[:, None], (-u[:, None, :], u[:, None, :], -np.ones((len(some), 1, 1)))
+        length, u = slope(x[pairs[rows, 1]] - x[pairs[rows, 0]])
+        v = length - state[made.group][of[rows], 0]
+        return v[:, None], (-u[:, None, :], u[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
         moves = np.zeros((n, 1, 7))
         moves[:, 0, 6] = state[made.group][:, 0]
         return moves
 
-    x = given.start[POINT]
+    x = source.start[POINT]
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     known = np.flatnonzero(np.isfinite(length))
     return made.observed(evaluate, means(length[known, None], of[known], n), ("length",), generator, seeing(NOTHING))

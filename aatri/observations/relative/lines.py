@@ -13,15 +13,15 @@ one for lines across the X axis. Source: docs/formulas.md 5.5.
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.relative.shapes import TILT, TILT_ACROSS, Shape, along_horizontal, main_axes, observed_shapes
 
 USES = tuple(f"relative_control:{t}" for t in ("line", "plumb_line", "horizontal_line"))
 
 
-def lines(given: Given) -> tuple[Observed, ...]:
+def lines(source: ObservationSource) -> tuple[Observed, ...]:
     """Points of lines."""
-    return tuple(o for shape in (LINE, PLUMB, HORIZONTAL) for o in observed_shapes(given, shape))
+    return tuple(o for shape in (LINE, PLUMB, HORIZONTAL) for o in observed_shapes(source, shape))
 
 
 def across(x: Float, t: Float) -> tuple[Float, Float, Float]:

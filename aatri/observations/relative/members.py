@@ -14,7 +14,7 @@ from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.ids import rows_of, shown
 from aatri.notes import Note
 from aatri.observations.geodetic.sights import ALL, Sights, inverse_sigmas, rows_of_ends
-from aatri.observations.observed import Given, Observed, named
+from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.observations.poses import POINT
 
 if TYPE_CHECKING:
@@ -134,7 +134,10 @@ class Conditions:
 
 
 def observed_conditions(
-    given: Given, type_: str, observe: Callable[[Given, Conditions], Observed], at_once: int = 1
+    source: ObservationSource,
+    type_: str,
+    observe: Callable[[ObservationSource, Conditions], Observed],
+    at_once: int = 1,
 ) -> Iterator[Observed]:
     """The conditions of a type, observed and exact ones apart.
 
@@ -144,7 +147,7 @@ def observed_conditions(
     at_once : int
         Points of a record.
     """
-    block = given.block
+    block = source.block
     for row, exact in by_exactness(block, type_):
         members = [members_of(block, int(k)) for k in row]
         point, ids = (np.concatenate(part).reshape(-1, at_once) for part in zip(*members))
@@ -160,11 +163,15 @@ def observed_conditions(
             np.array([shown(m[1].tolist(), MOST_NAMED) for m in members], dtype=np.str_),
             block.relative_control.sigma[row][of],
         )
-        yield _refitting(given, made, observe)
+        yield _refitting(source, made, observe)
 
 
-def _refitting(given: Given, made: Conditions, observe: Callable[[Given, Conditions], Observed]) -> Observed:
-    return replace(observe(given, made), refitted=lambda start: _refitting(replace(given, start=start), made, observe))
+def _refitting(
+    source: ObservationSource, made: Conditions, observe: Callable[[ObservationSource, Conditions], Observed]
+) -> Observed:
+    return replace(
+        observe(source, made), refitted=lambda start: _refitting(replace(source, start=start), made, observe)
+    )
 
 
 def means(values: Float, of: Int, n: int) -> Float:

@@ -13,7 +13,7 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
 from aatri.observations.geodetic.sights import ALL, HEIGHT
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, point_generator
 from aatri.observations.relative.members import Conditions, means, observed_conditions
 from aatri.observations.relative.shapes import TILT, Shape, along_horizontal, main_axes, observed_shapes, seeing
@@ -23,11 +23,11 @@ LEVEL_TYPES = ("horizontal_plane", "equal_height")
 USES = tuple(f"relative_control:{t}" for t in ("plane", "vertical_plane", *LEVEL_TYPES))
 
 
-def planes(given: Given) -> tuple[Observed, ...]:
+def planes(source: ObservationSource) -> tuple[Observed, ...]:
     """Points of planes, and of equal height."""
-    observed = [*observed_shapes(given, PLANE_SHAPE), *observed_shapes(given, VERTICAL)]
+    observed = [*observed_shapes(source, PLANE_SHAPE), *observed_shapes(source, VERTICAL)]
     for type_ in LEVEL_TYPES:
-        observed += observed_conditions(given, type_, _level)
+        observed += observed_conditions(source, type_, _level)
     return tuple(observed)
 
 
@@ -58,14 +58,14 @@ PLANE_SHAPE = Shape("plane", ("tilt 1", "tilt 2", "offset"), 1, _plane, _fit_pla
 VERTICAL = Shape("vertical_plane", ("turn", "offset"), 1, _vertical, _fit_vertical, TILT)
 
 
-def _level(given: Given, made: Conditions) -> Observed:
+def _level(source: ObservationSource, made: Conditions) -> Observed:
     """Points of one height, which is unknown."""
-    level, point, of, n = given.level, made.point[:, 0], made.of, len(made.row)
+    level, point, of, n = source.level, made.point[:, 0], made.of, len(made.row)
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        h, by_point = level.height(state[POINT][point[some]])
-        v = h - state[made.group][of[some], 0]
-        return v[:, None], (by_point[:, None, :], -np.ones((len(some), 1, 1)))
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        h, by_point = level.height(state[POINT][point[rows]])
+        v = h - state[made.group][of[rows], 0]
+        return v[:, None], (by_point[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
         known = np.flatnonzero(finite_rows(state[POINT][point]))
@@ -73,7 +73,7 @@ def _level(given: Given, made: Conditions) -> Observed:
         moves = (by_point[:, None, :] @ point_generator(state)[point[known]])[:, 0]
         return means(moves, of[known], n)[:, None, :]
 
-    known = np.flatnonzero(finite_rows(given.start[POINT][point]))
-    start = means(level.height(given.start[POINT][point[known]])[0][:, None], of[known], n)
+    known = np.flatnonzero(finite_rows(source.start[POINT][point]))
+    start = means(level.height(source.start[POINT][point[known]])[0][:, None], of[known], n)
     sees = ALL if level.curved else HEIGHT
     return made.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)

@@ -9,7 +9,7 @@ Source: docs/formulas.md 5.5.
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.relative.lines import across
 from aatri.observations.relative.shapes import Shape, main_axes, observed_shapes
 
@@ -37,9 +37,9 @@ DIRECTIONS = _CORNERS / np.linalg.norm(_CORNERS, axis=1, keepdims=True)
 USES = ("relative_control:sphere", "relative_control:cylinder")
 
 
-def round_shapes(given: Given) -> tuple[Observed, ...]:
+def round_shapes(source: ObservationSource) -> tuple[Observed, ...]:
     """Points of spheres and cylinders."""
-    return tuple(o for shape in (SPHERE, CYLINDER) for o in observed_shapes(given, shape))
+    return tuple(o for shape in (SPHERE, CYLINDER) for o in observed_shapes(source, shape))
 
 
 def _sphere(x: Float, t: Float) -> tuple[Float, Float, Float]:

@@ -17,7 +17,7 @@ from aatri.adjustment.records import Evaluated
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, point_generator
 from aatri.observations.relative.members import Conditions, observed_conditions
 
@@ -61,23 +61,23 @@ class Shape:
     """The last unknown is a radius, held where it is given."""
 
 
-def observed_shapes(given: Given, shape: Shape) -> tuple[Observed, ...]:
+def observed_shapes(source: ObservationSource, shape: Shape) -> tuple[Observed, ...]:
     """The conditions of one type, observed and exact ones apart."""
-    return tuple(observed_conditions(given, shape.type, lambda start, made: _observed(start, shape, made)))
+    return tuple(observed_conditions(source, shape.type, lambda start, made: _observed(start, shape, made)))
 
 
-def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
+def _observed(source: ObservationSource, shape: Shape, made: Conditions) -> Observed:
     point, of, group, n = made.point[:, 0], made.of, made.group, len(made.row)
-    radius = given.block.relative_control.value[made.row]
-    F, c, t = _started(given, shape, [point[of == k] for k in range(n)], radius)
+    radius = source.block.relative_control.value[made.row]
+    F, c, t = _started(source, shape, [point[of == k] for k in range(n)], radius)
     free = np.ones(t.shape, dtype=bool)
     if shape.radius:
         fixed = np.isfinite(radius)
         t[fixed, -1], free[fixed, -1] = radius[fixed], False
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        own = of[some]
-        local = np.einsum("nij,nj->ni", F[own], state[POINT][point[some]] - c[own])
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        own = of[rows]
+        local = np.einsum("nij,nj->ni", F[own], state[POINT][point[rows]] - c[own])
         v, by_local, by_shape = shape.equation(local, state[group][own])
         return v, (by_local @ F[own], by_shape)
 
@@ -93,10 +93,10 @@ def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
             moves[k, some] = -np.linalg.lstsq(A, along[of_shape].reshape(-1, 7), rcond=None)[0]
         return moves
 
-    def tilt_across(state: State, some: Int) -> Float:
+    def tilt_across(state: State, rows: Int) -> Float:
         """The tilt about the first residual's axis: of a horizontal line that across it."""
-        axis = evaluate(state, some)[1][0][:, 0]
-        projectors = np.zeros((len(some), 7, 7))
+        axis = evaluate(state, rows)[1][0][:, 0]
+        projectors = np.zeros((len(rows), 7, 7))
         projectors[:, 3:6, 3:6] = axis[:, :, None] * axis[:, None, :]
         return projectors
 
@@ -105,14 +105,14 @@ def _observed(given: Given, shape: Shape, made: Conditions) -> Observed:
     return made.observed(evaluate, t, shape.labels, generator, seen, rows=shape.rows, free=free, implausible=steep)
 
 
-def _started(given: Given, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:
+def _started(source: ObservationSource, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:
     """Axes, centres and unknowns of the shapes from the start of their points."""
-    xyz = given.start[POINT]
+    xyz = source.start[POINT]
     fitted = []
     for rows, radius in zip(points, radius_m.tolist()):
         known = xyz[rows][finite_rows(xyz[rows])]
         known = known if len(known) else np.zeros((1, 3))
-        axes = given.level.axes(known.mean(axis=0)[None])[0][0]
+        axes = source.level.axes(known.mean(axis=0)[None])[0][0]
         fitted.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
     F, c, t = (np.array(part) for part in zip(*fitted))
     return F, c, t

@@ -57,9 +57,9 @@ class GivenPlaces:
     row: Int
     """(n,). Among all observations, kind by kind."""
 
-    def take(self, some: Int | Bool) -> GivenPlaces:
+    def take(self, rows: Int | Bool) -> GivenPlaces:
         """The chosen ones."""
-        return GivenPlaces(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+        return GivenPlaces(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 def given_places(observed: Sequence[Observed], state: State) -> GivenPlaces:

@@ -179,11 +179,11 @@ def _deformed_covariances(
     )
 
 
-def covariance_notes(found: DeformedCovariances) -> list[Note]:
+def covariance_notes(covariances: DeformedCovariances) -> list[Note]:
     """How far the joints of the strips err, or why there are no standard deviations."""
-    if found.missing:
-        return [Note("note", f"no standard deviations of points and coefficients: {found.missing}")]
-    of = ", ".join(f"{name} {1e6 * sigma:.3g} urad" for name, sigma in found.sigma.items())
+    if covariances.missing:
+        return [Note("note", f"no standard deviations of points and coefficients: {covariances.missing}")]
+    of = ", ".join(f"{name} {1e6 * sigma:.3g} urad" for name, sigma in covariances.sigma.items())
     return [Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {of}")]
 
 

@@ -177,10 +177,10 @@ def ties_of(
 def _rotation_ties(image: Int, rotation: Float, sigma_rad: float, names: Text) -> Observed:
     """Rotations of images of the one body, (n, 3, 3), as what is known of them beforehand: they are not tested."""
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         bodies: Any = state[BODY]
-        v, by_image = _turned(state, image[some], bodies.rotation[0] @ rotation[some])
-        by_body = np.zeros((len(some), 3, 7))
+        v, by_image = _turned(state, image[rows], bodies.rotation[0] @ rotation[rows])
+        by_body = np.zeros((len(rows), 3, 7))
         by_body[:, :, 3:6] = -by_image[:, :, 3:] @ exp_rotation(v)
         return v, (by_image, by_body)
 
@@ -194,9 +194,9 @@ def _rotation_ties(image: Int, rotation: Float, sigma_rad: float, names: Text) -
 def levelled(image: Int, sigma_rad: float, names: Text) -> Observed:
     """That images look down, as what is known of them beforehand: v = (R e)_xy with e the camera's axis, (n, 2)."""
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        axis = state[POSE].ground_from_image[image[some]][:, :, 2]
-        by_image = np.zeros((len(some), 2, 6))
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        axis = state[POSE].ground_from_image[image[rows]][:, :, 2]
+        by_image = np.zeros((len(rows), 2, 6))
         by_image[:, :, 3:] = -skew(axis)[:, :2]
         return axis[:, :2], (by_image,)
 
@@ -209,8 +209,8 @@ def levelled(image: Int, sigma_rad: float, names: Text) -> Observed:
 def observed_rotations(kind: str, image: Int, rotation: Float, sigma_rad: float, names: Text) -> Observed:
     """Rotations of images, (n, 3, 3), as observations, v = log(R_image R')."""
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, by_image = _turned(state, image[some], rotation[some])
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        v, by_image = _turned(state, image[rows], rotation[rows])
         return v, (by_image,)
 
     n = len(image)

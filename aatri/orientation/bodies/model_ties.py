@@ -74,22 +74,22 @@ def model_ties(rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, gr
     values, vectors = np.linalg.eigh(rows.covariance)
     values = np.maximum(values, 0.0)
 
-    def bent(state: ModelPoses, some: Int) -> Float:
-        k = model[some]
-        return rows.x[some] + (rows.by_latent[some] @ state.latent[k][:, :, None])[:, :, 0]
+    def bent(state: ModelPoses, chosen: Int) -> Float:
+        k = model[chosen]
+        return rows.x[chosen] + (rows.by_latent[chosen] @ state.latent[k][:, :, None])[:, :, 0]
 
-    def arms(state: ModelPoses, some: Int) -> Float:
-        k = model[some]
-        turned = (state.similarity.rotation[k] @ bent(state, some)[:, :, None])[:, :, 0]
+    def arms(state: ModelPoses, rows: Int) -> Float:
+        k = model[rows]
+        turned = (state.similarity.rotation[k] @ bent(state, rows)[:, :, None])[:, :, 0]
         return np.asarray(state.similarity.scale[k][:, None] * turned)
 
-    def on_ground(state: ModelPoses, some: Int) -> Float:
-        return np.asarray(state.similarity.translation[model[some]] + arms(state, some))
+    def on_ground(state: ModelPoses, rows: Int) -> Float:
+        return np.asarray(state.similarity.translation[model[rows]] + arms(state, rows))
 
-    def derivatives(state: ModelPoses, some: Int) -> Float:
-        k = model[some]
+    def derivatives(state: ModelPoses, chosen: Int) -> Float:
+        k = model[chosen]
         sR = state.similarity.scale[k][:, None, None] * state.similarity.rotation[k]
-        return np.concatenate([motions(arms(state, some)), sR @ rows.by_latent[some]], axis=2)
+        return np.concatenate([motions(arms(state, chosen)), sR @ rows.by_latent[chosen]], axis=2)
 
     def spectrum(state: ModelPoses) -> tuple[Float, Float]:
         scale, R = state.similarity.scale[model], state.similarity.rotation[model]
@@ -109,9 +109,9 @@ def latent_errors(names: Text) -> Observed:
     """The latent errors of models as observations, zero with standard deviation 1."""
     m, J = len(names), np.concatenate([np.zeros((LATENT, 7)), np.eye(LATENT)], axis=1)
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         poses: ModelPoses = state[BODY]
-        return poses.latent[some], (np.broadcast_to(J, (len(some), *J.shape)),)
+        return poses.latent[rows], (np.broadcast_to(J, (len(rows), *J.shape)),)
 
     whitener = np.broadcast_to(np.eye(LATENT), (m, LATENT, LATENT))
     touches = ((BODY, np.arange(m, dtype=np.int32)),)

@@ -19,7 +19,6 @@ from aatri.adjustment.covariance.score import with_factor
 from aatri.adjustment.iterative.forecast import forecast
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.openness.reach import scaled, within_reach
-from aatri.adjustment.openness.set_aside import SET_ASIDE
 from aatri.adjustment.parts.adjust import AdjustedInParts, adjust
 from aatri.adjustment.parts.cut import VetoOf
 from aatri.adjustment.records import Records
@@ -40,13 +39,13 @@ from aatri.progress import SILENT, Reporter
 
 
 def adjust_bundle(
-    given: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
+    inputs: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
 ) -> BundleResult:
     """Adjust a block.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     settings : BundleSettings
     reporter : Reporter
         Of the progress.
@@ -58,16 +57,16 @@ def adjust_bundle(
     ConvergenceError
         If the iteration does not converge.
     """
-    observed = tuple(o if o.determined is None else o.determined(given.observed) for o in given.observed)
-    given = replace(given, observed=observed)
-    part = taking_part(given)
+    observed = tuple(o if o.determined is None else o.determined(inputs.observed) for o in inputs.observed)
+    inputs = replace(inputs, observed=observed)
+    part = taking_part(inputs)
     start = part.start
-    observed, raised = _within_reach(given.observed, start)
-    given = replace(given, observed=observed)
-    poses = _free_poses(part.of[POSE], given.held_images, given.poses.position_m, settings.datum)
+    observed, raised = _within_reach(inputs.observed, start)
+    inputs = replace(inputs, observed=observed)
+    poses = _free_poses(part.of[POSE], inputs.held_images, inputs.poses.position_m, settings.datum)
     chain = settings.solution.ordering in ("across_strips", "along_strips")  # textbooks number images by their strips
-    places = given.numbering.place if chain and given.numbering is not None else given.poses.position_m
-    unknowns, held = told_apart(given, part, unknowns_of(given, part, poses, places))
+    places = inputs.numbering.place if chain and inputs.numbering is not None else inputs.poses.position_m
+    unknowns, held = told_apart(inputs, part, unknowns_of(inputs, part, poses, places))
     records, constraints, vetoes = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
@@ -77,8 +76,8 @@ def adjust_bundle(
     free = None
     if settings.datum == "free":
         others = [r for r in records if not _is_ray(r)] + constraints
-        marked = np.zeros(len(given.point_ids), dtype=bool) if given.marked is None else given.marked
-        onto = _datum_of(given.datum, start)
+        marked = np.zeros(len(inputs.point_ids), dtype=bool) if inputs.marked is None else inputs.marked
+        onto = _datum_of(inputs.datum, start)
         free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
     datum_held = unknowns if free is None else minimally_held(free)
 
@@ -95,7 +94,7 @@ def adjust_bundle(
         )
 
     adjusted = adjusted_from(start)
-    if (smaller := _without_open(given, adjusted, settings, reporter)) is not None:
+    if (smaller := _without_open(inputs, adjusted, settings, reporter)) is not None:
         return smaller
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
@@ -110,7 +109,7 @@ def adjust_bundle(
         covariances = False
     if covariances and settings.keep_factor and not in_parts:
         adjusted = with_factor(adjusted)
-    return _result(given, adjusted, part, covariances, free, tuple(notes))
+    return _result(inputs, adjusted, part, covariances, free, tuple(notes))
 
 
 def _datum_of(datum: State | None, start: State) -> State:
@@ -123,22 +122,24 @@ def _datum_of(datum: State | None, start: State) -> State:
 
 
 def _without_open(
-    given: BundleInput, adjusted: Adjusted, settings: BundleSettings, reporter: Reporter
+    inputs: BundleInput, adjusted: Adjusted, settings: BundleSettings, reporter: Reporter
 ) -> BundleResult | None:
     """The block adjusted without the images and points that it leaves open; None if there are none."""
     aside = {name: some for name, some in adjusted.problem.set_aside.items() if name in (POSE, POINT) and some.any()}
     if not aside:
         return None
     # A free datum is fitted onto its start; any other begins where it has come to.
-    poses, xyz = (given.poses, given.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
+    poses, xyz = (
+        (inputs.poses, inputs.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
+    )
     if POSE in aside:
         poses = poses.where(~aside[POSE])
     if POINT in aside:
         xyz = np.where(aside[POINT][:, None], np.nan, xyz)
-    result = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
+    result = adjust_bundle(replace(inputs, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     for name, more in result.set_aside.items():
         aside[name] = aside[name] | more if name in aside else more
-    of_aside = [note for note in adjusted.notes if note.text.startswith(SET_ASIDE)]
+    of_aside = [note for note in adjusted.notes if note.sets_aside]
     return replace(result, notes=(*of_aside, *result.notes), set_aside=aside)
 
 
@@ -225,7 +226,7 @@ def _veto_of(veto: VetoOf, rows: Int) -> VetoOf:
 
 
 def _result(
-    given: BundleInput,
+    inputs: BundleInput,
     adjusted: Adjusted,
     part: Participants,
     covariances: bool,
@@ -243,15 +244,15 @@ def _result(
         for name, values in known.items():
             some = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)
             groups[name][some] = values[some]
-        places = [i for i, rows in enumerate(part.rows) if len(rows) and not given.observed[i].exact]
+        places = [i for i, rows in enumerate(part.rows) if len(rows) and not inputs.observed[i].exact]
         found = dict(zip(places, marginal.records))
     poses: Poses = adjusted.state[POSE]
     return BundleResult(
-        poses.where(image).shifted(given.origin_m),
-        np.where(point[:, None], adjusted.state[POINT] + given.origin_m, np.nan),
+        poses.where(image).shifted(inputs.origin_m),
+        np.where(point[:, None], adjusted.state[POINT] + inputs.origin_m, np.nan),
         groups,
-        tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in given.parameters),
-        tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(given.observed)),
+        tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in inputs.parameters),
+        tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(inputs.observed)),
         image,
         point,
         adjusted,

@@ -70,9 +70,9 @@ def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> 
     roughly : callable
         The same without standard deviations, on the way.
     """
-    if not _has_terms(done.given):
+    if not _has_terms(done.inputs):
         return done
-    block, result = done.given, done.result
+    block, result = done.inputs, done.result
     sigma = {p.given.group: np.sqrt(np.einsum("nii->ni", p.covariance)) for p in result.parameters}
     last = result
     for _ in range(0 if result.adjusted.down_weighted else MOST_ROUNDS):
@@ -84,7 +84,7 @@ def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> 
         block = from_result(block, last)
         result = adjust(block)
     terms = {p.given.group: p.given for p in result.parameters}
-    return replace(done, given=_with_parameters(block, tuple(terms[p.group] for p in block.parameters)), result=result)
+    return replace(done, inputs=_with_parameters(block, tuple(terms[p.group] for p in block.parameters)), result=result)
 
 
 def _has_terms(block: BundleInput) -> bool:

@@ -34,7 +34,7 @@ EVERY = 5
 
 
 def adjust_alternating(
-    given: BundleInput, settings: BundleSettings, *, max_rounds: int, reporter: Reporter = SILENT
+    inputs: BundleInput, settings: BundleSettings, *, max_rounds: int, reporter: Reporter = SILENT
 ) -> BundleResult:
     """Adjust a block by alternation.
 
@@ -45,9 +45,9 @@ def adjust_alternating(
     """
     half = replace(settings, covariances=False)
     whole = replace(half, solution=replace(settings.solution, max_iterations=1))
-    images, points = np.ones(len(given.image_ids), dtype=bool), np.ones(len(given.point_ids), dtype=bool)
-    resected = adjust_bundle(replace(of_unknown(given, POSE), held_points=points), half)
-    start = of_unknown(from_result(given, resected), POINT)
+    images, points = np.ones(len(inputs.image_ids), dtype=bool), np.ones(len(inputs.point_ids), dtype=bool)
+    resected = adjust_bundle(replace(of_unknown(inputs, POSE), held_points=points), half)
+    start = of_unknown(from_result(inputs, resected), POINT)
     intersected = adjust_bundle(replace(start, held_images=images), half)
     halves = resected.adjusted.problem, intersected.adjusted.problem
     state, look, last = intersected.adjusted.state, EVERY, _Move({}, 0.0)
@@ -56,7 +56,7 @@ def adjust_alternating(
         if done in (look, max_rounds):
             here = replace(intersected, adjusted=replace(intersected.adjusted, state=state))
             try:
-                result = adjust_bundle(from_result(given, here), whole)
+                result = adjust_bundle(from_result(inputs, here), whole)
             except ConvergenceError:
                 look += max(EVERY, done // 2)
             else:

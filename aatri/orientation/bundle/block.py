@@ -73,26 +73,26 @@ class Participants:
     """(n_points, 3). Coordinates of points that no observation can see."""
 
 
-def taking_part(given: BundleInput) -> Participants:
+def taking_part(inputs: BundleInput) -> Participants:
     """Which blocks and observations take part; see above."""
-    absent, start = absent_coordinates(given.observed, len(given.point_ids)), start_of(given)
+    absent, start = absent_coordinates(inputs.observed, len(inputs.point_ids)), start_of(inputs)
     part = {
-        POSE: given.poses.oriented,
+        POSE: inputs.poses.oriented,
         POINT: finite_rows(start[POINT]),
     }
-    own = {u.name: len(u.free) for o in given.observed for u in o.unknowns}
+    own = {u.name: len(u.free) for o in inputs.observed for u in o.unknowns}
     part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
-    open_ = ~_held(given.observed, len(part[POINT])) & ~absent
+    open_ = ~_held(inputs.observed, len(part[POINT])) & ~absent
     needed = {POSE: np.full(len(part[POSE]), 6), POINT: open_.sum(axis=1)}
-    needed |= {u.name: u.free.sum(axis=1) for o in given.observed if o.refitted is not None for u in o.unknowns}
-    for name, held in ((POSE, given.held_images), (POINT, given.held_points)):
+    needed |= {u.name: u.free.sum(axis=1) for o in inputs.observed if o.refitted is not None for u in o.unknowns}
+    for name, held in ((POSE, inputs.held_images), (POINT, inputs.held_points)):
         needed[name] = needed[name] if held is None else np.where(held, 0, needed[name])
-    components = [_components(o.records) for o in given.observed]
+    components = [_components(o.records) for o in inputs.observed]
     while True:
-        usable = [_usable(o.records, part) for o in given.observed]
+        usable = [_usable(o.records, part) for o in inputs.observed]
         count = {name: np.zeros(len(p), dtype=np.int64) for name, p in part.items()}
         tied = {name: np.zeros(len(p), dtype=bool) for name, p in part.items()}
-        for o, m, use in zip(given.observed, components, usable):
+        for o, m, use in zip(inputs.observed, components, usable):
             active = use & o.records.active
             rows: Int | slice = slice(None) if active.all() else np.flatnonzero(active)
             for group, block in o.records.touches:
@@ -108,7 +108,7 @@ def taking_part(given: BundleInput) -> Participants:
         part = now
     rows_of = tuple(
         np.flatnonzero(use & (o.records.active if o.rejected is None else o.records.active | o.rejected))
-        for o, use in zip(given.observed, usable)
+        for o, use in zip(inputs.observed, usable)
     )
     return Participants(start, part, rows_of, absent & part[POINT][:, None])
 
@@ -127,10 +127,10 @@ def absent_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
     return ~seen & touched[:, None]
 
 
-def touched_points(given: BundleInput) -> Bool:
+def touched_points(inputs: BundleInput) -> Bool:
     """Points that some observation ties to something else, (n_points,)."""
-    touched = np.zeros(len(given.point_ids), dtype=bool)
-    for o in given.observed:
+    touched = np.zeros(len(inputs.point_ids), dtype=bool)
+    for o in inputs.observed:
         if len(o.records.touches) > 1:
             for group, block in o.records.touches:
                 if group == POINT:
@@ -165,24 +165,24 @@ def _holds(observed: Sequence[Observed]) -> list[Holds]:
     return [o.holds for o in observed if o.holds is not None and o.holds.group == POINT]
 
 
-def start_of(given: BundleInput) -> State:
+def start_of(inputs: BundleInput) -> State:
     """Values of all groups of unknowns at the start.
 
     Exact coordinates of points are at their values, absent ones that have no start at the mean of the others.
     """
-    xyz = given.xyz_m.copy()
-    if not given.level.curved:
+    xyz = inputs.xyz_m.copy()
+    if not inputs.level.curved:
         finite = np.isfinite(xyz)
         mean = np.where(finite, xyz, 0.0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1)
-        xyz = np.where(absent_coordinates(given.observed, len(xyz)) & ~finite, mean, xyz)
-    for h in _holds(given.observed):
+        xyz = np.where(absent_coordinates(inputs.observed, len(xyz)) & ~finite, mean, xyz)
+    for h in _holds(inputs.observed):
         row, scalar = np.nonzero(h.scalar)
         xyz[h.block[row], scalar] = h.value[row, scalar]
-    own = {name: value for o in given.observed for name, value in o.start.items()}
-    return {POSE: given.poses, **own, POINT: xyz}
+    own = {name: value for o in inputs.observed for name, value in o.start.items()}
+    return {POSE: inputs.poses, **own, POINT: xyz}
 
 
-def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, places: Float) -> list[Unknowns]:
+def unknowns_of(inputs: BundleInput, participants: Participants, poses: Bool, places: Float) -> list[Unknowns]:
     """All groups of unknowns: poses, those of the kinds of observations, and points.
 
     Parameters
@@ -193,28 +193,28 @@ def unknowns_of(given: BundleInput, participants: Participants, poses: Bool, pla
         Where the images lie, for the order of elimination.
     """
     point = participants.of[POINT]
-    free = np.repeat(point[:, None], 3, axis=1) & ~_held(given.observed, len(point)) & ~participants.absent
-    free &= np.True_ if given.held_points is None else ~given.held_points[:, None]
+    free = np.repeat(point[:, None], 3, axis=1) & ~_held(inputs.observed, len(point)) & ~participants.absent
+    free &= np.True_ if inputs.held_points is None else ~inputs.held_points[:, None]
     groups = []
     if len(poses):
-        start = (given.rays, given.poses, given.xyz_m)
-        seen_at_m = np.where(_with_own_observations(given.observed, len(poses)), 0.0, seen_distances_m(*start))
-        groups = [pose_unknowns(given.image_ids, poses, places, median_distance_m(*start), seen_at_m)]
-    for o in given.observed:
+        start = (inputs.rays, inputs.poses, inputs.xyz_m)
+        seen_at_m = np.where(_with_own_observations(inputs.observed, len(poses)), 0.0, seen_distances_m(*start))
+        groups = [pose_unknowns(inputs.image_ids, poses, places, median_distance_m(*start), seen_at_m)]
+    for o in inputs.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
     # Where no image is adjusted, nothing is left to eliminate the points from: they are the unknowns that are kept.
-    onto = bool(poses.any()) or given.held_images is None
-    far = np.full(3, _extent_m(given.xyz_m)) if given.rays is None else None
+    onto = bool(poses.any()) or inputs.held_images is None
+    far = np.full(3, _extent_m(inputs.xyz_m)) if inputs.rays is None else None
     return [
         *groups,
         Unknowns(
             POINT,
             free,
             ("X", "Y", "Z"),
-            given.point_ids,
+            inputs.point_ids,
             add_step,
             eliminated=onto,
-            position=given.xyz_m if onto else None,
+            position=inputs.xyz_m if onto else None,
             generator=point_generator,
             implausible=far,
         ),

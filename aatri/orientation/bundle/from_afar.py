@@ -36,13 +36,13 @@ TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 
 
 def adjust_bundle_from_afar(
-    given: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
+    inputs: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
 ) -> BundleResult:
     """Adjust a block whose start may be far off.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     settings : BundleSettings
         Blocks without a given datum are adjusted from their start alone.
     reporter : Reporter
@@ -57,101 +57,101 @@ def adjust_bundle_from_afar(
     failure: ConvergenceError | GeometryError | None = None
     best: BundleResult | None = None
     try:
-        best = adjust_bundle(given, settings, reporter=reporter)
+        best = adjust_bundle(inputs, settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         failure = error
-    if settings.datum == "given" and not _trusted(given, best):
+    if settings.datum == "given" and not _trusted(inputs, best):
         why = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {why}")
-        best = _best_restart(given, best, reporter, settings)
+        best = _best_restart(inputs, best, reporter, settings)
     if best is None:
         assert failure is not None
         raise failure
-    over = turned_over(given.rays, best)
+    over = turned_over(inputs.rays, best)
     if over.any():
         raise ConvergenceError(
-            f"images see most of their points behind them: {shown(np.asarray(given.image_ids)[over])}",
+            f"images see most of their points behind them: {shown(np.asarray(inputs.image_ids)[over])}",
             remedy="start from better initial values (`from: initial`); check the sign of c and the axes of the image",
         )
     return best
 
 
-def _trusted(given: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
-    if result is None or turned_over(given.rays, result).any():
+def _trusted(inputs: BundleInput, result: BundleResult | None, restarted: bool = False) -> bool:
+    if result is None or turned_over(inputs.rays, result).any():
         return False
     # relative control has minima of its own: a cylinder through other points that nearly fit
-    strayed = restarted or has_shapes(given.observed) or any(step.strayed for step in result.adjusted.history)
+    strayed = restarted or has_shapes(inputs.observed) or any(step.strayed for step in result.adjusted.history)
     return not (strayed and result.adjusted.sigma0 > FAR_SIGMA0)
 
 
 def _best_restart(
-    given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
+    inputs: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first."""
-    if has_shapes(given.observed):
+    if has_shapes(inputs.observed):
         try:
-            given = start_without_shapes(given, settings, reporter)
-            tried = adjust_bundle(given, settings, reporter=reporter)
-            best = tried if best is None or _rank(given, tried) < _rank(given, best) else best
+            inputs = start_without_shapes(inputs, settings, reporter)
+            tried = adjust_bundle(inputs, settings, reporter=reporter)
+            best = tried if best is None or _rank(inputs, tried) < _rank(inputs, best) else best
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start without relative control: {error.what}")
-        if _trusted(given, best, restarted=True):
+        if _trusted(inputs, best, restarted=True):
             return best
-    for factor, rotations_held in TRIALS if given.rays is not None else ():
+    for factor, rotations_held in TRIALS if inputs.rays is not None else ():
         try:
-            started = start_in_space(given, factor, rotations_held)
+            started = start_in_space(inputs, factor, rotations_held)
             tried = adjust_bundle(started, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
         again = best is not None and np.isclose(tried.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
-        if best is None or _rank(given, tried) < _rank(given, best):
+        if best is None or _rank(inputs, tried) < _rank(inputs, best):
             best = tried
-        if _trusted(given, best, restarted=True):
+        if _trusted(inputs, best, restarted=True):
             return best
-        if again and not _rank(given, best)[0]:
+        if again and not _rank(inputs, best)[0]:
             break
-    return _resected(given, best, reporter, settings)
+    return _resected(inputs, best, reporter, settings)
 
 
 def _resected(
-    given: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
+    inputs: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
 ) -> BundleResult | None:
     """Images that do not fit, oriented anew by resection to the points that the others determine."""
     if best is None:
         return None
-    bad = _misfits(given, best) if given.rays is not None else np.zeros(0, dtype=bool)
+    bad = _misfits(inputs, best) if inputs.rays is not None else np.zeros(0, dtype=bool)
     if not bad.any() or 2 * bad.sum() > best.image_adjusted.sum():
         return best
-    assert given.rays is not None
-    rays = given.rays
+    assert inputs.rays is not None
+    rays = inputs.rays
     clean = rays.point[best.ray_used & ~bad[rays.image]]
-    lost = (np.bincount(clean, minlength=len(given.point_ids)) < 2) & ~_known_points(given)
-    known = np.where(lost[:, None], np.nan, best.xyz_m - given.origin_m)
-    poses, xyz = complete_start(rays, best.poses.shifted(-given.origin_m).where(~bad), known)
+    lost = (np.bincount(clean, minlength=len(inputs.point_ids)) < 2) & ~_known_points(inputs)
+    known = np.where(lost[:, None], np.nan, best.xyz_m - inputs.origin_m)
+    poses, xyz = complete_start(rays, best.poses.shifted(-inputs.origin_m).where(~bad), known)
     try:
-        tried = adjust_bundle(replace(given, poses=poses, xyz_m=xyz), settings, reporter=reporter)
+        tried = adjust_bundle(replace(inputs, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
-        reporter.log(f"start by resection of {shown(np.asarray(given.image_ids)[bad])}: {error.what}")
+        reporter.log(f"start by resection of {shown(np.asarray(inputs.image_ids)[bad])}: {error.what}")
         return best
     complete = (tried.image_adjusted >= best.image_adjusted).all() and (
         tried.point_adjusted >= best.point_adjusted
     ).all()
-    return tried if complete and _rank(given, tried) < _rank(given, best) else best
+    return tried if complete and _rank(inputs, tried) < _rank(inputs, best) else best
 
 
-def _known_points(given: BundleInput) -> Bool:
+def _known_points(inputs: BundleInput) -> Bool:
     """Points with observations of their own coordinates."""
-    known = np.zeros(len(given.point_ids), dtype=bool)
-    for o in given.observed:
+    known = np.zeros(len(inputs.point_ids), dtype=bool)
+    for o in inputs.observed:
         if len(o.records.touches) == 1 and o.records.touches[0][0] == POINT:
             known[o.records.touches[0][1]] = True
     return known
 
 
-def _misfits(given: BundleInput, result: BundleResult) -> Bool:
+def _misfits(inputs: BundleInput, result: BundleResult) -> Bool:
     """Images turned over, or with residuals far above those of the others."""
-    n, total, count = len(given.image_ids), np.zeros(len(given.image_ids)), np.zeros(len(given.image_ids))
+    n, total, count = len(inputs.image_ids), np.zeros(len(inputs.image_ids)), np.zeros(len(inputs.image_ids))
     for o in result.observations:
         touches = dict(o.observed.records.touches)
         if POSE in touches and POINT in touches:
@@ -161,9 +161,9 @@ def _misfits(given: BundleInput, result: BundleResult) -> Bool:
             total += np.bincount(image, o.observed.records.standardised(result.adjusted.state)[rows], n)
     mean = total / np.maximum(count, 1)
     large = mean > max(FAR_SIGMA0, 3.0 * float(np.median(mean[result.image_adjusted])))
-    return np.asarray(large | turned_over(given.rays, result))
+    return np.asarray(large | turned_over(inputs.rays, result))
 
 
-def _rank(given: BundleInput, result: BundleResult) -> tuple[int, float]:
-    over = turned_over(given.rays, result)
+def _rank(inputs: BundleInput, result: BundleResult) -> tuple[int, float]:
+    over = turned_over(inputs.rays, result)
     return int(over.sum()), result.adjusted.cost

@@ -27,7 +27,7 @@ def _is_shape(o: Observed) -> bool:
     return o.refitted is not None and bool(len(o))
 
 
-def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter: Reporter) -> BundleInput:
+def start_without_shapes(inputs: BundleInput, settings: BundleSettings, reporter: Reporter) -> BundleInput:
     """The block with poses, points and shapes as the other observations give them.
 
     Raises
@@ -35,16 +35,16 @@ def start_without_shapes(given: BundleInput, settings: BundleSettings, reporter:
     GeometryError, ConvergenceError
         If the others do not determine the block.
     """
-    rest = tuple(o for o in given.observed if not _is_shape(o))
+    rest = tuple(o for o in inputs.observed if not _is_shape(o))
     without = adjust_bundle(
-        replace(given, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
+        replace(inputs, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
     )
-    xyz = np.where(np.isfinite(without.xyz_m), without.xyz_m - given.origin_m, given.xyz_m)
-    poses = without.poses.shifted(-given.origin_m).where(without.image_adjusted, given.poses)
+    xyz = np.where(np.isfinite(without.xyz_m), without.xyz_m - inputs.origin_m, inputs.xyz_m)
+    poses = without.poses.shifted(-inputs.origin_m).where(without.image_adjusted, inputs.poses)
     observed = []
-    for o in given.observed:
+    for o in inputs.observed:
         if o.refitted is not None and _is_shape(o):
             fitted = o.refitted({POSE: poses, POINT: xyz})
             o = fitted.without(o.rejected) if o.rejected is not None else fitted
         observed.append(o)
-    return replace(given, poses=poses, xyz_m=xyz, observed=tuple(observed))
+    return replace(inputs, poses=poses, xyz_m=xyz, observed=tuple(observed))

@@ -53,13 +53,13 @@ def parameter_names(rows: ParameterRows, unit: int) -> tuple[str, ...]:
     return tuple(SHORT.get(name, name) for name in names)
 
 
-def column_kinds(given: BundleInput) -> dict[str, str]:
+def column_kinds(inputs: BundleInput) -> dict[str, str]:
     """What the additional parameters do, by their columns at the image points."""
     kinds: dict[str, str] = {}
-    for rows in given.parameters:
-        if is_additional(rows.group) and rows.basis is not None and given.rays is not None:
-            finite = np.flatnonzero(np.isfinite(given.rays.xy_mm).all(axis=1))[:MOST_COLUMNS]
-            kinds |= kinds_of_columns(rows.labels, rows.basis[finite], given.rays.xy_mm[finite])
+    for rows in inputs.parameters:
+        if is_additional(rows.group) and rows.basis is not None and inputs.rays is not None:
+            finite = np.flatnonzero(np.isfinite(inputs.rays.xy_mm).all(axis=1))[:MOST_COLUMNS]
+            kinds |= kinds_of_columns(rows.labels, rows.basis[finite], inputs.rays.xy_mm[finite])
     return kinds
 
 
@@ -75,9 +75,9 @@ class IdleParameters:
     """Empty where all are worth keeping."""
 
 
-def idle_parameters(given: BundleInput, result: BundleResult) -> IdleParameters:
+def idle_parameters(inputs: BundleInput, result: BundleResult) -> IdleParameters:
     """Additional parameters that are not worth keeping."""
-    kept = [p.free.copy() for p in given.parameters]
+    kept = [p.free.copy() for p in inputs.parameters]
     considered, notes = [free.copy() for free in kept], list[Note]()
     for group, stays, counts in zip(result.parameters, kept, considered):
         if not is_additional(group.given.group):

@@ -27,18 +27,18 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
 
 
-def of_unknown(given: BundleInput, group: str) -> BundleInput:
+def of_unknown(inputs: BundleInput, group: str) -> BundleInput:
     """The block with the observations that see images or points, `group`; others are switched off.
 
     What observes further unknowns of these, priors of cameras or film, stays.
     """
-    touched = [o.records.groups for o in given.observed]
+    touched = [o.records.groups for o in inputs.observed]
     open_ = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
     observed = tuple(
         o if group in names or names <= open_ else replace(o, records=replace(o.records, active=_none(o)))
-        for o, names in zip(given.observed, touched)
+        for o, names in zip(inputs.observed, touched)
     )
-    return replace(given, observed=observed)
+    return replace(inputs, observed=observed)
 
 
 def _none(o: Observed) -> Bool:
@@ -53,39 +53,39 @@ def switched_off(before: BundleInput, after: BundleInput) -> list[Note]:
     return [Note("note", text)] if kinds else []
 
 
-def with_known_points(given: BundleInput, known: Bool, covariance_m2: Float | None) -> BundleInput:
+def with_known_points(inputs: BundleInput, known: Bool, covariance_m2: Float | None) -> BundleInput:
     """The block with points held, or observed with their covariances; other points take no part.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     known : (n_points,) bool
     covariance_m2 : (n_points, 3, 3) float64, m^2, or None
         None: held.
     """
-    given = replace(of_unknown(given, POSE), xyz_m=np.where(known[:, None], given.xyz_m, np.nan))
+    inputs = replace(of_unknown(inputs, POSE), xyz_m=np.where(known[:, None], inputs.xyz_m, np.nan))
     if covariance_m2 is None:
-        return replace(given, held_points=known)
+        return replace(inputs, held_points=known)
     rows = np.flatnonzero(known)
-    records = value_records("point_prior", POINT, rows.astype(np.int32), given.xyz_m[rows], covariance_m2[rows])
-    names = named(point=np.asarray(given.point_ids, dtype=np.str_)[rows])
-    return replace(given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "m")))
+    records = value_records("point_prior", POINT, rows.astype(np.int32), inputs.xyz_m[rows], covariance_m2[rows])
+    names = named(point=np.asarray(inputs.point_ids, dtype=np.str_)[rows])
+    return replace(inputs, observed=(*inputs.observed, Observed(records, np.full(len(rows), -1), names, "m")))
 
 
-def with_known_images(given: BundleInput, known: Bool, covariance: Float | None) -> BundleInput:
+def with_known_images(inputs: BundleInput, known: Bool, covariance: Float | None) -> BundleInput:
     """The block with images held, or observed with their covariances; other images take no part.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     known : (n_images,) bool
     covariance : (n_images, 6, 6) float64, m and rad, or None
         Of position and rotation increment. None: held.
     """
-    poses = given.poses.where(known)
-    given = replace(of_unknown(given, POINT), poses=poses)
+    poses = inputs.poses.where(known)
+    inputs = replace(of_unknown(inputs, POINT), poses=poses)
     if covariance is None:
-        return replace(given, held_images=known)
+        return replace(inputs, held_images=known)
     rows = np.flatnonzero(known)
     position, rotation = poses.position_m[rows], poses.ground_from_image[rows]
 
@@ -98,8 +98,8 @@ def with_known_images(given: BundleInput, known: Bool, covariance: Float | None)
     whitener = whitener_of_covariances(covariance[rows], np.ones((len(rows), 6), dtype=bool))
     touches = ((POSE, rows.astype(np.int32)),)
     records = Records("image_prior", touches, evaluate, whitener, np.ones(len(rows), dtype=bool))
-    names = named(image=np.asarray(given.image_ids, dtype=np.str_)[rows])
+    names = named(image=np.asarray(inputs.image_ids, dtype=np.str_)[rows])
     components = ("X0", "Y0", "Z0", "rotation about X", "rotation about Y", "rotation about Z")
     return replace(
-        given, observed=(*given.observed, Observed(records, np.full(len(rows), -1), names, "", components=components))
+        inputs, observed=(*inputs.observed, Observed(records, np.full(len(rows), -1), names, "", components=components))
     )

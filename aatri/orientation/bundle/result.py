@@ -100,18 +100,18 @@ def without_covariances(result: BundleResult) -> BundleResult:
     )
 
 
-def from_result(given: BundleInput, result: BundleResult) -> BundleInput:
+def from_result(inputs: BundleInput, result: BundleResult) -> BundleInput:
     """The block with its adjusted values as start, also those of the unknowns that kinds of observations bring.
 
     A free datum stays fitted onto the values before.
     """
     state = result.adjusted.state
     image, point = result.image_adjusted, result.point_adjusted
-    observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in given.observed)
+    observed = tuple(replace(o, start={name: state[name] for name in o.start}) for o in inputs.observed)
     return replace(
-        given,
-        poses=state[POSE].where(image, given.poses),
-        xyz_m=np.where(point[:, None], state[POINT], given.xyz_m),
+        inputs,
+        poses=state[POSE].where(image, inputs.poses),
+        xyz_m=np.where(point[:, None], state[POINT], inputs.xyz_m),
         observed=observed,
-        datum=given.datum or {POSE: given.poses, POINT: given.xyz_m},
+        datum=inputs.datum or {POSE: inputs.poses, POINT: inputs.xyz_m},
     )

@@ -55,7 +55,7 @@ class OtherNumber:
 class AdjustedBlock:
     """An adjusted block and what led to it."""
 
-    given: BundleInput
+    inputs: BundleInput
     """What is rejected is not active in it."""
     result: BundleResult
     notes: tuple[Note, ...] = ()
@@ -72,14 +72,14 @@ class AdjustedBlock:
     considered: tuple[Bool, ...] = ()
 
 
-def with_readmission(given: BundleInput, adjust: Adjust) -> AdjustedBlock:
+def with_readmission(inputs: BundleInput, adjust: Adjust) -> AdjustedBlock:
     """Adjust without what was rejected, then once more with those of it that fit."""
-    result = adjust(given)
+    result = adjust(inputs)
     fits = [readmitted(o, result.adjusted.state) for o in result.observations]
     if not any(f.any() for f in fits):
-        return AdjustedBlock(given, result)
+        return AdjustedBlock(inputs, result)
     observed, notes = [], []
-    for o, back in zip(given.observed, fits):
+    for o, back in zip(inputs.observed, fits):
         if o.rejected is None or not back.any():
             observed.append(o)
             continue
@@ -88,7 +88,7 @@ def with_readmission(given: BundleInput, adjust: Adjust) -> AdjustedBlock:
         ids = tuple("/".join(part for part in pair if part) for pair in zip(image.tolist(), point.tolist()))
         text = f"{o.kind}: {int(back.sum())} of {int(o.rejected.sum())} rejected fit the block and are re-admitted"
         notes.append(Note("note", text, ids))
-    again = from_result(replace(given, observed=tuple(observed)), result)
+    again = from_result(replace(inputs, observed=tuple(observed)), result)
     return AdjustedBlock(again, adjust(again), tuple(notes))
 
 
@@ -113,12 +113,12 @@ def without_idle_parameters(before: AdjustedBlock, adjust: Adjust, rebuilt: Rebu
         )
     if not any(np.isfinite(p.covariance).any() for p in before.result.parameters):
         raise SpecError("self_calibration.remove needs standard deviations", remedy="standard_deviations: true")
-    idle = idle_parameters(before.given, before.result)
+    idle = idle_parameters(before.inputs, before.result)
     if not idle.notes:
         return before
-    reduced = rebuilt(before.given, with_free(before.given.parameters, idle.kept))
+    reduced = rebuilt(before.inputs, with_free(before.inputs.parameters, idle.kept))
     notes = (*before.notes, *idle.notes)
-    return replace(before, given=reduced, result=adjust(reduced), notes=notes, considered=idle.considered)
+    return replace(before, inputs=reduced, result=adjust(reduced), notes=notes, considered=idle.considered)
 
 
 def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> AdjustedBlock:
@@ -143,13 +143,13 @@ def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> Ad
     if not done.considered:
         return done
     left = done.result
-    whole = adjust(rebuilt(done.given, with_free(done.given.parameters, done.considered)))
+    whole = adjust(rebuilt(done.inputs, with_free(done.inputs.parameters, done.considered)))
     turned = log_rotation(whole.poses.ground_from_image @ left.poses.ground_from_image.swapaxes(1, 2))
     moved = {
         POINT: whole.xyz_m - left.xyz_m,
         POSE: np.concatenate([whole.poses.position_m - left.poses.position_m, turned], axis=1),
     }
-    share, squared = size_of_idle(*_joint_test(whole, done.given.parameters))
+    share, squared = size_of_idle(*_joint_test(whole, done.inputs.parameters))
     counted = {
         name: (1 - share) * left.covariances[name]
         + share * whole.covariances[name]

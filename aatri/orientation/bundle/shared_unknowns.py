@@ -22,15 +22,15 @@ SAME = 1e-12
 
 
 def told_apart(
-    given: BundleInput, part: Participants, unknowns: Sequence[Unknowns]
+    inputs: BundleInput, part: Participants, unknowns: Sequence[Unknowns]
 ) -> tuple[list[Unknowns], list[Note]]:
     """Unknowns, those held that the observations in use cannot tell from others of their group; and which these are."""
     normals = {u.name: np.zeros((len(u.free), u.size, u.size)) for u in unknowns}
     counted = {name for name in normals if name not in (POSE, POINT)}
-    for o in given.observed:
+    for o in inputs.observed:
         touched = {name for name, _ in o.records.touches}
         counted -= touched if {POSE, POINT} <= touched or o.refitted is not None else set()
-    for o, rows in zip(given.observed, part.rows):
+    for o, rows in zip(inputs.observed, part.rows):
         rows = rows[o.records.active[rows]]
         if not len(rows) or not counted & {name for name, _ in o.records.touches}:
             continue

@@ -23,7 +23,7 @@ SPACE_ITERATIONS = 60
 SPACE_TOLERANCE = 0.1
 
 
-def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> BundleInput:
+def start_in_space(inputs: BundleInput, factor: float, rotations_held: bool) -> BundleInput:
     """The block with poses and points adjusted in object space; cameras at their start, film as measured.
 
     Parameters
@@ -37,23 +37,23 @@ def start_in_space(given: BundleInput, factor: float, rotations_held: bool) -> B
     ------
     GeometryError, ConvergenceError
     """
-    assert given.rays is not None
-    part = taking_part(given)
+    assert inputs.rays is not None
+    part = taking_part(inputs)
     image, point = part.of[POSE], part.of[POINT]
-    rays, others = given.rays.take(_ray_rows(given, part)), _other_records(given, part)
+    rays, others = inputs.rays.take(_ray_rows(inputs, part)), _other_records(inputs, part)
     state = part.start
-    distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - given.poses.position_m[rays.image], axis=1)))
+    distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - inputs.poses.position_m[rays.image], axis=1)))
     records = [object_space_records(rays, distance, factor), *others]
     for turning in (False, True) if rotations_held else (True,):
         pose = np.repeat(image[:, None], 6, axis=1)
         pose[:, 3:] &= turning
-        unknowns = [u for u in unknowns_of(given, part, pose, given.poses.position_m) if u.name in (POSE, POINT)]
+        unknowns = [u for u in unknowns_of(inputs, part, pose, inputs.poses.position_m) if u.name in (POSE, POINT)]
         solved = adjust_large(unknowns, records, state, max_iterations=SPACE_ITERATIONS, tolerance=SPACE_TOLERANCE)
         state = solved.state
     poses, xyz = solved.state[POSE], solved.state[POINT]
     for k in np.flatnonzero(images_turned_over(rays, poses, xyz)):
         poses = _mirrored(poses, int(k), xyz[rays.point[rays.image == k]])
-    return replace(given, poses=poses, xyz_m=np.where(point[:, None], xyz, given.xyz_m))
+    return replace(inputs, poses=poses, xyz_m=np.where(point[:, None], xyz, inputs.xyz_m))
 
 
 def turned_over(rays: ImagePointRows | None, result: BundleResult) -> Bool:
@@ -72,17 +72,17 @@ def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Bool
     return np.asarray(2 * np.bincount(image[behind], minlength=n) > np.bincount(image, minlength=n))
 
 
-def _ray_rows(given: BundleInput, part: Participants) -> Int:
+def _ray_rows(inputs: BundleInput, part: Participants) -> Int:
     """Rows of the image points in use."""
-    for o, rows in zip(given.observed, part.rows):
+    for o, rows in zip(inputs.observed, part.rows):
         if {POSE, POINT} <= o.records.groups:
             return rows[o.records.active[rows]]
     return np.zeros(0, dtype=np.int64)
 
 
-def _other_records(given: BundleInput, part: Participants) -> list[Records]:
+def _other_records(inputs: BundleInput, part: Participants) -> list[Records]:
     """Observations of poses and points that are no image points: control, positions ..."""
-    each = zip(given.observed, part.rows)
+    each = zip(inputs.observed, part.rows)
     return [o.records.take(rows) for o, rows in each if len(rows) and not o.exact and o.records.groups < {POSE, POINT}]
 
 

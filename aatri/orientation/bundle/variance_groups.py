@@ -38,13 +38,13 @@ class VarianceGroups:
 
 
 def variance_components(
-    given: BundleInput, result: BundleResult, adjust: Adjust, groups: VarianceGroups
+    inputs: BundleInput, result: BundleResult, adjust: Adjust, groups: VarianceGroups
 ) -> tuple[GroupSigmas, BundleInput, BundleResult]:
     """Estimate the standard deviations of groups.
 
     Parameters
     ----------
-    given : BundleInput
+    inputs : BundleInput
     result : BundleResult
         Of it, with covariances.
     adjust : callable
@@ -72,7 +72,7 @@ def variance_components(
     n = len(groups.names)
     first = sigmas_of_groups(result.observations, result.adjusted.state, groups.number, n)
     factor, frozen = np.ones(n), first.factor < 1 / FARTHEST  # these have no residuals
-    now, adjusted = given, result
+    now, adjusted = inputs, result
     for _ in range(ROUNDS):
         sigmas = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
         frozen |= ~sigmas.estimable
@@ -83,7 +83,7 @@ def variance_components(
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
             break
-        now = from_result(_scaled(given, groups, factor), adjusted)
+        now = from_result(_scaled(inputs, groups, factor), adjusted)
         adjusted = adjust(now)
     names = ", ".join(f"{name} {f:.3g}" for name, f in zip(groups.names, factor))
     raise ConvergenceError(
@@ -118,9 +118,9 @@ def variance_notes(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool) 
     return notes
 
 
-def _scaled(given: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:
-    observed = tuple(with_factor(o, number, factor) for o, number in zip(given.observed, groups.number))
-    return replace(given, observed=observed)
+def _scaled(inputs: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:
+    observed = tuple(with_factor(o, number, factor) for o, number in zip(inputs.observed, groups.number))
+    return replace(inputs, observed=observed)
 
 
 def with_factor(o: Observed, number: Int, factor: Float) -> Observed:

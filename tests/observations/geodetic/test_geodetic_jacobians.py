@@ -14,7 +14,7 @@ from aatri.observations.geodetic.directions import directions
 from aatri.observations.geodetic.distances import DistanceOptions, distances
 from aatri.observations.geodetic.zenith_angles import ZenithOptions, zenith_angles
 from aatri.observations.level import PLANE, Level
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from tests.complex_step import complex_step
 from tests.observations.geodetic import round_earth
@@ -43,7 +43,7 @@ FORMULAS = {
 def _observed(type_: str, level: Level, ends: tuple[str, str]) -> tuple[Observed, ...]:
     block = geodetic_block(type_, ends, ABOVE)
     start = {POINT: np.zeros((3, 3)), POSE: Poses(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))}
-    given = Given(block, None, np.zeros(3), start, level=level)
+    given = ObservationSource(block, None, np.zeros(3), start, level=level)
     kinds = {
         "zenith": lambda g: zenith_angles(g, ZenithOptions(refraction=K)),
         "height_difference": height_differences,
@@ -131,7 +131,7 @@ def test_scale_addition_and_orientation_are_unknowns_with_their_derivatives() ->
     assert not o.unknowns
     block = geodetic_block("distance", ("point", "point"), (0.0, 0.0), group="edm")
     start = {POINT: np.zeros((3, 3)), POSE: Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))}
-    (o,) = distances(Given(block, None, np.zeros(3), start), DistanceOptions())
+    (o,) = distances(ObservationSource(block, None, np.zeros(3), start), DistanceOptions())
     points = np.array([[0.0, 0.0, 0.0], [30.0, 40.0, 0.0], [0.0, 0.0, 0.0]])
     v, J = o.records.evaluate({POINT: points, "distance_group": np.array([[2e-4, 0.03]])}, np.arange(1))
     assert v[0, 0] == pytest.approx(50 * (1 + 2e-4) + 0.03 - 100.0)
@@ -152,7 +152,9 @@ def test_what_a_local_frame_neglects_of_a_zenith_angle_is_told_by_its_size() -> 
     block = geodetic_block("zenith", ("point", "point"), (0.0, 0.0))
     block = replace(block, geodetic=replace(block.geodetic, sigma=np.array([1e-4])))
     xyz = np.array([[0.0, 0, 0], [1200.0, 1600.0, 50.0], [9.0, 9.0, 9.0]])
-    (observed,) = zenith_angles(Given(block, None, np.zeros(3), {POINT: xyz}), ZenithOptions(refraction=0.13))
+    (observed,) = zenith_angles(
+        ObservationSource(block, None, np.zeros(3), {POINT: xyz}), ZenithOptions(refraction=0.13)
+    )
     assert 'up to 28"' in observed.notes[0].text
     assert "1 of 1 by more than 0.1 sigma" in observed.notes[0].text
 

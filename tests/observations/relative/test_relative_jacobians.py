@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
-from aatri.observations.observed import Given, Observed
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.relative.angles import relative_angles
 from aatri.observations.relative.differences import relative_differences, relative_distances
@@ -45,7 +45,9 @@ def _block(type_: str, parts: list[str], value: float = np.nan, axis: str = "", 
 
 
 def _observed(block: Block, xyz: np.ndarray) -> Observed:
-    given = Given(block, None, np.zeros(3), {POINT: xyz, POSE: Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))})
+    given = ObservationSource(
+        block, None, np.zeros(3), {POINT: xyz, POSE: Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))}
+    )
     functions = (planes, lines, round_shapes, relative_angles, relative_differences, relative_distances)
     (o,) = [o for f in functions for o in f(given)]
     return o

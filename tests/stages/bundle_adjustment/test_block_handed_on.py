@@ -9,13 +9,13 @@ from types import FrameType
 from typing import Any
 
 from aatri.artifacts.block import Block
-from aatri.observations.observed import Given
+from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.block import BundleInput
 from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.stages.chain import run_chain, simulated
 
 HOUSE = tuple(f"{Path(__file__).parents[3] / top}/" for top in ("aatri", "stages"))
-WHOLE = (Block, Given, BundleInput)
+WHOLE = (Block, ObservationSource, BundleInput)
 
 
 def test_few_calls_receive_the_whole_block() -> None:

@@ -207,7 +207,7 @@ def _as_given(
     block: BundleInput, done: AdjustedBlock, groups: list[Group], adjust: Adjust, options: SearchOptions
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
-    plain = without_groups(block, groups, done.given)
+    plain = without_groups(block, groups, done.inputs)
     left_out = options.method != "none"
     limit = options.limit * max(1.0, done.result.adjusted.sigma0)
     far = [g for g in groups if left_out and g.removable and _beyond(g, block, limit)]
@@ -221,7 +221,7 @@ def _as_given(
             continue
         break
     accepted = [AcceptedGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups)]
-    return replace(done, given=fewer, result=result), tuple(accepted)
+    return replace(done, inputs=fewer, result=result), tuple(accepted)
 
 
 def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
