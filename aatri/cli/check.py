@@ -6,7 +6,7 @@ import functools
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from aatri.pipeline.plan.graph import StageNode
     from aatri.pipeline.spec.pipeline_file import Spec
 
-RESULTS_PER_BLOCK = 2
-"""Forecast of the room of a result, in blocks: those of the tutorial take less than one; one is kept of each stage."""
+BYTES_EACH = 30_000
+BYTES_PER_IMAGE_POINT = {"ImagePoints": 55, "Models": 85, "Strips": 85, "Solution": 125, "Evaluation": 15}
+"""Room of a result by its kind, one is kept of each stage: measured at the demo (255 film images, 18,045 image points,
+3,704 points) and a block of 63 image points; without tests and covariances of points, which are asked for."""
 
 
 @dataclass
@@ -104,11 +106,11 @@ def _checks(request: Request) -> Iterator[_Check]:
     if wired is None:  # then at least the block, where its own stage is in order
         bare = replace(spec, stages=sources, gates={})
         wired, _ = _tried("", lambda: without_compiler(_wired, bare, replace(request, set_=(), use=()), local))
-    size = 0
+    made: list[Mapping[str, Any]] = []
     if wired is not None:
-        block, size = _read(wired[0], wired[1], frozenset(sources), local)
+        block, made = _read(wired[0], wired[1], frozenset(sources), local)
         yield block
-    yield _disk(spec, size)
+    yield _disk(spec, wired[1] if wired is not None else (), made)
     yield _tried("lock", lambda: _lock(spec.run))[1]
 
 
@@ -150,8 +152,13 @@ def _import(nodes: tuple[StageNode, ...], local: Path | None) -> None:
         registry.card(node.method.name)
 
 
-def _read(spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], local: Path | None) -> tuple[_Check, int]:
-    """Read the block into a folder that is removed again, and compare it with what the stages use and need."""
+def _read(
+    spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], local: Path | None
+) -> tuple[_Check, list[Mapping[str, Any]]]:
+    """Read the block into a folder that is removed again, and compare it with what the stages use and need.
+
+    Gives the records of what was read, too.
+    """
     from aatri.pipeline.plan.decisions import Selection
     from aatri.pipeline.run.runner import RunSettings, run_pipeline
     from aatri.pipeline.run.task import StageSource
@@ -165,7 +172,7 @@ def _read(spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], loc
     figures = [listener.records[name]["metrics"] for name in sorted(sources) if name in listener.records]
     names = ("images", "points", "image_points", "control_points", "check_points")
     block.detail = "; ".join(", ".join(f"{m[n]} {n.replace('_', ' ')}" for n in names if m.get(n)) for m in figures)
-    return block, sum(int(record["output"]["size"]) for record in listener.records.values())
+    return block, list(listener.records.values())
 
 
 class _Listener:
@@ -189,10 +196,12 @@ class _Listener:
     started = logged = advanced = failed = planned
 
 
-def _disk(spec: Spec, block_bytes: int) -> _Check:
+def _disk(spec: Spec, nodes: tuple[StageNode, ...], read: list[Mapping[str, Any]]) -> _Check:
     """Whether the results may be written, and have room."""
     there = next(folder for folder in (spec.run, *spec.run.absolute().parents) if folder.exists())
-    free, need = shutil.disk_usage(there).free, RESULTS_PER_BLOCK * block_bytes * len(spec.stages)
+    image_points = sum(int(record["metrics"].get("image_points") or 0) for record in read)
+    results = (BYTES_EACH + BYTES_PER_IMAGE_POINT.get(node.method.kind, 0) * image_points for node in nodes)
+    free, need = shutil.disk_usage(there).free, sum(int(r["output"]["size"]) for r in read) + sum(results)
     one = _Check("disk", f"{free / 1e9:.1f} GB free, about {max(need, 1e6) / 1e6:.0f} MB needed")
     if not os.access(there, os.W_OK):
         one.error = ResourceError("may not be written", where=str(there), remedy="another folder: --into DIR")
