@@ -40,6 +40,24 @@ def block_from(settings: Mapping[str, Any], **tables: Any) -> Block:
         If there is no such table.
     InputError
         Whatever is wrong with the tables, all at once; rows count from line 2, as in a file with a header.
+
+    Examples
+    --------
+    >>> camera = {"kind": "film", "image_coordinates": "photo", "principal_distance": 152.0, "format": [230, 230]}
+    >>> settings = {
+    ...     "name": "pair",
+    ...     "frames": {"map": {"axes": ["east", "north", "up"], "crs": "local"}},
+    ...     "units": {"ground": "m", "sigma_image": "mm", "sigma_ground": "m"},
+    ...     "sigma": {"image": 0.005},
+    ...     "cameras": {"c": camera},
+    ... }
+    >>> block = block_from(
+    ...     settings,
+    ...     images={"image": ["left", "right"], "camera": ["c", "c"]},
+    ...     image_points={"image": ["left", "right"], "point": ["1", "1"], "x": [12.5, -80.1], "y": [3.2, 3.3]},
+    ... )
+    >>> block.images.id.tolist(), block.image_points.xy.tolist()
+    (['left', 'right'], [[12.5, 3.2], [-80.1, 3.3]])
     """
     import yaml
 

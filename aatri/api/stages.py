@@ -122,6 +122,12 @@ def stage_call(name: str, local: str | Path | None = None) -> StageCall:
     ------
     PluginError
         If there is none of this name.
+
+    Examples
+    --------
+    >>> bundle = stage_call("bundle_adjustment/bundle")
+    >>> bundle.ports["block"], bundle.options["reliability"]
+    ('Block', False)
     """
     from aatri.pipeline.methods.registry import find_stages
 

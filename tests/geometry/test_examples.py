@@ -1,4 +1,4 @@
-"""The examples in the docstrings of the geometry are what comes out."""
+"""The examples in the docstrings of the geometry and of what `import aatri` gives are what comes out."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ import pkgutil
 
 import pytest
 
+import aatri.api
 import aatri.geometry
 
-MODULES = [f"aatri.geometry.{module.name}" for module in pkgutil.iter_modules(aatri.geometry.__path__)]
+MODULES = [
+    f"{room.__name__}.{module.name}"
+    for room in (aatri.geometry, aatri.api)
+    for module in pkgutil.iter_modules(room.__path__)
+]
 
 
 @pytest.mark.parametrize("name", MODULES)
