@@ -89,3 +89,14 @@ def test_each_strip_has_its_tie_residuals_in_plan_and_height() -> None:
     assert [p.name for p in pictures] == ["ties_1_plan", "ties_1_height", "ties_2_plan", "ties_2_height"]
     assert "RMS X 29.2 mm, Y 22.4 mm, Z 100 mm" in pictures[0].caption  # roots of 0.0034/4, 0.002/4, 0.01
     assert _vectors(pictures[1])[:, 1] == pytest.approx(d[:, 2])
+
+
+def test_a_vector_that_would_leave_the_picture_is_cut_short_and_the_caption_says_so() -> None:
+    xyz = np.array([[0.0, 0, 0], [100, 0, 0], [0, 100, 0], [100, 100, 0], [50, 50, 0]])
+    d = np.full((5, 3), 0.01)
+    groups = {"control": (xyz[:4], d[:4], list("abcd")), "control left out": (xyz[4:], 100 * d[4:], ["e"])}
+    picture = plan_vectors("differences", groups)
+    assert picture is not None
+    assert "cut short" in picture.caption
+    (dashed,) = [m for m in picture.marks if m.dashed]
+    assert np.hypot(*(dashed.xy[0, 1] - dashed.xy[0, 0])) == pytest.approx(25.0)  # a quarter of 100 m

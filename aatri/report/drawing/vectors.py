@@ -16,9 +16,10 @@ from aatri.report.drawing.scales import length_text, near, round_below, thinned
 MOST_VECTORS = 1500
 MOST_FIELDS = 4
 MOST_STRIPS = 12
+LEFT_OUT = "control left out"
 COLOURS = {
     "control": "red",
-    "control left out": "red",
+    LEFT_OUT: "red",
     "check": "green",
     "moved": "red",
     "stable": "green",
@@ -31,6 +32,9 @@ CELLS = 12
 
 LONGEST = 0.08
 """Of the extent of the picture: so long is a vector that is longer than nearly all; half of it where they are many."""
+
+CUT = 0.25
+"""Of the extent: a vector that would be longer, as of control that is left out, is cut short there."""
 
 MANY = 300
 
@@ -193,17 +197,21 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
         return None
     main = near(places)
     extent = max(float(np.ptp(places[main], axis=0).max()), 1e-9)
-    typical = float(np.percentile(np.hypot(*vectors[main].T), 98))
+    used = main & np.repeat([group != LEFT_OUT for group in whole], [len(of[0]) for of in whole.values()])
+    typical = float(np.percentile(np.hypot(*vectors[used if used.any() else main].T), 98))
     longest = LONGEST * extent * (1.0 if main.sum() < MANY else 0.5)
     exaggeration = round_below(longest / max(typical, 1e-12))
-    marks, notes = list[Marks](), []
+    drawn_length = exaggeration * np.hypot(*vectors.T)
+    shortened = np.minimum(1.0, CUT * extent / np.maximum(drawn_length, 1e-12))
+    marks, notes, before = list[Marks](), [], 0
     for (group, (xy, v, ids)), inside in zip(
         whole.items(), np.split(main, np.cumsum([len(of[0]) for of in whole.values()]))
     ):
         rows = np.flatnonzero(inside)[thinned(int(inside.sum()), MOST_VECTORS)]
-        colour, out = COLOURS.get(group, "blue"), group == "control left out"
+        colour, out = COLOURS.get(group, "blue"), group == LEFT_OUT
         noun = "images" if group == "position" else group if out else f"{group} points"
-        ends = np.stack([xy[rows], xy[rows] + exaggeration * v[rows]], axis=1)
+        ends = np.stack([xy[rows], xy[rows] + (exaggeration * shortened[before + rows])[:, None] * v[rows]], axis=1)
+        before += len(xy)
         tells = [
             " ".join(length_text(float(abs(x))) if x >= 0 else f"-{length_text(float(-x))}" for x in one if x)
             for one in v[rows]
@@ -228,6 +236,8 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     caption = f"{_begun(between)}{', '.join(notes)}; the largest is {length_text(largest)}."
     caption += f" Exaggerated {times(exaggeration)}."
     caption += f" Not drawn: {int((~main).sum())} points that lie far off." if not main.all() else ""
+    cut = int((shortened[main] < 1).sum())
+    caption += f" {cut} longer ones are cut short." if cut > 1 else " A longer one is cut short." if cut else ""
     length = round_below(0.12 * extent / exaggeration)
     key = (length * exaggeration, length_text(length) if length >= 1e-6 else f"{1e6 * length:.1e} um")
     return Picture(name, title, caption, marks, key=key)
