@@ -11,11 +11,16 @@ Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips
 Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
+ENOUGH, MOST = 30, 60
+"""Iterations of an adjustment, and of one whose sum of squares still falls then: curved valleys of weak blocks."""
+
+
 @dataclass(frozen=True)
 class SolverSettings:
     """Settings of an adjustment."""
 
-    max_iterations: int = 30
+    max_iterations: int | None = None
+    """Default: `ENOUGH`, and `MOST` where the sum of squares still falls."""
     tolerance: float = 1e-3
     """Bound of the Newton decrement."""
     ordering: Ordering = "auto"

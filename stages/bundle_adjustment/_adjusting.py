@@ -40,7 +40,9 @@ if TYPE_CHECKING:
 class AdjustmentOptions(KindOptions):
     """Options that all adjustments of rays have in common."""
 
-    max_iterations: int = Field(30, ge=1, description="most iterations")
+    max_iterations: int | None = Field(
+        None, ge=1, description="most iterations; null: 30, and 60 where the sum of squares still falls"
+    )
     tolerance: float = Field(
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
     )

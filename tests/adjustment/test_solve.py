@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule as shares
+from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.iteration import advice_after
@@ -14,6 +17,7 @@ from aatri.adjustment.structure import graph as graphs
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
 from aatri.adjustment.structure.index_problem import Ordering
+from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.block_problem import halves_problem, joined_problem, made_problem, shared_problem
 from tests.adjustment.reference import dense_jacobian, free_columns
@@ -179,6 +183,28 @@ def test_no_convergence_is_a_failure_that_names_the_worst_records() -> None:
 def test_what_makes_progress_is_told_to_go_on(last: float, advice: str) -> None:
     history = [Step(cost, 3.0, 1e-3) for cost in (1500.0, 1000.0, *np.linspace(1000.0, last, 6)[1:])]
     assert advice in advice_after(history)
+
+
+def creeping(iterations: int) -> tuple[list[Unknowns], list[Records], dict[str, Any]]:
+    """v = e^x, of which a step takes no more than 1 off x: so many of them until v is 1."""
+
+    def evaluate(state: Any, rows: Any) -> tuple[Any, tuple[Any, ...]]:
+        v = np.exp(state["a"][rows])
+        return v, (v[:, :, None],)
+
+    records = Records("slow", (("a", np.zeros(1, dtype=np.int32)),), evaluate, np.ones((1, 1)), np.ones(1, dtype=bool))
+    unknowns = Unknowns("a", np.ones((1, 1), dtype=bool), ("x",), ("0",), add_step)
+    return [unknowns], [records], {"a": np.full((1, 1), float(iterations))}
+
+
+def test_an_adjustment_that_makes_progress_goes_on_where_no_number_of_iterations_is_stated() -> None:
+    problem = creeping(40)
+    with pytest.raises(ConvergenceError, match="in 30 iterations") as stopped:
+        adjust_large(*problem, max_iterations=30)
+    assert "still falls" in stopped.value.remedy
+    assert 40 < len(adjust_large(*problem).history) <= 60
+    with pytest.raises(ConvergenceError, match="in 60 iterations"):
+        adjust_large(*creeping(80))
 
 
 def test_a_vetoed_step_is_damped() -> None:

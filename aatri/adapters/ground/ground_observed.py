@@ -10,7 +10,7 @@ from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
@@ -155,6 +155,10 @@ def oriented_by(
         except GeometryError as error:
             failed.append(error)
             continue
+        except ConvergenceError:
+            if not failed:
+                raise
+            continue  # what else is observed leads nowhere from here: it is open by what tells from afar
         notes = [] if used == first else [_of_more(found, first, what, failed[0].what)]
         if not drift:
             text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"

@@ -9,6 +9,7 @@ An eliminated block that is determined at the start but no longer at a later ste
 runs away along nearly parallel rays): its steps are shortened from then on, it is reported, and it has no covariance.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -28,11 +29,12 @@ from aatri.adjustment.openness.set_aside import (
 from aatri.adjustment.others import NotInParts, Others
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.settings import ENOUGH, MOST, SolverSettings
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.iteration import (
     IterationState,
     advice_after,
+    falls,
     following,
     refuse_unusable,
     with_runaways_slowed,
@@ -93,7 +95,7 @@ def adjust_large(
         records, constraints = (*records, *stiff.records), ()
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
     settings = replace(settings or SolverSettings(), **changed)
-    max_iterations, tolerance = settings.max_iterations, settings.tolerance
+    tolerance = settings.tolerance
     problem = indexed(stated, settings, support(unknowns, records, constraints, start))
     problem = within_limit(problem, reporter)
     notes = [*_without_observations(problem), *stiff.notes()]
@@ -113,7 +115,7 @@ def adjust_large(
         factored.factor.clear()
         here, history, notes = latest
     redundancy = counts(problem)[2]
-    for iteration in range(len(history) + 1, max_iterations + 1):
+    for iteration in itertools.count(len(history) + 1):
         problem, factored = here.problem, here.factored
         step = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
@@ -137,7 +139,9 @@ def adjust_large(
                 done = replace(done, observations=done.observations - stiff.count)
                 return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
-        if iteration == max_iterations:
+        if iteration >= (settings.max_iterations or MOST):
+            break
+        if settings.max_iterations is None and iteration == ENOUGH and not falls(history):
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
         here, more = with_runaways_slowed(following(here, trial, step, joint_veto, reporter))
@@ -146,9 +150,9 @@ def adjust_large(
         refuse_unusable(here)
         kept.keep(here, history, notes)
     if others is not None:
-        raise NotInParts(f"no convergence in {max_iterations} iterations")
-    refuse_nearly_singular(here.problem, here.state, max_iterations)
-    raise ConvergenceError(_failure(records, here.state, max_iterations, history[-1]), remedy=advice_after(history))
+        raise NotInParts(f"no convergence in {len(history)} iterations")
+    refuse_nearly_singular(here.problem, here.state, len(history))
+    raise ConvergenceError(_failure(records, here.state, len(history), history[-1]), remedy=advice_after(history))
 
 
 def _veto_of_all(veto: Veto | None, others: Others) -> Veto:

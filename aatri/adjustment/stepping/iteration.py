@@ -100,12 +100,16 @@ def following(
     return IterationState(problem, here.state, factored, damping, strayed=True)
 
 
+def falls(history: Sequence[Step]) -> bool:
+    """Whether v'v has lately fallen by more than one observation contributes."""
+    return len(history) > LATELY and history[-1 - LATELY].cost - history[-1].cost > 1.0
+
+
 def advice_after(history: Sequence[Step]) -> str:
-    """What to do after too few iterations: go on where v'v still falls by more than one observation contributes."""
-    fallen = history[-1 - LATELY].cost - history[-1].cost if len(history) > LATELY else 0.0
-    if fallen <= 1.0:
+    """What to do after too few iterations: go on where v'v still falls."""
+    if not falls(history):
         return ADVICE
-    share = 100 * fallen / history[-1 - LATELY].cost
+    share = 100 * (1.0 - history[-1].cost / history[-1 - LATELY].cost)
     return (
         f"the sum of squares still falls, by {share:.2g} % in the last {LATELY} iterations: allow more "
         "(`max_iterations`), or start nearer (`from: initial`, parameters from the data sheet or held at first)"
