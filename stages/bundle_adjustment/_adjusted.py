@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
 from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
 from aatri.adapters.bundle.information_observed import InformationShare, information_share, with_information
 from aatri.adapters.solution import check_same_block
@@ -69,6 +69,7 @@ def adjusted_bundle(
         check_frame(information, block)
     tangent = None if information is None else information.tangent_m
     source = observation_source(block, image_points, initial, parameters, tangent)
+    source = with_row_times(source, options.readout_sigma)
     given, share = _with_information(source, bundle_input(source, options, suspects), information, context)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
     report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)

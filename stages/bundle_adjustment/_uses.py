@@ -12,7 +12,9 @@ CAMERAS = tuple(
 """Standard deviations of the parameters that the camera models of the adjustment have."""
 
 
-def used(*, marked: bool, sessions: bool, levels: Collection[str] = (), flights: bool = False) -> tuple[str, ...]:
+def used(
+    *, marked: bool, sessions: bool, levels: Collection[str] = (), flights: bool = False, row_times: bool = False
+) -> tuple[str, ...]:
     """Names of what is used.
 
     Parameters
@@ -25,6 +27,8 @@ def used(*, marked: bool, sessions: bool, levels: Collection[str] = (), flights:
         What has a variance component of its own.
     flights : bool
         Positions of a flight share a drift.
+    row_times : bool
+        Cameras move while rows are read out.
     """
     own = ("images.strip", "cameras.distortion", "earth_curvature:frame", "undulation", *CAMERAS)
     optional = (
@@ -32,5 +36,6 @@ def used(*, marked: bool, sessions: bool, levels: Collection[str] = (), flights:
         ("images.session", sessions),
         ("images.flight", flights or "flight" in levels),
         ("image_points.group", "group" in levels),
+        ("image_points.row_time_s", row_times),
     )
     return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))

@@ -72,6 +72,12 @@ class BundleOptions(AdjustmentOptions):
         True,
         description="carry the film correction of each image with measured fiducials as weighted unknowns",
     )
+    readout_sigma: float | None = Field(
+        0.0,
+        ge=0,
+        description="standard deviation of the readout of a rolling shutter, as a share of what row_time says: 0 as it "
+        "says, null free",
+    )
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )
@@ -161,6 +167,7 @@ def bundle_uses(options: BundleOptions) -> tuple[str, ...]:
         marked=options.datum_over == "marked",
         sessions="session" in units,
         levels=components.groups if components is not None else (),
+        row_times=True,
         flights="flight" in units or (options.positions.drift != "none" and options.positions.per == "flight"),
     )
 

@@ -27,6 +27,11 @@ class CheckOptions(Options):
     snooping_limit: float = Field(4.0, gt=0, description="a match is rejected beyond this test statistic of its pair")
     sigma_px: float = Field(0.25, gt=0, description="standard deviation of the smallest features, px")
     prefix: str = Field("t", description="what the ids of tie points begin with")
+    readout_s: float | None = Field(
+        None,
+        description="rolling shutter: time from the first row of the file to the last, negative if read upwards, s; "
+        "the time of an image is that of its middle row",
+    )
 
 
 class FeatureOptions(CheckOptions):

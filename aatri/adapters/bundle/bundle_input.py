@@ -14,7 +14,8 @@ from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.errors import ArtifactError, GeometryError
+from aatri.errors import ArtifactError, GeometryError, InputError
+from aatri.ids import shown
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
@@ -23,6 +24,7 @@ from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
+from aatri.observations.rolling_shutter import ROLLING, flown_velocities, row_time_basis
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.image_groups import ImageGroups
@@ -193,6 +195,53 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
         film.basis,
         per_image=True,
     )
+
+
+def with_row_times(source: Given, sigma: float | None) -> Given:
+    """The block with the motion of its cameras while rows are read out, where image points say when they were.
+
+    Parameters
+    ----------
+    source : Given
+    sigma : float, optional
+        Standard deviation of the readout of a camera as a share of that of the row times: 0 as they say, None free.
+
+    Raises
+    ------
+    InputError
+        If images with row times have no time, or no other image of their camera and flight.
+    """
+    block, points = source.block, source.image_points
+    if points is None or not np.isfinite(block.image_points.row_time_s).any():
+        return source
+    rays, poses = rays_of(block, points), source.start[POSE]
+    row_time_s = block.image_points.row_time_s
+    images = block.images
+    track = np.unique(np.char.add(np.char.add(images.flight, "/"), images.camera.astype(str)), return_inverse=True)[1]
+    velocity = flown_velocities(images.time_s, track.ravel(), poses.position_m)
+    still = np.isin(np.arange(len(images)), rays.image[np.isfinite(row_time_s) & rays.active])
+    still &= ~np.isfinite(velocity).all(axis=1) & poses.oriented
+    if still.any():
+        raise InputError(
+            f"row_time: no velocity for images {shown(images.id[still].tolist())}: they need a time, and another image "
+            "of their camera and flight at another time",
+            where="images.csv",
+            remedy="give `time` in images.csv, or leave out row_time in image_points.csv",
+        )
+    n = len(block.cameras)
+    rows = ParameterRows(
+        ROLLING,
+        block.cameras.id,
+        ("readout",),
+        np.ones((n, 1)),
+        np.full((n, 1), sigma != 0),
+        np.ones((n, 1)),
+        np.full((n, 1, 1), (sigma or 1.0) ** 2),
+        np.full((n, 1), bool(sigma)),
+        images.camera[rays.image],
+        row_time_basis(rays, poses, source.start[POINT], velocity, row_time_s),
+    )
+    return replace(source, parameters=(*source.parameters, rows))
 
 
 def _start_points(block: Block, initial: Solution | None) -> Float:

@@ -42,6 +42,7 @@ def with_tie_points(
     min_matches: int,
     snooping_limit: float,
     prefix: str,
+    readout_s: float | None,
     reporter: Reporter,
 ) -> Block:
     """The block with tie points; those of control that it has stay.
@@ -56,6 +57,8 @@ def with_tie_points(
         A match is rejected beyond this test statistic of its pair.
     prefix : str
         What the ids of tie points begin with.
+    readout_s : float, optional, s
+        From the first row to the last of a rolling shutter.
 
     Raises
     ------
@@ -75,12 +78,13 @@ def with_tie_points(
         raise InputError("no tie points: the images have nothing in common", where=block.name, remedy="see the log")
     names = np.array([f"{prefix}{k + 1:0{len(str(len(rays)))}d}" for k in range(len(rays))])
     at = first[tracks.image] + tracks.keypoint
+    image, xy_px = features.images[tracks.image], np.concatenate(features.xy_px)[at]
+    row_time_s = np.full(len(image), np.nan)
+    if readout_s is not None:  # the image's time is that of its middle row
+        height = block.cameras.format[block.images.camera[image], 1]
+        row_time_s = ((xy_px[:, 1] + 0.5) / height - 0.5) * readout_s
     return with_image_points(
-        block,
-        features.images[tracks.image],
-        names[tracks.track],
-        np.concatenate(features.xy_px)[at],
-        np.concatenate(sigmas_px)[at],
+        block, image, names[tracks.track], xy_px, np.concatenate(sigmas_px)[at], row_time_s=row_time_s
     )
 
 

@@ -94,7 +94,7 @@ def with_fiducials(block: Block, image: Int, fiducial: Int, xy: Float, sigma_mm:
     return replace(block, fiducial_points=rows.take(np.lexsort((rows.fiducial, rows.image))))
 
 
-def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma_px: Float) -> Block:
+def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma_px: Float, row_time_s: Float) -> Block:
     """The block with further image points.
 
     Parameters
@@ -106,6 +106,8 @@ def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma
     xy_px : (n, 2) float64, px
         From the centre of the first pixel.
     sigma_px : (n,) float64, px
+    row_time_s : (n,) float64, s
+        From the image's time; NaN for shutters that expose all rows at once.
     """
     ids = np.unique(np.concatenate([block.points.id, point]))
     at = np.searchsorted(ids, block.points.id).astype(np.int32)
@@ -119,6 +121,7 @@ def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma
         point=np.searchsorted(ids, point),
         xy=np.einsum("nij,nj->ni", matrix[:, :, :2], xy_px) + matrix[:, :, 2],
         sigma_mm=sigma_px[:, None] * size_mm,
+        row_time_s=row_time_s,
     )
     rows = joined_rows(tables["image_points"], further)
     tables |= {"points": Points(id=ids), "image_points": rows.take(image_point_order(rows))}

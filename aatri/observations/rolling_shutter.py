@@ -1,0 +1,78 @@
+"""Rolling shutters: every row of an image is exposed from where the camera is then, not from where the image stands.
+
+    x(t) = x + (dx/dX0) V t + O(t^2),   V velocity of the camera, t row time from that of the image
+
+The measured coordinates are corrected by -(dx/dX0) V t s: to first order in V t, the way flown between rows, by the
+distance of the ground. What is left is of the order f (V t / D)^2: at 10 m/s, 30 ms and 80 m 0.02 px of 1,500. Turns of
+the camera within a readout are not in it: they are not seen by the attitudes of neighbouring images.
+
+s is 1 where the row times are known; weighted or free it is the readout of a camera, as a share of what its row times
+say. V is that of the steps to the images before and after, without the step from one strip to the next.
+
+Source: Ait-Aider et al., ECCV 2006 (linear motion within an image); Vautherin et al., ISPRS Annals III-3 (2016) 139
+(drones: the motion along the flight is what matters).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aatri.arrays import Float, Int
+from aatri.geometry.collinearity import collinearity
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.poses import Poses
+
+ROLLING = "rolling shutter"
+"""Group of unknowns."""
+ALONG = 0.7
+"""Cosine of the angle between steps that are one strip's."""
+
+
+def row_time_basis(rays: ImagePointRows, poses: Poses, xyz_m: Float, velocity_m_s: Float, row_time_s: Float) -> Float:
+    """Corrections of image points (n, 2, 1), mm, where s is 1.
+
+    Parameters
+    ----------
+    xyz_m : (n_points, 3) float64, m
+    velocity_m_s : (n_images, 3) float64, m/s
+    row_time_s : (n,) float64, s
+        NaN where it is not known: there is no correction there, nor where the point or the pose is not known.
+    """
+    by_point = collinearity(  # the negative of dx/dX0
+        poses.position_m[rays.image], poses.ground_from_image[rays.image], xyz_m[rays.point], rays.c_mm
+    )[2]
+    moved_m = velocity_m_s[rays.image] * row_time_s[:, None]
+    return np.asarray(np.nan_to_num(np.einsum("nij,nj->ni", by_point, moved_m))[:, :, None])
+
+
+def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:
+    """Velocities (n, 3), m/s, by the steps to the images before and after; NaN where there are none.
+
+    Parameters
+    ----------
+    time_s : (n,) float64, s
+    track : (n,) int
+        Images of one camera and flight.
+    position_m : (n, 3) float64, m
+    """
+    made = np.full((len(time_s), 3), np.nan)
+    usable = np.isfinite(time_s) & np.isfinite(position_m).all(axis=1)
+    for of in np.unique(track[usable]):
+        rows = np.flatnonzero(usable & (track == of))
+        rows = rows[np.argsort(time_s[rows], kind="stable")]
+        rows = rows[np.append(True, np.diff(time_s[rows]) > 0)]
+        if len(rows) < 2:
+            continue
+        step = np.diff(position_m[rows], axis=0) / np.diff(time_s[rows])[:, None]
+        length = np.linalg.norm(step, axis=1)
+        onward = (step[1:] * step[:-1]).sum(axis=1) > ALONG * length[1:] * length[:-1]
+        in_strip = np.append(onward, False) | np.append(False, onward)
+        # a step across to the next strip counts only where an image has no other
+        weight = np.where(in_strip, 1.0, 1e-9)
+        both = np.zeros((len(rows), 3))
+        total = np.zeros(len(rows))
+        for side in (slice(None, -1), slice(1, None)):
+            both[side] += weight[:, None] * step
+            total[side] += weight
+        made[rows] = both / total[:, None]
+    return made
