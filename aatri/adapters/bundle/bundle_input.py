@@ -197,12 +197,12 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
     )
 
 
-def with_row_times(source: Given, sigma: float | None) -> Given:
+def with_row_times(source: ObservationSource, sigma: float | None) -> ObservationSource:
     """The block with the motion of its cameras while rows are read out, where image points say when they were.
 
     Parameters
     ----------
-    source : Given
+    source : ObservationSource
     sigma : float, optional
         Standard deviation of the readout of a camera as a share of that of the row times: 0 as they say, None free.
 
