@@ -76,7 +76,7 @@
   function picture(box) {
     const svg = box.querySelector("svg"), group = svg.querySelector(".marks"), many = svg.classList.contains("many");
     const plan = svg.classList.contains("plan"), whole = svg.viewBox.baseVal, width = whole.width, height = whole.height;
-    let layers = null, x0 = 0, y0 = 0, scale = 1, tip = null, canvas = null, apart = null, timer = 0;
+    let layers = null, x0 = 0, y0 = 0, scale = 1, tip = null, canvas = null, apart = null, timer = 0, stale = true;
     const read = () => layers ??= [...group.querySelectorAll("path[data-shape]")].map(places);
     const place = event => {
       const r = svg.getBoundingClientRect(), k = width / r.width;
@@ -119,6 +119,7 @@
     const canvasPaths = new Map();
     function paint() {
       if (!many) return;
+      stale = false;
       const r = svg.getBoundingClientRect(), ratio = window.devicePixelRatio || 1, k = r.width / width;
       canvas ??= box.insertBefore(document.createElement("canvas"), svg.nextSibling);
       canvas.width = r.width * ratio;
@@ -182,6 +183,7 @@
     const ground = (x, y) => [west + (x - left) / perMetre, north - (y - top) / perMetre];
     const own = svg.dataset.at && {
       show(rays) {
+        if (!rays && !apart) return;
         group.querySelector(".rays")?.remove();
         apart = rays;
         svg.classList.toggle("apart", !!rays);
@@ -193,7 +195,9 @@
           path.setAttribute("d", rays.map(([a, b, c, e]) => `M${px(a, b)}L${px(c, e)}`).join(""));
           group.append(path);
         }
-        paint();
+        const r = svg.getBoundingClientRect();
+        if (r.bottom < 0 || r.top > window.innerHeight) stale = true;  /* drawn when it is looked at */
+        else paint();
       },
       /* Of an image or point of the block plan, the one of an id that is nearest to a place: rays on the ground, or null. */
       rays(id, [x, y]) {
@@ -220,7 +224,7 @@
         for (const plan of grounds) rays ??= plan.rays(layer.ids[k], place);
       }
       grounds.forEach(plan => plan.show(rays));
-      if (rays && tip) tip.textContent += `\n${rays.length} rays`;
+      if (rays && tip) tip.textContent += `\n${rays.length} rays drawn`;
     }
     let from = null, moved = false;
     svg.addEventListener("pointerdown", event => { from = [event.clientX, event.clientY, x0, y0]; moved = false; });
@@ -250,8 +254,8 @@
     make("button", buttons, { textContent: "−", title: "smaller" }).addEventListener("click", middle(0.5));
     make("button", buttons, { textContent: "all", title: "the whole" }).addEventListener("click", () => { isolate(null); zoom(0, 0, 0); });
     if (many) {
-      new IntersectionObserver((entries, observer) => {
-        if (entries.some(entry => entry.isIntersecting)) { paint(); observer.disconnect(); }
+      new IntersectionObserver(entries => {
+        if (stale && entries.some(entry => entry.isIntersecting)) paint();
       }, { rootMargin: "400px" }).observe(box);
       window.addEventListener("resize", () => { clearTimeout(timer); timer = setTimeout(paint, 120); });
       window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
