@@ -95,6 +95,24 @@ def significant_groups(
     return groups
 
 
+def is_significant(value: Float, covariance: Float) -> bool:
+    """Whether parameters of a group that is carried differ from zero together: chi-square at `ALARM`.
+
+    Parameters
+    ----------
+    value : (k,) float64
+    covariance : (k, k) float64
+        NaN where it is not known: then the group stays.
+    """
+    if not np.isfinite(covariance).all():
+        return True
+    unit = np.sqrt(np.diagonal(covariance))  # lengths and angles alike
+    if not (unit > 0).all():
+        return True
+    scaled = value / unit
+    return bool(scaled @ np.linalg.lstsq(covariance / np.outer(unit, unit), scaled)[0] > chdtri(len(value), ALARM))
+
+
 def at_result(block: BundleInput, candidates_of: CandidatesOf, group: Group, result: BundleResult) -> Group:
     """The group with the derivatives of its residuals at another result; as it is, where that does not offer it."""
     for c in candidates_of(block, result):

@@ -5,7 +5,8 @@
    the squares of what is above the limit; of several the one that leaves the least v'v, or a simpler one that leaves
    no more than `SEPARABLE` above it. Positions that an earlier stage has rejected take part: they may be a group.
 2. Search for single gross errors, the groups being carried.
-3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew.
+3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
+   is not significant in the end - single errors explain it, or standard deviations that fit - is none.
 4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
    limit are left out, all of them, where the block is determined without; every other group is kept, all of it.
 """
@@ -29,7 +30,7 @@ from aatri.orientation.bundle.blunders.tested_block import gains_of, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
-from aatri.orientation.bundle.groups.score_tests import at_result, significant_groups
+from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
@@ -103,9 +104,19 @@ def search_with_groups(
             break
         groups.append(accepted[0])
         done = accepted[1]
+    significant = [g for k, g in enumerate(groups) if is_significant(*_estimate(k, done.result))]
+    if len(significant) < len(groups):
+        less = _tried(from_result(block, done.result), significant, single)
+        groups, done = (groups, done) if less is None else (significant, less)
     if not groups:
         return done, ()
     return _as_given(block, done, groups, adjust, options)
+
+
+def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
+    """Parameters of a group that is carried, and their covariance, a posteriori where sigma0 is above 1."""
+    name = name_of(number)
+    return result.adjusted.state[name][0], result.covariances[name][0] * max(1.0, result.adjusted.sigma0) ** 2
 
 
 def _with_rejected_together(block: BundleInput) -> BundleInput | None:
@@ -128,11 +139,16 @@ def _carried(
     block: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
 ) -> AdjustedBlock | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
+    return _tried(block, groups, single, squares) if groups else single(block, squares)
+
+
+def _tried(
+    block: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
+) -> AdjustedBlock | None:
+    """The same; None where it cannot be adjusted."""
     try:
         return single(with_groups(block, groups), squares)
     except (ConvergenceError, GeometryError):
-        if not groups:
-            raise
         return None
 
 
@@ -226,9 +242,8 @@ def _as_given(
 
 def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
     """The group with the values of the adjustment that carried it."""
-    name = name_of(number)
-    sigma = np.sqrt(np.diagonal(result.covariances[name][0])) * max(1.0, result.adjusted.sigma0)
-    return replace(group, value=result.adjusted.state[name][0], sigma=sigma, sigma0=result.adjusted.sigma0)
+    value, covariance = _estimate(number, result)
+    return replace(group, value=value, sigma=np.sqrt(np.diagonal(covariance)), sigma0=result.adjusted.sigma0)
 
 
 def _beyond(group: Group, block: BundleInput, limit: float) -> bool:
