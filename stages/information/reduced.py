@@ -12,6 +12,8 @@ An image or point that the other has too, and this block alone does not determin
 same, linearised at its start: the equations are singular then, and regular with those of the other.
 
 With `include` the Information it was adjusted with is passed on within its own: parts of a block, one after the other.
+What that has and this block has not stays in it, for those that come after. `at_initial` linearises where all blocks
+together are, though this one is adjusted with some of them.
 
 Source: Helmert 1880; Wolf 1978, The Helmert block method.
 """
@@ -21,6 +23,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from aatri.adapters.bundle.information_of import information_of
+from aatri.adapters.bundle.information_sum import added
 from aatri.adapters.bundle.undetermined_shared import shared_equations
 from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
@@ -50,6 +53,9 @@ class ReducedOptions(BundleOptions):
 
     keep: KeepOptions = Field(KeepOptions(), description="images and points whose unknowns stay")
     include: bool = Field(False, description="pass on the Information that the block is adjusted with, in its own")
+    at_initial: bool = Field(
+        False, description="linearise at `initial`, the result of all blocks, not where this one is"
+    )
 
 
 @stage(version=1, uses=bundle_uses, needs=bundle_needs)
@@ -70,7 +76,17 @@ def reduced(
         POSE: _chosen("image", block.images.id, options.keep.images, other.images.id if other else None),
         POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
     }
-    equations = shared_equations(of.done, wanted)
+    included = information if options.include else None
+    in_both = (
+        wanted
+        if included is None
+        else {
+            group: chosen | np.isin(ids, included.unknowns.object[included.unknowns.group == group])
+            for (group, chosen), ids in zip(wanted.items(), (block.images.id, block.points.id))
+        }
+    )
+    at = (of.source.start[POSE], of.source.start[POINT]) if options.at_initial and initial is not None else None
+    equations = shared_equations(of.done, in_both, at)
     _tell_lost_rays(block, wanted[POINT] & ~equations.keep[POINT], context)
     if not any(kept.any() for kept in equations.keep.values()):
         raise InputError(
@@ -79,8 +95,11 @@ def reduced(
             remedy="connect `other`, the block it is for, or name images and points under `keep`",
         )
     tables, _ = camera_tables(block, of.done.result, of.chosen)
-    included = None if information is None or of.share is None or not options.include else (information, of.share)
-    made = information_of(of.source, of.done, equations, tables.sets, included=included)
+    made = information_of(of.source, of.done, equations, tables.sets)
+    if included is not None:
+        staying = {(group, name) for group, ids in zip(wanted, (block.images.id, block.points.id))
+                   for name in ids[wanted[group]].tolist()}  # fmt: skip
+        made = added(made, included, lambda group, name: (group, name) in staying)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle.information_observed import INFORMATION, InformationShare
+from aatri.adapters.bundle.information_observed import INFORMATION
 from aatri.adapters.bundle.undetermined_shared import SharedEquations
-from aatri.adapters.solution import stacked
 from aatri.adjustment.elimination.onto import reduced_onto
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.settings import SolverSettings
@@ -49,8 +48,6 @@ def information_of(
     done: AdjustedBlock,
     equations: SharedEquations,
     sets: CalibratedSets | None,
-    *,
-    included: tuple[Information, InformationShare] | None = None,
 ) -> Information:
     """The reduced normal equations of an adjusted block.
 
@@ -61,8 +58,6 @@ def information_of(
     equations : SharedEquations
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
     sets : CalibratedSets or None
-    included : tuple, optional
-        Another block's Information, with which this one was adjusted, and its share: they stand in it too.
 
     Raises
     ------
@@ -76,7 +71,7 @@ def information_of(
             where=f"block {block.name}",
             remedy="give it a small standard deviation",
         )
-    records = tuple(r for r in equations.records if included or r.name != INFORMATION)
+    records = tuple(r for r in equations.records if r.name != INFORMATION)
     unknowns = tuple(_last(u, _kept(u, keep)) for u in equations.unknowns)
     problem = indexed(Problem(unknowns, records), SolverSettings(ordering="nested_dissection"))
     chosen, rows = [], []
@@ -89,22 +84,15 @@ def information_of(
     observations, n_unknowns, _ = counts(problem)
     images = np.unique(np.concatenate([k for u, k, _ in rows if u.name == POSE]))
     poses: Any = state[POSE]
-    more = (0.0, 0, 0)
-    gone, twice = _eliminated(done, keep), _counted(block, done, equations)
-    if included is not None:
-        other, share = included
-        more = share.cost, share.observations, share.unknowns
-        gone = stacked([gone, other.eliminated_objects, _left_behind(other, block)])
-        twice = stacked([twice, other.counted])
     frame, tangent = source.frame, np.full(3, np.nan)
     if frame is not None:
         tangent = np.round(frame.to_block(np.zeros((1, 3)))[0], 6)  # it is a round place
     return Information(
         block=block.name,
         frame=frame_text(block),
-        cost=cost + more[0],
-        observations=observations + more[1],
-        eliminated=n_unknowns - len(right) + more[2],
+        cost=cost,
+        observations=observations,
+        eliminated=n_unknowns - len(right),
         **{f"tangent_{axis}_m": float(x) for axis, x in zip("xyz", tangent)},
         **{f"origin_{axis}_m": float(x) for axis, x in zip("xyz", source.origin_m)},
         unknowns=KeptUnknowns(
@@ -120,8 +108,8 @@ def information_of(
             ground_from_image=poses.ground_from_image[images],
         ),
         normals=Normals(value=N[np.tril_indices(len(N))]),
-        eliminated_objects=gone,
-        counted=twice,
+        eliminated_objects=_eliminated(done, keep),
+        counted=_counted(block, done, equations),
         cameras=camera_digests(block),
         calibrated_sets=sets,
     )
@@ -155,14 +143,6 @@ def _eliminated(done: AdjustedBlock, keep: Mapping[str, Bool]) -> EliminatedObje
         group=np.repeat(np.array(list(gone)), [len(ids) for ids in gone.values()]),
         object=np.concatenate([ids.astype(np.str_) for ids in gone.values()]),
     )
-
-
-def _left_behind(information: Information, block: Block) -> EliminatedObjects:
-    """Images and points of an Information that the block does not have."""
-    shared = information.unknowns
-    there = [np.unique(shared.object[shared.group == group]) for group in (POSE, POINT)]
-    ids = [np.setdiff1d(names, own) for names, own in zip(there, (block.images.id, block.points.id))]
-    return EliminatedObjects(group=np.repeat([POSE, POINT], [len(some) for some in ids]), object=np.concatenate(ids))
 
 
 def counted_rows(

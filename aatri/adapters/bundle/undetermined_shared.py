@@ -14,9 +14,9 @@ import numpy as np
 from aatri.adapters.bundle.information_observed import INFORMATION
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Float
 from aatri.geometry.vectors import finite_rows
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import Participants, absent_coordinates, unknowns_of
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.seen_distances import on_their_rays
@@ -35,7 +35,9 @@ class SharedEquations:
     """Rows in use of each of the observations."""
 
 
-def shared_equations(done: AdjustedBlock, wanted: Mapping[str, Bool]) -> SharedEquations:
+def shared_equations(
+    done: AdjustedBlock, wanted: Mapping[str, Bool], at: tuple[Poses, Float] | None = None
+) -> SharedEquations:
     """The observations and unknowns of an adjusted block, and those of wanted images and points left out of it.
 
     Parameters
@@ -43,11 +45,15 @@ def shared_equations(done: AdjustedBlock, wanted: Mapping[str, Bool]) -> SharedE
     done : AdjustedBlock
     wanted : mapping of group to (n,) bool
         Images and points that other blocks have too.
+    at : Poses and (n_points, 3) float64, optional
+        Where orientations and points are linearised, NaN and default: where they are adjusted.
     """
     given, result = done.inputs, done.result
     adjusted = {POSE: result.image_adjusted, POINT: result.point_adjusted}
     poses = result.adjusted.state[POSE].where(adjusted[POSE], given.poses)
     xyz_m = np.where(adjusted[POINT][:, None], result.adjusted.state[POINT], given.xyz_m)
+    if at is not None:
+        poses, xyz_m = at[0].where(at[0].oriented, poses), np.where(finite_rows(at[1])[:, None], at[1], xyz_m)
     if given.rays is not None:
         xyz_m = on_their_rays(given.rays, poses, xyz_m, wanted[POINT] & ~finite_rows(xyz_m))
     state: dict[str, Any] = {**result.adjusted.state, POSE: poses, POINT: xyz_m}

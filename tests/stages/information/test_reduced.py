@@ -13,8 +13,9 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError
+from aatri.formats.merging.merged import merged
 from aatri.formats.merging.part import part_of
-from aatri.progress import Silent
+from aatri.progress import SILENT, Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.information.reduced import ReducedOptions, reduced
@@ -271,3 +272,33 @@ def test_patterns_of_what_stays_have_to_match() -> None:
     block = block_of_strips(False, 3)
     with pytest.raises(AatriError, match="keep: no image has an id like X"):
         said(block, cut(block, 0, 1), keep={"images": ["X"]})
+
+
+def chain(parts: list[Block], start: list[Any], **more: Any) -> Solution:
+    """The last of several parts adjusted with what all others say, one after the other."""
+    last = None
+    for k, part in enumerate(parts[:-1]):
+        rest = merged_parts(parts[k + 1 :])
+        last = said(part, rest, last, start[k], include=True, **more)
+    return adjusted(parts[-1], last, start[-1])
+
+
+def merged_parts(parts: list[Block]) -> Block:
+    names = [str(k) for k in range(len(parts))]
+    return merged(parts, names, SILENT, name="rest", sigmas=6.0) if len(parts) > 1 else parts[0]
+
+
+@pytest.mark.parametrize("film", [True, False], ids=["film", "digital"])
+def test_four_parts_in_any_order_are_the_joint_adjustment(film: bool) -> None:
+    block = block_of_strips(film, 4, cross=2)
+    quarter = 2 * (block.images.strip >= 2) + (np.arange(len(block.images)) % 4 >= 2)
+    parts = [part_of(block, quarter == k) for k in range(4)]
+    joint = adjusted(block)
+    for turn in range(4):
+        order = parts[turn:] + parts[:turn]
+        first = chain(order, [None] * 4)
+        assert apart(first, joint) < 0.05
+        assert (first.redundancy, first.observations) == (joint.redundancy, joint.observations)
+        again = chain(order, [_of(part, joint) for part in order], at_initial=True)
+        assert apart(again, joint) < OF_SIGMA
+        assert again.sigma0 == pytest.approx(joint.sigma0, rel=1e-9)
