@@ -13,9 +13,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError
-from aatri.formats.merging.merged import merged
 from aatri.formats.merging.part import part_of
-from aatri.progress import SILENT, Silent
+from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.information.reduced import ReducedOptions, reduced
@@ -167,29 +166,6 @@ def test_two_blocks_that_share_a_strip_are_the_joint_adjustment(film: bool, curv
         np.testing.assert_allclose(part.images.covariance, joint.images.covariance[rows], rtol=1e-4, atol=1e-12)
 
 
-def test_parts_one_after_the_other_pass_on_what_the_others_said() -> None:
-    block = block_of_strips(False)
-    parts = [cut(block, k, k + 2) for k in range(3)]
-    joint = adjusted(block)
-    start = [_of(part, joint) for part in parts]
-    first = said(parts[0], parts[1], initial=start[0])
-    both = said(parts[1], parts[2], first, start[1], include=True)
-    assert both.observations > first.observations
-    last = adjusted(parts[2], both, start[2])
-    assert apart(last, joint) < 1e-3
-    assert (last.redundancy, last.observations) == (joint.redundancy, joint.observations)
-
-
-def _of(part: Block, whole: Solution) -> Any:
-    """An adjustment of a part that starts from the whole; its values are its own."""
-    return replace(
-        whole,
-        images=whole.images.take(np.isin(whole.images.id, part.images.id)),
-        points=whole.points.take(np.isin(whole.points.id, part.points.id)),
-        suspects=whole.suspects.take(np.zeros(0, dtype=int)),
-    )
-
-
 def test_new_images_are_added_to_a_finished_block() -> None:
     block = block_of_strips(False, 3)
     old, new = cut(block, 0, 2), cut(block, 1, 3)
@@ -272,33 +248,3 @@ def test_patterns_of_what_stays_have_to_match() -> None:
     block = block_of_strips(False, 3)
     with pytest.raises(AatriError, match="keep: no image has an id like X"):
         said(block, cut(block, 0, 1), keep={"images": ["X"]})
-
-
-def chain(parts: list[Block], start: list[Any], **more: Any) -> Solution:
-    """The last of several parts adjusted with what all others say, one after the other."""
-    last = None
-    for k, part in enumerate(parts[:-1]):
-        rest = merged_parts(parts[k + 1 :])
-        last = said(part, rest, last, start[k], include=True, **more)
-    return adjusted(parts[-1], last, start[-1])
-
-
-def merged_parts(parts: list[Block]) -> Block:
-    names = [str(k) for k in range(len(parts))]
-    return merged(parts, names, SILENT, name="rest", sigmas=6.0) if len(parts) > 1 else parts[0]
-
-
-@pytest.mark.parametrize("film", [True, False], ids=["film", "digital"])
-def test_four_parts_in_any_order_are_the_joint_adjustment(film: bool) -> None:
-    block = block_of_strips(film, 4, cross=2)
-    quarter = 2 * (block.images.strip >= 2) + (np.arange(len(block.images)) % 4 >= 2)
-    parts = [part_of(block, quarter == k) for k in range(4)]
-    joint = adjusted(block)
-    for turn in range(4):
-        order = parts[turn:] + parts[:turn]
-        first = chain(order, [None] * 4)
-        assert apart(first, joint) < 0.05
-        assert (first.redundancy, first.observations) == (joint.redundancy, joint.observations)
-        again = chain(order, [_of(part, joint) for part in order], at_initial=True)
-        assert apart(again, joint) < OF_SIGMA
-        assert again.sigma0 == pytest.approx(joint.sigma0, rel=1e-9)
