@@ -7,6 +7,8 @@ read by the strips or tiles that it touches, so that a scan of 370 million pixel
 
 from __future__ import annotations
 
+import io
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,9 @@ SAMPLED = 1_000_000
 """So many pixels tell the percentiles."""
 BT601 = np.array([0.299, 0.587, 0.114])
 DECODED = (1, 8, 32946)
-"""Compressions of TIFF that are decoded by strips and tiles: none and deflate; others are decoded whole."""
+"""Compressions of TIFF of which tifffile decodes strips and tiles by itself: none and deflate."""
+WRAPPED = (5, 32773)
+"""LZW and PackBits: a strip or tile goes to Pillow as a file of its own; of other compressions the whole image."""
 TIFF = (".tif", ".tiff")
 
 
@@ -113,7 +117,7 @@ def reads_windows(path: str) -> bool:
     if Path(path).suffix.lower() not in TIFF:
         return False
     with _tiff(path) as file:
-        return file.pages[0].compression in DECODED
+        return file.pages[0].compression in DECODED + WRAPPED
 
 
 def window(path: str, column: int, row: int, width: int, height: int) -> Samples:
@@ -129,7 +133,7 @@ def window(path: str, column: int, row: int, width: int, height: int) -> Samples
         made: Samples | None = None
         deep, down = (page.tilewidth, page.tilelength) if page.is_tiled else (page.imagewidth, page.rowsperstrip)
         across = -(-page.imagewidth // deep)
-        if page.compression not in DECODED:
+        if page.compression not in DECODED + WRAPPED:
             return whole_by_pillow(path)[row : row + height, column : column + width]
         try:
             for k, (offset, count) in enumerate(zip(page.dataoffsets, page.databytecounts)):
@@ -137,8 +141,12 @@ def window(path: str, column: int, row: int, width: int, height: int) -> Samples
                 if x >= column + width or x + deep <= column or y >= row + height or y + down <= row:
                     continue
                 file.filehandle.seek(offset)
-                segment = page.decode(file.filehandle.read(count), k)[0]
-                part = _brightness(np.asarray(segment)[0], page)
+                data = file.filehandle.read(count)
+                if page.compression in DECODED:
+                    segment = np.asarray(page.decode(data, k)[0])[0]
+                else:
+                    segment = _wrapped(data, page, deep, down if page.is_tiled else min(down, page.imagelength - y))
+                part = _brightness(segment, page)
                 if made is None:
                     made = np.zeros((height, width), part.dtype)
                 top, left = max(y, row), max(x, column)
@@ -171,6 +179,31 @@ def stretched(samples: Samples, between: tuple[float, float] | None = None) -> G
         part = (samples[first : first + 256].astype(np.float32) - low) * (255.0 / max(high - low, 1e-9))
         made[first : first + 256] = np.clip(part, 0, 255)
     return made
+
+
+def _wrapped(data: bytes, page: Any, width: int, height: int) -> Samples:
+    """Samples (rows, columns, bands) of a strip or tile, decoded by Pillow as a TIFF file of one strip."""
+    Image = of_extra("PIL.Image", "images")
+    bands, order = int(page.samplesperpixel), page.parent.byteorder
+    bits = struct.pack(f"{order}{bands}H", *[int(page.bitspersample)] * bands)
+    tags = {  # code: value of the type LONG
+        256: width, 257: height, 259: int(page.compression), 262: 1 if bands == 1 else int(page.photometric),
+        273: 8, 277: bands, 278: height, 279: len(data), 284: 1, 317: int(page.predictor),
+    }  # fmt: skip
+    if bands == 1:
+        tags[258] = int(page.bitspersample)
+    head = 8 + len(data) + len(data) % 2
+    entries = {code: struct.pack(f"{order}HHII", code, 4, 1, value) for code, value in tags.items()}
+    if bands > 1:
+        entries[258] = struct.pack(f"{order}HHII", 258, 3, bands, head)
+        data += b"\0" * (len(data) % 2) + bits
+    data += b"\0" * (len(data) % 2)
+    table = b"".join(entries[code] for code in sorted(entries))
+    mark = b"II" if order == "<" else b"MM"
+    file = mark + struct.pack(f"{order}HI", 42, 8 + len(data)) + data
+    file += struct.pack(f"{order}H", len(entries)) + table + b"\0" * 4
+    with Image.open(io.BytesIO(file)) as picture:
+        return np.asarray(picture).reshape(height, width, bands)
 
 
 def _brightness(segment: Samples, page: Any) -> Samples:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.errors import InputError
-from aatri.pixels.reading import grey_image, size_px, window
+from aatri.pixels import reading
+from aatri.pixels.reading import grey_image, reads_windows, size_px, window
 from tests.made_photographs import texture
 
 Image = pytest.importorskip("PIL.Image")
@@ -45,6 +46,26 @@ def test_a_window_of_a_tiled_scan_is_that_of_the_whole(tmp_path: Path) -> None:
         tifffile.imwrite(path, whole, **layout)
         assert size_px(str(path)) == (700, 500)
         assert (window(str(path), 131, 77, 301, 202) == whole[77:279, 131:432]).all()
+
+
+@pytest.mark.parametrize("compression", ["tiff_lzw", "packbits"])
+@pytest.mark.parametrize("kind", ["grey", "deep", "colour"])
+def test_windows_of_compressed_scans_are_decoded_by_the_strips_they_touch(
+    tmp_path: Path, compression: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = _picture()
+    samples = {"grey": whole, "deep": whole.astype(np.uint16) * 200, "colour": np.dstack([whole, whole[::-1], whole])}
+    path = tmp_path / "a.tif"
+    more = {278: 17, 317: 2 if compression == "tiff_lzw" else 1}  # differences of neighbours
+    Image.fromarray(samples[kind]).save(path, compression=compression, tiffinfo=more)
+    monkeypatch.setattr(reading, "whole_by_pillow", None)  # never the whole
+    assert reads_windows(str(path))
+    part = window(str(path), 11, 7, 101, 70)
+    if kind == "colour":
+        expected = (samples[kind] @ np.array([0.299, 0.587, 0.114])).round()
+        assert np.abs(part - expected[7:77, 11:112]).max() <= 1
+    else:
+        assert (part == samples[kind][7:77, 11:112]).all()
 
 
 def test_colours_and_inks_become_brightness(tmp_path: Path) -> None:
