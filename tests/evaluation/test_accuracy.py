@@ -1,4 +1,4 @@
-"""Accuracy figures against closed forms."""
+"""Differences and their statistics, and what ratios are to be expected."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from aatri.artifacts import block as b
-from aatri.artifacts.solution import Residuals
+from aatri.artifacts.solution import IndependentErrors, Residuals
 from aatri.evaluation.accuracy import evaluate
+from aatri.evaluation.expected_ratios import expected_ratios, outside_expected
+from aatri.evaluation.statistics import bias, largest, rmse
 from aatri.geometry.rotations import exp_rotation
 from aatri.stages.accuracy.evaluation import evaluation
 from tests.made_solutions import made_block, made_solution
+
+# Accuracy figures against closed forms.
 
 
 def _figures(block, solution, **options):
@@ -225,3 +229,52 @@ def test_check_errors_are_divided_by_what_theory_expects_of_them() -> None:
     for axis, shift in (("x", 0.03), ("z", 0.06)):
         wanted = shift / figures[f"check_theory_rmse_{axis}_m"]
         assert figures[f"check_theory_ratio_{axis}"] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_columns_are_taken_one_by_one_and_nan_takes_no_part() -> None:
+    d = np.array([[3.0, np.nan, -1.0], [-4.0, np.nan, 2.0], [np.nan, np.nan, 2.0]])
+    np.testing.assert_allclose(rmse(d), [np.sqrt(12.5), np.nan, np.sqrt(3.0)])
+    np.testing.assert_allclose(bias(d), [-0.5, np.nan, 1.0])
+    np.testing.assert_allclose(largest(d), [4.0, np.nan, 2.0])
+    assert largest(np.zeros((0, 2))) == pytest.approx(np.nan, nan_ok=True)
+
+
+# Limits of empirical over theoretical accuracy by the number of independent errors.
+
+
+def _evaluated(counts: list[list[float]], sigma_m: float):
+    block = made_block()
+    independent = IndependentErrors(points=["new", "check"], count=counts)
+    shift = np.full((20, 3), 0.02)
+    solution = dataclasses.replace(made_solution(block, shift_m=shift, sigma_m=sigma_m), independent_errors=independent)
+    return evaluate(block, solution)
+
+
+def test_limits_are_those_of_chi_square_tables() -> None:
+    figures = _evaluated([[10.0, 20.0, np.nan], [4.0, 4.0, 4.0]], 0.02).metrics()
+    # chi-square of 10 degrees of freedom: 3.247 and 20.483 at 2.5 and 97.5 %; of 20: 9.591 and 34.170
+    assert figures["truth_over_theory_x_low"] == pytest.approx(np.sqrt(3.247 / 10), rel=1e-4)
+    assert figures["truth_over_theory_x_high"] == pytest.approx(np.sqrt(20.483 / 10), rel=1e-4)
+    assert figures["truth_over_theory_y_high"] == pytest.approx(np.sqrt(34.170 / 20), rel=1e-4)
+    assert "truth_over_theory_z_low" not in figures
+    assert figures["check_independent_z"] == 4.0
+
+
+def test_a_ratio_beyond_chance_is_told_and_one_within_is_not() -> None:
+    assert "Beyond chance" not in _evaluated([[10.0] * 3, [4.0] * 3], 0.02).verdict
+    verdict = _evaluated([[10.0, 10.0, 3.0], [1.5] * 3], 0.01).verdict  # a ratio of 2
+    assert "true errors over theory: X 2.00 (expected 0.3" in verdict
+    assert "Y 2.00" in verdict
+    assert "Z 2.00" not in verdict
+    assert "check errors" not in verdict
+
+
+def test_the_ratio_of_control_left_out_has_its_number_and_limits() -> None:
+    independent = IndependentErrors(points=["left_out"], count=[[10.0, 20.0, 3.0]])
+    found = expected_ratios({"left_out_theory_ratio_x": 1.1, "left_out_theory_ratio_z": 3.1}, independent, 0.95)
+    assert found["left_out_independent_x"] == 10.0
+    assert found["left_out_theory_ratio_x_low"] == pytest.approx(np.sqrt(3.247 / 10), rel=1e-4)
+    assert "left_out_independent_y" not in found
+    ratios = {"left_out_theory_ratio_x": 1.1, "left_out_theory_ratio_z": 3.1}
+    (text,) = outside_expected({**found, **ratios}, "left_out")
+    assert text.startswith("Beyond chance, control without itself over theory: Z 3.10")

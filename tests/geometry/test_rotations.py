@@ -1,4 +1,4 @@
-"""Rotations: both angle systems, the exponential map, nearest rotation."""
+"""Rotations, also compiled."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from aatri.geometry.kernels.rotations import turn
 from aatri.geometry.rotations import (
     angle_axes,
     angle_covariance,
@@ -23,6 +24,8 @@ from aatri.geometry.rotations import (
     rotation_from_angles,
     skew,
 )
+
+# Rotations: both angle systems, the exponential map, nearest rotation.
 
 SYSTEMS = ("omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading")
 angle = st.floats(-math.pi, math.pi)
@@ -180,3 +183,17 @@ def test_the_left_jacobian_is_the_mean_of_the_rotations_on_the_way(size: float) 
     nodes, weights = np.polynomial.legendre.leggauss(12)
     mean = np.einsum("k,kij->ij", weights / 2, exp_rotation(0.5 * (nodes[:, None] + 1) * w))
     np.testing.assert_allclose(left_jacobian(w[None])[0], mean, atol=1e-14)
+
+
+# The compiled exponential map against SciPy's.
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-12, 1e-5, 0.3, 2.0, np.pi, 7.0])
+def test_turning_a_matrix_is_multiplication_by_the_exponential(angle: float) -> None:
+    rng = np.random.default_rng(3)
+    axis = rng.normal(size=3)
+    d = angle * axis / np.linalg.norm(axis)
+    R = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    turned = R.copy()
+    turn(*d, turned)
+    np.testing.assert_allclose(turned, Rotation.from_rotvec(d).as_matrix() @ R, atol=2e-15)

@@ -1,4 +1,4 @@
-"""Tables and artifacts: declaration, validation, round trip, digest."""
+"""Typed columns to HDF5 and back, also as UTF-8."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from aatri.errors import AatriError, ArtifactError, ResourceError
 from aatri.tables.digest import content_digest
 from aatri.tables.hdf5 import read, read_header, read_warnings, write
 from aatri.tables.schema import Artifact, Table, attribute, column, table
+from aatri.tables.utf8 import decoded, encoded, lengths_and_bytes
+
+# Tables and artifacts: declaration, validation, round trip, digest.
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,3 +225,29 @@ def test_truncation_is_always_noticed(tmp_path: Path) -> None:
         path.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(AatriError):
             read(path, Network)
+
+
+# Columns of text against Python's own encoder, text by text.
+
+TEXTS = {
+    "ascii": np.array(["0101", "", "GCP 7", "a,b", "x" * 40]),
+    "others": np.array(["Zürich", "", "航空", "a", "\U0001f6e9 plane"]),
+    "nul inside": np.array(["a\0b", "c", ""]),
+    "nothing": np.array(["", "", ""]),
+    "none": np.zeros(0, dtype="U3"),
+    "table": np.array([["a", "bc"], ["", "d"]]),
+    "strided": np.array(["a", "b", "c", "d"])[::2],
+    "big-endian": np.array(["ab", "c"]).astype(">U2"),
+}
+
+
+@pytest.mark.parametrize("texts", TEXTS.values(), ids=TEXTS.keys())
+def test_bytes_and_lengths_are_those_of_each_text(texts: np.ndarray) -> None:
+    each = [str(text).encode() for text in texts.ravel()]
+    assert encoded(texts).ravel().tolist() == each
+    length, data = lengths_and_bytes(texts)
+    assert length.tolist() == [len(text) for text in each]
+    assert data == b"".join(each)
+    back = decoded(encoded(texts))
+    assert back.shape == texts.shape
+    assert back.tolist() == texts.tolist()

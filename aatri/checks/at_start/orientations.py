@@ -56,7 +56,7 @@ def _is_upright(block: Block) -> bool:
     """Whether something says which way is up: a coordinate system, a height of control, or an observed position."""
     heights = control_of(block).given[:, 2]
     observed = block.exterior.position_use == OBSERVED_VALUE
-    return block.frames.crs[0] != "local" or bool(heights.any() or observed.any())
+    return bool((block.frames.crs[:1] != "local").any() or heights.any() or observed.any())
 
 
 def control_outside(block: Block, position_m: Float, ground_from_image: Float) -> list[Finding]:

@@ -1,10 +1,14 @@
-"""A point is projected in the camera axes of each program, by its own formula, and by ours: the same place."""
+"""Conventions: poses, names, the origin of pixels."""
+
+from __future__ import annotations
 
 import math
 
 import numpy as np
 import pytest
 
+from aatri.formats.conventions.names import OF_POINTS, matched, without_extension
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES, centre_px, converted, named, principal_point_mm
 from aatri.formats.conventions.poses import (
     CONVENTIONS,
     ground_from_image,
@@ -15,6 +19,8 @@ from aatri.formats.conventions.poses import (
     stated_rotation,
     translation_of,
 )
+
+# A point is projected in the camera axes of each program, by its own formula, and by ours: the same place.
 
 OMEGA, PHI, KAPPA = 0.2, -0.3, 1.1
 CENTRE, POINT = np.array([100.0, 200.0, 50.0]), np.array([103.0, 196.0, 7.0])
@@ -64,3 +70,75 @@ def test_a_reflection_is_no_rotation() -> None:
     assert is_rotation(np.array(by_hand()).round(4))
     assert not is_rotation(np.diag([1.0, 1.0, -1.0]))
     assert not is_rotation(2 * np.eye(3))
+
+
+# Names of images and points are matched step by step, and never where there is a choice.
+
+
+def test_each_step_takes_what_the_steps_before_have_left() -> None:
+    found = matched(
+        ["a/IMG_1.JPG", "IMG_2.jpg", "img_3", "IMG_4.tif", "x"], ["IMG_1.JPG", "IMG_2.tif", "IMG_3.JPG", "IMG_4.tif"]
+    )
+    assert found.name == {
+        "IMG_4.tif": "IMG_4.tif", "a/IMG_1.JPG": "IMG_1.JPG", "IMG_2.jpg": "IMG_2.tif", "img_3": "IMG_3.JPG",
+    }  # fmt: skip
+    assert list(found.by_step.values()) == [1, 1, 1, 1]
+    assert found.unmatched == ("x",)
+
+
+def test_two_images_of_one_name_in_two_folders_are_told_and_not_guessed() -> None:
+    found = matched(["IMG_1.JPG"], ["flight1/IMG_1.JPG", "flight2/IMG_1.JPG"])
+    assert not found.name
+    assert found.unmatched == ("IMG_1.JPG",)
+    assert found.conflicts[0][1] == ("IMG_1.JPG", "flight1/IMG_1.JPG", "flight2/IMG_1.JPG")
+    assert matched(["flight2\\IMG_1.JPG", "flight2/IMG_2.JPG"], ["flight2/IMG_1.JPG", "IMG_2.JPG"]).unmatched == ()
+
+
+def test_points_have_no_folders_and_no_extensions() -> None:
+    assert matched(["a/1", "b.tif"], ["1", "b"], OF_POINTS).unmatched == ("a/1", "b.tif")
+    assert matched(["p1"], ["P1"], OF_POINTS).name == {"p1": "P1"}
+
+
+def test_only_endings_of_images_are_extensions() -> None:
+    assert without_extension("strip.12") == "strip.12"
+    assert without_extension("DSC_1.NEF") == "DSC_1"
+    assert without_extension(".tif") == ".tif"
+
+
+# One place in an image in the pixel systems of all programs; expected by hand: an image of 6 x 4 pixels.
+
+FORMAT = (6.0, 4.0)
+CORNER = {
+    "aatri": (0.0, 0.0),
+    "bal": (-3.0, 2.0),
+    "colmap": (0.0, 0.0),
+    "nvm": (-3.0, -2.0),
+    "odm_gcp": (-0.5, -0.5),
+    "opencv": (-0.5, -0.5),
+    "opensfm": (-0.5, -2 / 6),
+    "opf": (0.0, 0.0),
+    "photomod": (0.0, 4.0),
+    "pix4d": (0.0, 0.0),
+}
+"""The outer corner of the first pixel, upper left, as each program counts it."""
+
+
+@pytest.mark.parametrize("program", CORNER)
+def test_the_corner_of_an_image_is_where_the_program_has_it(program: str) -> None:
+    axes = PIXEL_AXES[program]
+    there = converted([[0.0, 0.0]], PIXEL_AXES["metashape"], axes, FORMAT)[0]
+    np.testing.assert_allclose(there, CORNER[program], atol=1e-15)
+    np.testing.assert_allclose(converted([there], axes, PIXEL_AXES["metashape"], FORMAT)[0], 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("program", PIXEL_AXES)
+def test_a_principal_point_goes_to_millimetres_and_back(program: str) -> None:
+    axes, pixel_mm = PIXEL_AXES[program], np.array([0.004, 0.005])
+    assert named(axes.name) == axes
+    back = centre_px([0.01, -0.02], axes, FORMAT, pixel_mm)
+    np.testing.assert_allclose(principal_point_mm(back, axes, FORMAT, pixel_mm), [0.01, -0.02], atol=1e-15)
+
+
+def test_a_principal_point_right_of_and_below_the_centre_has_positive_x_and_negative_y() -> None:
+    mm = principal_point_mm([3.5, 2.5], PIXEL_AXES["metashape"], FORMAT, np.array([0.01, 0.01]))
+    np.testing.assert_allclose(mm, [0.005, -0.005], atol=1e-15)

@@ -1,8 +1,9 @@
-"""Strict CSV: cells, places and numbers."""
+"""Tables of text, and their code pages."""
 
 from __future__ import annotations
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aatri.errors import AatriError, Faults
+from aatri.errors import AatriError, Faults, InputError, ResourceError
 from aatri.formats.text.csv_cells import cells_of, start_of_cell
 from aatri.formats.text.csv_table import CsvColumn, read_csv
 from aatri.formats.text.number_text import number_of, numbers_of, what_is_wrong
+from aatri.formats.text.text_file import read_lines
+
+# Strict CSV: cells, places and numbers.
 
 COLUMNS = {"id": CsvColumn("id", "cell"), "x": CsvColumn("number", "cell"), "note": CsvColumn("text")}
 
@@ -151,3 +155,44 @@ def test_text_of_32_bits_a_sign_is_refused_as_that_or_as_no_text(tmp_path: Path,
     path.write_bytes("id,x\nA,1\n".encode(encoding))
     with pytest.raises(AatriError, match="UTF-32" if encoding == "utf-32" else "a zero byte"):
         read_csv(path, COLUMNS, Faults())
+
+
+# Texts of 8 bits are not taken for Chinese, and Chinese is; texts larger than memory are refused before.
+
+WESTERN = [
+    "Größe",
+    "Übersicht,über,Öl",
+    "45°30'N",
+    "µm",
+    "Straße;GRÖßE",
+    "café,naïve",
+    "São Paulo,Ñandú",
+    "Ærø,Åse",
+    "x²,£5",
+    "Müller,Jürgen",
+]
+
+
+@pytest.mark.parametrize("text", WESTERN)
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1"])
+def test_western_text_is_refused_as_what_it_is(tmp_path: Path, text: str, encoding: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_bytes(f"point,x\n{text},1\n".encode(encoding))
+    with pytest.raises(InputError, match="Windows-1252") as caught:
+        read_lines(path)
+    assert caught.value.where.endswith("t.csv:2")
+
+
+@pytest.mark.parametrize("text", ["点号", "控制点1,外业检查点", "像片，比例尺", "武汉大学", "GCP点1", "航线 1"])
+def test_chinese_text_is_read(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_bytes(f"{text}\n".encode("gbk"))
+    assert read_lines(path) == [text]
+
+
+def test_a_file_that_memory_cannot_hold_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "image_points.csv"
+    path.write_bytes(b"image,point,x,y\n")
+    os.truncate(path, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))  # a hole as large as memory
+    with pytest.raises(ResourceError, match="GB of memory to read, and this machine has less"):
+        read_lines(path)

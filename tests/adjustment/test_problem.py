@@ -1,24 +1,57 @@
-"""Huber's loss of whole records: gradient, matrix and cost against their definitions."""
+"""A problem as it is stated: residuals, loss, settings."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from aatri.adjustment import residuals as module
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.loss import NEWTON, Huber
 from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
+from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.image_point_rows import ImagePointRows
-from aatri.observations.image_points import image_point_records
-from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.image_points import film_correction, image_point_records
+from aatri.observations.poses import FILM, POINT, POSE, Poses
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
 from tests.adjustment.reference import dense_jacobian, free_columns
 from tests.complex_step import complex_step
+
+# Residuals by the compiled lane are those of the NumPy form.
+
+
+def test_residuals_of_film_with_open_corrections_are_the_same_by_either_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    n = 500
+    rays = ImagePointRows(
+        rng.integers(0, 4, n).astype(np.int32),
+        rng.integers(0, 60, n).astype(np.int32),
+        rng.normal(0, 50.0, (n, 2)),
+        np.full((n, 2), 0.005),
+        np.full(n, 150.0),
+        np.zeros((n, 2)),
+        rng.random(n) < 0.9,
+    )
+    records = image_point_records(rays, [film_correction(rays, FILM)])
+    state = {
+        POSE: Poses(rng.normal((0.0, 0.0, 1500.0), 100.0, (4, 3)), exp_rotation(rng.normal(0, 0.1, (4, 3)))),
+        POINT: rng.normal(0, 300.0, (60, 3)) * [1, 1, 0.1],
+        FILM: rng.normal(0, 1e-3, (4, 6)),
+    }
+    rows = rng.permutation(n)[:300]
+    wanted = records.evaluate(state, rows)[0]
+    monkeypatch.setattr(module, "CHUNK", 64)
+    np.testing.assert_allclose(module.residuals(records, state, rows), wanted, rtol=1e-11, atol=1e-11)
+
+
+# Huber's loss of whole records: gradient, matrix and cost against their definitions.
 
 MAKERS = {"plain": made_problem, "joined": joined_problem, "shared": shared_problem}
 K = 1.2
@@ -153,3 +186,26 @@ def test_the_cost_of_a_state_is_the_sum_of_the_loss_with_and_without_linearising
     assert expected < sum(float((whitened(r, start, np.arange(len(r.active)))[0] ** 2).sum()) for r in records)
     assert cost_of(problem, start) == pytest.approx(expected, rel=1e-12)
     assert factorise(problem, start).cost == pytest.approx(expected, rel=1e-12)
+
+
+# SolverSettings are given once, as one object or by name.
+
+
+def test_settings_reach_the_problem_as_one_object_or_by_name() -> None:
+    problem = made_problem()
+    settings = SolverSettings(ordering="minimum_degree", threads=1, tolerance=1e-9)
+    one = adjust_large(*problem, settings=settings)
+    assert one.problem.settings == settings
+    other = adjust_large(*problem, settings=SolverSettings(threads=1, tolerance=1e-9), ordering="minimum_degree")
+    assert other.problem.settings == settings
+    assert (one.state["a"] == other.state["a"]).all()
+
+
+def test_an_unknown_setting_is_refused() -> None:
+    with pytest.raises(TypeError, match="iterations"):
+        adjust_large(*made_problem(), iterations=3)
+
+
+def test_settings_cannot_be_changed() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        SolverSettings().threads = 2  # type: ignore[misc]

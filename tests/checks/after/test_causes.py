@@ -1,0 +1,168 @@
+"""What a result shows: one cause after the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
+from aatri.artifacts.solution import Solution
+from aatri.checks.after.hinge_image import hanging_parts
+from aatri.checks.after.rank_defect import rank_advice
+from aatri.checks.after.smooth_signal import smooth_signal
+from aatri.checks.limits import OWN_DATUM
+from aatri.errors import GeometryError
+from aatri.orientation.refinement.collocation import collocate
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.small_blocks import adjusted_by, flown
+from tests.stages.chain import run_chain, simulated
+from tests.stages.film_blocks import Told
+
+# Control worse than a third of the block's accuracy is told: m^2 = m_c^2 + m_p^2, m_c <= m_p / 3.
+
+
+@pytest.mark.parametrize(("control_m", "told"), [(0.001, False), (0.02, True)])
+def test_control_worse_than_a_third_is_told_by_the_run(tmp_path: Path, control_m: float, told: bool) -> None:
+    """Judged by hand from the standard deviations of the points; a third adds 5.4 %."""
+    small = flown(strips=2, per_strip=4)
+    small.observed = {}
+    folder = small.write(tmp_path / "block")
+    text = (folder / "block.yaml").read_text()
+    (folder / "block.yaml").write_text(text.replace("control:\n  - 0.02\n  - 0.02\n  - 0.02", f"control: {control_m}"))
+    done = adjusted_by("default", folder)
+    notes = [line for line in done.lines if "control has a standard deviation" in line]
+    points = done.bundle.points
+    new = ~np.char.startswith(points.id, "C") & np.isfinite(points.covariance_m2).all(axis=(1, 2))
+    m_plan = np.sqrt(np.einsum("nii->ni", points.covariance_m2[new])[:, :2].mean())
+    worse = control_m > np.sqrt(max(m_plan**2 - control_m**2, 0.0)) / 3
+    assert bool(worse) == told
+    assert any("in plan" in note for note in notes) == told
+    assert np.hypot(1.0, 1 / 3) == pytest.approx(1.054, abs=1e-4)
+
+
+# The note on points whose wrong ray nothing could tell apart, against a count of the table of image points.
+
+
+def test_points_of_two_and_three_rays_are_counted() -> None:
+    chain = run_chain(simulated(3, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 6}))
+    told = Told()
+    solution = bundle(chain.block, chain.refined, chain.strip_block, options=BundleOptions(), context=told)
+    assert isinstance(solution, Solution)
+    m = chain.refined.measurements
+    assert len(solution.suspects) == 0
+    rays = np.bincount(m.point[m.active], minlength=len(chain.block.points))
+    rays[chain.block.ground_points.point[(chain.block.ground_points.role == 1).any(axis=1)]] = 0
+    (line,) = [line for line in told.lines if "have two rays" in line]
+    assert f" {int((rays == 2).sum())} have two rays" in line
+    assert f" {int((rays == 3).sum())} have three" in line
+
+
+# Residuals with a smooth common part ask for parameters; a local one, a small one and none do not.
+
+
+def _residuals(half_wave_mm: float, size_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """6,000 residuals of 4 um about a wave over the plate."""
+    chance = np.random.default_rng(7)
+    xy = chance.uniform(-110.0, 110.0, (6000, 2))
+    wave = size_mm * np.sin(np.pi * xy / half_wave_mm) * np.cos(np.pi * xy[:, ::-1] / half_wave_mm)
+    return xy, wave + chance.normal(0, 0.004, xy.shape)
+
+
+@pytest.mark.parametrize(
+    ("half_wave_mm", "size_mm", "told"), [(90.0, 0.006, 1), (15.0, 0.006, 0), (90.0, 0.001, 0), (90.0, 0.0, 0)]
+)
+def test_a_smooth_and_large_signal_is_told(half_wave_mm: float, size_mm: float, told: int) -> None:
+    xy, residual = _residuals(half_wave_mm, size_mm)
+    found = smooth_signal({0: collocate(xy, residual)}, np.array(["c1"]), np.array([155.0]))
+    assert len(found) == told
+    assert all("self_calibration" in f.remedy and f.level == "warning" for f in found)
+
+
+# Parts that hang on one image: as taking every image away in turn finds them.
+
+
+def _by_removal(adjacent: np.ndarray, own: np.ndarray) -> set[int]:
+    """Images without which their neighbourhood falls apart, one part of two images or more without a datum."""
+    hinges = set()
+    _, whole = connected_components(csr_array(adjacent), directed=False)
+    for k in range(len(adjacent)):
+        rest = adjacent.copy()
+        rest[k] = rest[:, k] = 0
+        _, part = connected_components(csr_array(rest), directed=False)
+        parts = [np.flatnonzero((part == p) & (np.arange(len(own)) != k) & (whole == whole[k])) for p in set(part)]
+        parts = [p for p in parts if len(p)]
+        for p in parts if len(parts) > 1 else ():
+            others = np.concatenate([q for q in parts if q is not p])
+            loose = own[p].sum() < OWN_DATUM and len(p) > 1
+            if loose and (len(p) <= len(others) or own[others].sum() >= OWN_DATUM):
+                hinges.add(k)
+    return hinges
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_hinges_are_those_that_removal_finds(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    n = int(chance.integers(4, 14))
+    upper = np.triu(chance.random((n, n)) < 1.6 / n, 1)
+    adjacent = (upper | upper.T).astype(float)
+    own = np.array([float(chance.integers(0, 3)) for _ in range(n)])
+    own[:] = 0.0 if seed % 2 else own
+    found = {hinge for hinge, _ in hanging_parts([np.flatnonzero(row) for row in adjacent], own)}
+    assert found <= _by_removal(adjacent, own)
+    if seed % 2:  # nothing has a datum: smaller parts hang, and both ways agree
+        assert found == _by_removal(adjacent, own)
+
+
+def test_the_half_without_control_hangs() -> None:
+    chain = [np.array([k for k in (j - 1, j + 1) if 0 <= k < 5]) for j in range(5)]
+    own = np.array([3.0, 0.0, 0.0, 0.0, 0.0])
+    found = {hinge: sorted(part.tolist()) for hinge, part in hanging_parts(chain, own)}
+    assert found == {1: [2, 3, 4], 2: [3, 4]}
+    assert list(hanging_parts(chain, np.array([3.0, 0, 0, 0, 3.0]))) == []
+
+
+# The remedy of a rank defect by what is open: motions of the whole or a part, and unknowns by label and group.
+
+WHOLE = {
+    "datum": ({"shift", "azimuth"}, (), "three points off one line"),
+    "turn about a line": ({"tilt"}, (), "a height away from it"),
+    "size": ({"scale"}, (), "give the size"),
+    "orientation of sets": ({"azimuth"}, (("orientation", "orientation"),), "no azimuth orients it"),
+    "shift of all groups": ({"shift"}, (("shift X", "drift"),), "every group of positions has a shift"),
+    "boresight": ({"azimuth"}, (("boresight z", "boresight"),), "hold no azimuth"),
+}
+
+
+def _advice(*combinations: OpenCombination, names: tuple[str, ...] = ()) -> str:
+    error = OpenError("open", remedy="", combinations=combinations)
+    return rank_advice(error, names, {"c": "c"})
+
+
+@pytest.mark.parametrize("case", WHOLE)
+def test_a_motion_of_the_whole_has_its_remedy_and_no_other(case: str) -> None:
+    moves, unknowns, words = WHOLE[case]
+    found = _advice(OpenCombination("text", frozenset(moves), True, unknowns))
+    assert words in found
+    assert not any(other in found for _, _, other in WHOLE.values() if other != words)
+
+
+def test_a_part_is_joined_by_more_points() -> None:
+    assert "too few points join it" in _advice(OpenCombination("text", frozenset({"shift"})))
+
+
+def test_parameters_are_told_with_what_they_free() -> None:
+    found = _advice(OpenCombination("text", unknowns=(("c", "additional"), ("Z0", "image"))), names=("c",))
+    assert "nearly flat terrain" in found
+    assert "`self_calibration.sigma_um`" in found
+    of_camera = _advice(
+        OpenCombination("text", unknowns=(("principal_distance", "camera"),)), names=("principal_distance",)
+    )
+    assert "`sigmas` of the camera" in of_camera
+
+
+def test_an_error_that_names_no_combinations_has_no_remedy_of_its_own() -> None:
+    assert rank_advice(GeometryError("shift X of the whole block"), ("c",), {}) == ""

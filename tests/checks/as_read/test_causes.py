@@ -1,0 +1,186 @@
+"""What is wrong with a block as it was read: one cause after the other."""
+
+from __future__ import annotations
+
+import unicodedata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.artifacts.block import Block
+from aatri.checks.as_read.cameras import CameraFrames, camera_figures
+from aatri.checks.as_read.coverage import coverage
+from aatri.errors import AatriError, InputError
+from tests.bad_inputs.rows import BadInput
+from tests.checks.as_read.test_screening import Written
+from tests.reading import read_block
+from tests.stages.film_blocks import Told
+from tests.stages.hand_block import Heard
+
+# Figures of cameras as they are given: a line each, and what no camera and no flight has.
+
+
+def _camera(c_mm: float = 150.0, pixel_mm: float = 0.02) -> CameraFrames:
+    return CameraFrames(["c"], np.array([c_mm]), np.array([[115.0, 115.0]]), np.array([pixel_mm]))
+
+
+ZERO = np.zeros(3, dtype=np.int64)
+
+
+def test_a_line_per_camera_tells_what_is_given_and_nothing_of_a_camera_of_which_nothing_is() -> None:
+    bare = CameraFrames(
+        ["c", "bare"], np.array([150.0, np.nan]), np.array([[115.0, 115.0], [np.nan, np.nan]]), np.array([0.02, np.nan])
+    )
+    (finding,) = camera_figures(bare, ZERO, np.array([740.0, 750.0, 760.0]))
+    # 2 atan(115 sqrt(2) / 150) = 94.6 deg; 750 m away at c = 150 mm: 1 : 5,000, 0.02 mm are 0.1 m
+    assert str(finding) == (
+        "camera c: 750 m from the control it shows, field of view 94.6 deg, scale 1 : 5,000, "
+        "ground sampling distance 0.1 m"
+    )
+
+
+@pytest.mark.parametrize(
+    ("camera", "distance_m", "what"),
+    [
+        (_camera(c_mm=0.15), 750.0, "field of view of 180"),
+        (_camera(c_mm=150000.0), 750.0, "field of view of 0.12"),
+        (_camera(pixel_mm=21.0), 750.0, "ground sampling distance of 105 m"),
+        (_camera(pixel_mm=np.nan), 450e3, "scale of 1 : 3,000,000"),
+    ],
+)
+def test_figures_that_no_camera_has_are_warnings(camera: CameraFrames, distance_m: float, what: str) -> None:
+    warned = [str(f) for f in camera_figures(camera, ZERO, np.full(3, distance_m)) if f.level == "warning"]
+    assert [text for text in warned if what in text]
+    good = camera_figures(_camera(pixel_mm=np.nan), ZERO, np.full(3, 250e3))
+    assert not [f for f in good if f.level == "warning"]
+
+
+# Control whose ids are written otherwise than in the images, or that is called approximate, is not lost in silence.
+
+
+def named(old: str, new: str, points: int = 10) -> Written:
+    """A block whose points are called `old` in the images and `new` on the ground."""
+    of = Written()
+    of.points = [row.replace(",p", f",{old}") for row in of.points]
+    of.ground = [f"{new}{k},{k},{2 * k},{k * k},control" for k in range(points)]
+    return of
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("GCP-", "gcp-"),
+        ("Größe", "GRÖSSE"),
+        (unicodedata.normalize("NFD", "é"), "é"),
+        ("G", "Ｇ"),
+        ("P0", "P"),
+        ("00", ""),
+        ("P_", "P-"),
+        ("P ", "P"),
+    ],
+)
+def test_control_under_other_names_is_an_error_that_names_them(tmp_path: Path, old: str, new: str) -> None:
+    if old == "P ":
+        old, new = "P 1-", "P_1-"
+    with pytest.raises(AatriError, match="no control point is measured; did you mean") as caught:
+        named(old, new).read(tmp_path)
+    assert caught.value.exit_code == 3
+    assert "ground_points.csv:2" in str(caught.value)
+
+
+def test_one_point_under_another_name_is_a_warning(tmp_path: Path) -> None:
+    of, heard = named("GCP", "GCP"), Heard()
+    of.ground[3] = of.ground[3].replace("GCP", "gcp")
+    of.read(tmp_path, heard)
+    assert any("did you mean 'GCP3' for 'gcp3'" in w for w in heard.warned)
+
+
+def test_control_elsewhere_is_no_error(tmp_path: Path) -> None:
+    heard = Heard()
+    named("tie", "GCP").read(tmp_path, heard)
+    assert not any("did you mean" in w for w in heard.warned)
+
+
+def test_control_that_is_all_approximate_is_an_error(tmp_path: Path) -> None:
+    of = named("p", "p")
+    of.ground = [row.replace("control", "approximate") for row in of.ground]  # block.yaml has sigma.control
+    with pytest.raises(AatriError, match="no ground point is control or check, all are approximate") as caught:
+        of.read(tmp_path)
+    assert "ground_points.csv:2" in str(caught.value)
+    of.ground[0] = of.ground[0].replace("approximate", "check")
+    of.read(tmp_path)
+
+
+# Units of image coordinates, from what the points cover of the format.
+
+FILM = CameraFrames(["wide"], np.array([153.0]), np.array([[115.0, 115.0]]), np.array([np.nan]))
+BARE = CameraFrames(["wide"], np.array([153.0]), np.array([[np.nan, np.nan]]), np.array([np.nan]))
+XY = 100.0 * np.random.default_rng(3).uniform(-1, 1, (40, 2))
+OF = np.zeros(40, dtype=np.int64)
+
+
+@pytest.mark.parametrize("cameras", [FILM, BARE])
+def test_points_spread_over_the_image_are_no_error_and_no_warning(cameras: CameraFrames) -> None:
+    assert not [finding for finding in coverage(cameras, OF, XY) if finding.level != "note"]
+
+
+@pytest.mark.parametrize(
+    ("factor", "what"),
+    [
+        (1e-3, "its 40 image points lie within"),  # metres
+        (1 / 25.4, "its 40 image points lie within"),  # inches
+        (1e3, "mm from the middle of the image"),  # micrometres
+    ],
+)
+def test_another_unit_is_an_error_that_names_the_camera(factor: float, what: str) -> None:
+    (error,) = coverage(FILM, OF, factor * XY)
+    assert error.level == "error"
+    assert what in error.sentence
+    assert error.where == "camera wide"
+    assert "unit of the image coordinates" in error.remedy
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_without_a_format_the_angle_that_points_span_is_a_warning(factor: float) -> None:
+    reach = factor * np.linalg.norm(XY, axis=1).max()
+    (finding,) = coverage(BARE, OF, factor * XY)
+    assert finding.level == "warning"
+    assert f"span {np.degrees(2 * np.arctan(reach / 153.0)):.3g} deg" in finding.sentence
+
+
+def test_a_small_target_in_the_middle_is_a_warning_and_few_points_are_nothing() -> None:
+    (finding,) = coverage(FILM, OF, 0.07 * XY)
+    assert finding.level == "warning"
+    assert coverage(FILM, OF[:19], 1e-3 * XY[:19]) == []
+
+
+# Positions that cannot be: one may always go, more than the share may not, and all go where all are the same.
+
+THERE = {"X": "446000.0", "Y": "4505000.0", "Z": "390.0"}
+
+
+def _read(folder: Path, **change: Any) -> tuple[Block, list[str]]:
+    """The film block with other positions, and the warnings."""
+    BadInput(folder, {"base": "film", "changes": [{"file": "exterior.csv", **change}]}).write(folder)
+    heard = Told()
+    return read_block(folder / "block", heard), heard.warnings
+
+
+def test_one_of_eight_is_set_aside_by_name_and_the_others_stay(tmp_path: Path) -> None:
+    block, warned = _read(tmp_path, rows={"image": "0103"}, set={"Z": "0"})
+    assert [w for w in warned if "rejected: exterior 0103: height of 0 m" in w]
+    known = np.isfinite(block.exterior.position_m).all(axis=1)
+    assert block.images.id[block.exterior.image[~known]].tolist() == ["0103"]
+
+
+def test_two_of_eight_are_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="2 of 8 positions cannot be right"):
+        _read(tmp_path, rows={"image": ["0103", "0202"]}, set={"Z": "0"})
+
+
+def test_positions_that_are_all_the_same_are_set_aside_in_one_line(tmp_path: Path) -> None:
+    block, warned = _read(tmp_path, set=THERE)
+    assert not np.isfinite(block.exterior.position_m).any()
+    assert len([w for w in warned if "rejected: 8 of kind exterior: position is that of all 8 images: 0101" in w]) == 1
