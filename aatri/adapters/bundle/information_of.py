@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.bundle.information_observed import INFORMATION
-from aatri.adapters.bundle.undetermined_shared import SharedEquations
+from aatri.adapters.bundle.undetermined_shared import EquationsOfShared
 from aatri.adjustment.elimination.onto import reduced_onto
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.settings import SolverSettings
@@ -46,7 +46,7 @@ VALUES: Mapping[str, tuple[str, str]] = {
 def information_of(
     source: ObservationSource,
     done: AdjustedBlock,
-    equations: SharedEquations,
+    equations: EquationsOfShared,
     sets: CalibratedSets | None,
 ) -> Information:
     """The reduced normal equations of an adjusted block.
@@ -55,7 +55,7 @@ def information_of(
     ----------
     source : ObservationSource
     done : AdjustedBlock
-    equations : SharedEquations
+    equations : EquationsOfShared
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
     sets : CalibratedSets or None
 
@@ -161,7 +161,7 @@ def counted_rows(
     ]  # fmt: skip
 
 
-def _counted(block: Block, done: AdjustedBlock, equations: SharedEquations) -> CountedObservations:
+def _counted(block: Block, done: AdjustedBlock, equations: EquationsOfShared) -> CountedObservations:
     rows = [
         row
         for o, used in zip(done.result.observations, equations.used, strict=True)

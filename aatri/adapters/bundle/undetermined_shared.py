@@ -23,7 +23,7 @@ from aatri.orientation.bundle.seen_distances import on_their_rays
 
 
 @dataclass(frozen=True)
-class SharedEquations:
+class EquationsOfShared:
     """What normal equations of an adjusted block are made of, with the shared unknowns that it does not determine."""
 
     unknowns: tuple[Unknowns, ...]
@@ -37,7 +37,7 @@ class SharedEquations:
 
 def shared_equations(
     done: AdjustedBlock, wanted: Mapping[str, Bool], at: tuple[Poses, Float] | None = None
-) -> SharedEquations:
+) -> EquationsOfShared:
     """The observations and unknowns of an adjusted block, and those of wanted images and points left out of it.
 
     Parameters
@@ -79,7 +79,7 @@ def shared_equations(
     if records:
         unknowns = _with_free(done, unknowns, state, more)
     keep = {group: wanted[group] & (adjusted[group] | more[group]) for group in more}
-    return SharedEquations(unknowns, (*result.adjusted.problem.observed, *records), state, keep, tuple(used))
+    return EquationsOfShared(unknowns, (*result.adjusted.problem.observed, *records), state, keep, tuple(used))
 
 
 def _with_free(
