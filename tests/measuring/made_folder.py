@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
+import pytest
 from scipy.ndimage import gaussian_filter
 
 from tests.made_scans import stroke
@@ -29,6 +29,7 @@ cameras:
 
 def made_folder(folder: Path, origin: str = "top-left-corner", y: str = "down") -> Path:
     """Images a and b with a cross each, c without a file; control G1, check point G2."""
+    cv2 = pytest.importorskip("cv2", reason="works on images need the extra `images`")
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(5)
     for name, centre in CROSSES.items():

@@ -5,7 +5,7 @@
   const TILE = 256, LARGEST = 64, NEAR = 8, MOST_TILES = 300, POLL_MS = 2000, MOVED_PX = 4;
   const by = id => document.getElementById(id), canvas = by("canvas"), pen = canvas.getContext("2d");
   const state = { version: -1, images: [], points: [], kind: "point", name: "", image: "", seen: null, places: [], undo: [] };
-  const view = { zoom: 1, left: 0, top: 0, tiles: new Map(), pointer: null };
+  const view = { zoom: 1, wish: 1, left: 0, top: 0, tiles: new Map(), pointer: null };
 
   /* ---- asking the server ---- */
   async function ask(path, given) {
@@ -117,7 +117,8 @@
     }
     if (place) {
       const reach = place.row ? 0 : 4 * (place.sigma || 0);
-      view.zoom = Math.min(NEAR, Math.max(smallest(), reach ? Math.min(canvas.clientWidth, canvas.clientHeight) / (2 * reach) : NEAR));
+      view.wish = Math.min(NEAR, Math.max(smallest(), reach ? Math.min(canvas.clientWidth, canvas.clientHeight) / (2 * reach) : NEAR));
+      settle();
       middle(place.row ? place.row : place);
     }
   });
@@ -128,53 +129,91 @@
 
   /* ---- changes ---- */
   const row = (name = state.name, kind = state.kind) => state.seen && state.seen.rows.find(r => r.name === name && r.kind === kind);
+  /* One change after the other: each takes the row as the one before it left it. */
+  let last = Promise.resolve();
+  const inTurn = work => (...args) => { last = last.then(() => trying(work)(...args)); return last; };
   function done(told) {
-    state.undo.push(told.change);
-    return refresh(true);
+    if (state.seen && state.image === told.image) {
+      state.seen.rows = state.seen.rows.filter(r => r.name !== told.name || r.kind !== told.kind);
+      if (told.row) state.seen.rows.push(told.row);
+    }
+    draw();
+    refresh(true);
   }
-  const set = trying(async (x, y, snap = false) => {
+  const set = inTurn(async (x, y, snap = false) => write(x, y, snap));
+  async function write(x, y, snap) {
     if (!state.name) throw new Error(state.kind === "point" ? "choose a point first, or write an id and take it" : "choose a mark first");
     const image = state.image, name = state.name, kind = state.kind, before = row();
     if (snap) ({ x, y } = await ask("centre", { image, x, y, radius: +by("radius").value || NEAR }));
     const told = await ask("measure", { kind, image, name, before: before ? before.line : "", x, y });
     tell(`${name} in ${image}: x ${told.row.x.toFixed(3)}, y ${told.row.y.toFixed(3)} px from the upper left corner, written`);
-    await done(told);
-  });
-  const remove = trying(async () => {
+    state.undo.push(told.change);
+    done(told);
+  }
+  const remove = inTurn(async () => {
     const old = row();
     if (!old) throw new Error("nothing is measured here");
     const told = await ask("remove", { kind: state.kind, image: state.image, name: state.name, before: old.line });
     tell(`${state.name} in ${state.image}: taken out`);
-    await done(told);
+    state.undo.push(told.change);
+    done(told);
   });
-  const undo = trying(async () => {
+  const undo = inTurn(async () => {
     const change = state.undo.pop();
     if (change === undefined) return;
     const told = await ask("undo", { change });
     tell(`${told.name} in ${told.image}: ${told.row ? "as it was before" : "taken out again"}`);
-    await refresh(true);
+    done(told);
   });
 
   /* ---- the image ---- */
   const smallest = () => state.seen ? Math.min(1, canvas.clientWidth / state.seen.width, canvas.clientHeight / state.seen.height) / 2 : .01;
-  const at = event => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+  const sharpness = () => devicePixelRatio || 1;
+  /* The canvas as it lies on the pixels of the screen: left, top, width, height in them. */
+  function frame() {
+    const box = canvas.getBoundingClientRect(), s = sharpness(), [left, top] = [Math.round(box.left * s), Math.round(box.top * s)];
+    return [left, top, Math.round(box.right * s) - left, Math.round(box.bottom * s) - top];
+  }
+  const at = event => { const [left, top] = frame(), s = sharpness(); return [event.clientX - left / s, event.clientY - top / s]; };
+  /* Move the canvas by less than a pixel so that it begins where one of the screen does. */
+  function align() {
+    for (const side of ["Left", "Top"]) {
+      canvas.style["margin" + side] = "0";
+      const begins = canvas.getBoundingClientRect()[side.toLowerCase()], s = sharpness();
+      canvas.style["margin" + side] = Math.ceil(begins * s - .01) / s - begins + "px";
+    }
+    draw();
+  }
+  /* Enlarged, the pixels of the image end where pixels of the screen do: else they were drawn up to half of one aside. */
+  function settle() {
+    const s = sharpness();
+    if (view.wish * s < 4) { view.zoom = view.wish; return; }
+    view.zoom = Math.round(view.wish * s) / s;
+  }
+  function whole() {
+    const step = view.zoom * sharpness();
+    if (step >= 4) { view.left = Math.round(view.left * step) / step; view.top = Math.round(view.top * step) / step; }
+    draw();
+  }
   const toImage = ([u, v]) => [view.left + u / view.zoom, view.top + v / view.zoom];
   function fit() {
     if (!state.seen) return;
-    view.zoom = Math.min(canvas.clientWidth / state.seen.width, canvas.clientHeight / state.seen.height);
+    view.wish = Math.min(canvas.clientWidth / state.seen.width, canvas.clientHeight / state.seen.height);
+    settle();
     middle({ x: state.seen.width / 2, y: state.seen.height / 2 });
   }
   function middle(place) {
     view.left = place.x - canvas.clientWidth / 2 / view.zoom;
     view.top = place.y - canvas.clientHeight / 2 / view.zoom;
-    draw();
+    whole();
   }
   function zoom(factor, about = [canvas.clientWidth / 2, canvas.clientHeight / 2]) {
     const [x, y] = toImage(about);
-    view.zoom = Math.min(LARGEST, Math.max(smallest(), view.zoom * factor));
+    view.wish = Math.min(LARGEST, Math.max(smallest(), view.wish * factor));
+    settle();
     view.left = x - about[0] / view.zoom;
     view.top = y - about[1] / view.zoom;
-    draw();
+    whole();
   }
   function tile(level, column, row) {
     const key = `${state.image}/${level}/${column}/${row}`;
@@ -204,9 +243,9 @@
     requestAnimationFrame(() => { waiting = false; drawn(); });
   }
   function drawn() {
-    const sharp = devicePixelRatio || 1, [w, h] = [canvas.clientWidth, canvas.clientHeight];
-    if (canvas.width !== Math.round(w * sharp) || canvas.height !== Math.round(h * sharp)) { canvas.width = Math.round(w * sharp); canvas.height = Math.round(h * sharp); }
-    pen.setTransform(canvas.width / w, 0, 0, canvas.height / h, 0, 0);
+    const sharp = sharpness(), [, , w, h] = frame();
+    if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+    pen.setTransform(sharp, 0, 0, sharp, 0, 0);
     pen.clearRect(0, 0, w, h);
     if (state.seen) {
       const level = Math.max(0, Math.min(state.seen.levels - 1, Math.floor(Math.log2(1 / (view.zoom * sharp)) + .01)));
@@ -267,7 +306,7 @@
     if (grip) {
       const [u, v] = [view.pointer[0] - grip.from[0], view.pointer[1] - grip.from[1]];
       grip.moved = Math.max(grip.moved, Math.hypot(u, v));
-      if (grip.moved > MOVED_PX) { view.left = grip.left - u / view.zoom; view.top = grip.top - v / view.zoom; }
+      if (grip.moved > MOVED_PX) { view.left = grip.left - u / view.zoom; view.top = grip.top - v / view.zoom; whole(); }
     }
     draw();
   });
@@ -278,12 +317,17 @@
   });
   canvas.addEventListener("pointerleave", () => { view.pointer = null; draw(); });
   canvas.addEventListener("wheel", e => { e.preventDefault(); zoom(Math.exp(-e.deltaY * .002), at(e)); }, { passive: false });
-  const refine = () => { const r = row(); if (r) set(r.x, r.y, true); else tell("set the mark first, then bring it to its centre", true); };
-  const nudge = (dx, dy) => e => { const r = row(), by_ = e.shiftKey ? 1 : .1; if (r) set(r.x + dx * by_, r.y + dy * by_); };
+  const refine = inTurn(async () => {
+    const r = row();
+    if (!r) throw new Error("set the mark first, then bring it to its centre");
+    await write(r.x, r.y, true);
+  });
+  const shift = inTurn(async (dx, dy) => { const r = row(); if (r) await write(r.x + dx, r.y + dy, false); });
+  const nudge = (dx, dy) => e => shift(dx * (e.shiftKey ? 1 : .1), dy * (e.shiftKey ? 1 : .1));
   const turn = by_ => () => { const p = step(state.places, state.places.findIndex(q => q.image === state.image), by_); if (p && state.kind === "point") go(p); };
   const next = by_ => () => { const all = names(), p = step(all, all.findIndex(q => q.name === state.name), by_); if (p) choose(p.name); };
   const keys = { ArrowLeft: nudge(-1, 0), ArrowRight: nudge(1, 0), ArrowUp: nudge(0, -1), ArrowDown: nudge(0, 1), n: turn(1), p: turn(-1), j: next(1), k: next(-1),
-    r: refine, Delete: remove, Backspace: remove, u: undo, "+": () => zoom(2), "=": () => zoom(2), "-": () => zoom(.5), f: fit, 1: () => zoom(1 / view.zoom), 8: () => zoom(8 / view.zoom) };
+    r: refine, Delete: remove, Backspace: remove, u: undo, "+": () => zoom(2), "=": () => zoom(2), "-": () => zoom(.5), f: fit, 1: () => zoom(1 / view.wish), 8: () => zoom(8 / view.wish) };
   document.addEventListener("keydown", e => {
     if (/^(INPUT|SELECT)$/.test(e.target.tagName) && e.target.type !== "checkbox") return;
     const act = (e.ctrlKey || e.metaKey) ? (e.key.toLowerCase() === "z" ? undo : null) : keys[e.key.length === 1 ? e.key.toLowerCase() : e.key];
@@ -298,7 +342,8 @@
   by("name").addEventListener("input", lists);
   by("ties").addEventListener("change", draw);
   by("add").addEventListener("submit", e => { e.preventDefault(); const name = by("name").value.trim(); by("name").value = ""; if (name) choose(name); });
-  addEventListener("resize", draw);
+  addEventListener("resize", align);
+  new ResizeObserver(align).observe(by("tools"));
   new ResizeObserver(draw).observe(canvas);
   setInterval(() => { if (!document.hidden) refresh(); }, POLL_MS);
   addEventListener("beforeunload", () => view.tiles.clear());
