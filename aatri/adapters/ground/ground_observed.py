@@ -163,7 +163,7 @@ def oriented_by(
         if not drift:
             text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"
             notes.append(Note("note", text))
-        return found, notes
+        return replace(found, neglects=not drift), notes
     raise failed[-1]
 
 

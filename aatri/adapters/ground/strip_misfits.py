@@ -26,7 +26,7 @@ def fit_notes(strips: Strips, parts: Sequence[OrientedPart], max_sigma0: float |
     Raises
     ------
     ConvergenceError
-        If no deformation explains them.
+        If no deformation explains them, nor shifts of positions that are neglected.
     """
     adjusted = [(name, tied) for part in parts for name, tied in part.adjusted()]
     try:
@@ -40,6 +40,9 @@ def fit_notes(strips: Strips, parts: Sequence[OrientedPart], max_sigma0: float |
             "absolute orientation",
         )
     except ConvergenceError as error:
+        if any(part.result.neglects for part in parts):
+            text = f"{error.what}{_farthest(parts)}; shift and drift of positions are neglected here"
+            return [Note("warning", text)]
         raise ConvergenceError(error.what + _farthest(parts), where=error.where, remedy=error.remedy) from error
 
 

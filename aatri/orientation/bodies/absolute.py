@@ -95,6 +95,8 @@ class OrientedBody:
     """(n,). Observations of it that had part at first."""
     state: State
     """Images and points as they lie on the ground, not adjusted; the adjusted unknowns of the kinds."""
+    neglects: bool = False
+    """Unknowns that kinds have of their own are neglected: what does not fit need not be wrong."""
 
     @property
     def places(self) -> GivenPlaces:
