@@ -73,14 +73,14 @@ def largest(differences: Float) -> Float:
     return np.where(top < 0, np.nan, top)
 
 
-def rmse_interval(rmse_m: Float, n: Int, confidence: float) -> tuple[Float, Float]:
+def rmse_interval(rmse_m: Float, n: Int | Float, confidence: float) -> tuple[Float, Float]:
     """Chi-square interval of the standard deviation behind an RMSE about zero.
 
     Parameters
     ----------
     rmse_m : (k,) float64
-    n : (k,) int64
-        Number of differences.
+    n : (k,) int64 or float64
+        Number of differences, or degrees of freedom.
     confidence : float
         Probability of the interval, 0 to 1.
 

@@ -140,7 +140,9 @@ def _network(block: Block | None, last: Solution) -> PageSection:
 def _residuals(last: Solution, around: Surroundings) -> PageSection:
     made = PageSection("residuals", "Do the residuals follow the standard deviations given?")
     made.tables.extend(present(reliability.variance_table(last), observations.of_images(last)))
-    made.pictures.extend([*present(groups_chart(last)), *solution.image_residual_pictures(last, around)])
+    made.pictures.extend(
+        [*present(groups_chart(reliability.groups(last))), *solution.image_residual_pictures(last, around)]
+    )
     made.pictures.extend([*solution.position_pictures(last), *solution.tie_residuals(last)])
     return made
 

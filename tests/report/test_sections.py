@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
 from aatri.ids import natural_order
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
-from aatri.report.sections.reliability import reliability_tables
+from aatri.report.sections.reliability import groups, reliability_tables
 from aatri.report.sections.solution import orientations
 from aatri.report.sections.suspects import suspects_tables
 from aatri.report.sections.tables import lengths, observation_classes
@@ -136,3 +137,19 @@ def test_uncontrolled_before_the_bundle_is_counted_by_kind_and_rays_in_no_model_
     ]
     assert uncontrolled_counts(found.take(np.zeros(4, dtype=bool))) is None
     assert uncontrolled_counts(None) is None
+
+
+def test_without_variance_components_groups_are_kinds_with_their_redundancy() -> None:
+    solution = full_solution()
+    assert solution.tests is not None
+    tests = replace(solution.tests, redundancy=4 * solution.tests.redundancy)  # more than 1 of each kind
+    solution = replace(solution, variance_components=None, tests=tests)
+    of = {name: (factor, low, high) for name, factor, low, high, _ in groups(solution)}
+    assert list(of) == ["control", "image point"]
+    r = solution.residuals
+    for kind, (factor, low, high) in of.items():
+        used = (r.kind == kind.replace(" ", "_")) & r.active
+        v, s, share = (of_kind[used, :2] for of_kind in (r.residual, r.sigma, tests.redundancy))
+        assert factor == pytest.approx(np.sqrt(((v / s) ** 2).sum() / share.sum()))
+        assert low < factor < high
+    assert groups(made_solution(made_block())) == []

@@ -1,5 +1,6 @@
 """Charts: sigma0 of the stages and iterations, distributions, a priori beside a posteriori, errors along strips."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -149,32 +150,33 @@ def redundancy_chart(solution: Solution) -> Picture | None:
     return counts_chart("redundancy", "Redundancy numbers", caption, "redundancy number", edges, count)
 
 
-def groups_chart(solution: Solution) -> Picture | None:
-    """A priori beside a posteriori: the factor on the standard deviations of every group, with 95 % limits."""
-    c = solution.variance_components
-    if c is None:
+def groups_chart(groups: Sequence[tuple[str, float, float, float, str]]) -> Picture | None:
+    """A priori beside a posteriori: the factor on the standard deviations of every group, with 95 % limits.
+
+    Parameters
+    ----------
+    groups : sequence of (name, factor, low, high, words)
+        Those that are not finite are not drawn.
+    """
+    groups = [group for group in groups if np.isfinite(group[1:4]).all() and group[1] > 0]
+    if not groups:
         return None
-    rows = np.flatnonzero(np.isfinite(c.factor) & np.isfinite(c.low) & np.isfinite(c.high) & (c.factor > 0))
-    if not len(rows):
-        return None
-    at = np.arange(len(rows), 0, -1.0)
-    ends = np.stack([np.stack([limit[rows], at], axis=1) for limit in (c.low, c.high)], axis=1)
-    tells = [f"{c.factor[k]:.3g} ({c.low[k]:.3g} to {c.high[k]:.3g}), {c.verdict[k]}" for k in rows]
-    low, high = min(float(c.low[rows].min()), 0.7), max(float(c.high[rows].max()), 1.4)
-    up = ChartAxis("", 0.3, len(rows) + 0.7, names=dict(zip(at.tolist(), c.group[rows].tolist())), grid=False)
+    names, factor, low, high, words = zip(*groups)
+    at = np.arange(len(groups), 0, -1.0)
+    ends = np.stack([np.stack([limit, at], axis=1) for limit in (low, high)], axis=1)
+    tells = [f"{f:.3g} ({a:.3g} to {b:.3g}){w}" for f, a, b, w in zip(factor, low, high, words)]
+    up = ChartAxis("", 0.3, len(groups) + 0.7, names=dict(zip(at.tolist(), names)), grid=False)
     marks = [
         Marks("line", np.array([[1.0, up.low], [1.0, up.high]]), "ink", "as given"),
         Marks("segments", ends, "blue", "95 % limits", width=2.5),
-        Marks(
-            "dots", np.stack([c.factor[rows], at], axis=1), "blue", width=8.0, ids=c.group[rows].tolist(), tells=tells
-        ),
+        Marks("dots", np.stack([factor, at], axis=1), "blue", width=8.0, ids=names, tells=tells),
     ]
     caption = (
         "What the residuals say of the standard deviations given: the factor by which those of a group would have to "
         "be multiplied, with 95 % limits. A bar across 1 is as given."
     )
-    across = ChartAxis("a posteriori / a priori", low, high)
-    return Picture("groups", "A priori and a posteriori", caption, marks, across, up, height=70 + 24.0 * len(rows))
+    across = ChartAxis("a posteriori / a priori", min(*low, 0.7), max(*high, 1.4))
+    return Picture("groups", "A priori and a posteriori", caption, marks, across, up, height=70 + 24.0 * len(groups))
 
 
 def growth_charts(errors: StripErrors) -> list[Picture]:

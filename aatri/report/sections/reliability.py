@@ -6,8 +6,9 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.statistics import rmse_interval
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
+from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
 from aatri.report.view.numbers import DASH, angle_units, digits, number
 
@@ -35,6 +36,31 @@ def variance_table(solution: Solution) -> PageTable | None:
         "to": c.high,
     }
     return all_rows("Variance components: factors on the standard deviations given, with 95 % limits", columns)
+
+
+def groups(solution: Solution) -> list[tuple[str, float, float, float, str]]:
+    """Factors on the standard deviations of groups with 95 % limits: variance components, else by kind.
+
+    Without variance components it is the root of v'Pv over the redundancy of the kind, where redundancy numbers were
+    computed (`reliability: true`): what the first step of the variance components says.
+    """
+    c, residuals, tests = solution.variance_components, solution.residuals, solution.tests
+    if c is not None:
+        told = [f", {verdict}" for verdict in c.verdict]
+        return list(zip(c.group.tolist(), c.factor.tolist(), c.low.tolist(), c.high.tolist(), told))
+    made: list[tuple[str, float, float, float, str]] = []
+    if tests is None:
+        return made
+    for kind in np.unique(residuals.kind):
+        used = (residuals.kind == kind) & residuals.active
+        v, sigma, r = residuals.residual[used], residuals.sigma[used], tests.redundancy[used]
+        weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0) & np.isfinite(r)
+        redundancy = float(r[weighted].sum())
+        if redundancy > LEAST_REDUNDANCY:
+            factor = float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
+            (low,), (high,) = rmse_interval(np.array([factor]), np.array([redundancy]), 0.95)
+            made.append((kind.replace("_", " "), factor, float(low), float(high), ""))
+    return made
 
 
 def _by_kind(solution: Solution) -> PageTable | None:
