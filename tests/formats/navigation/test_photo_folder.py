@@ -12,9 +12,21 @@ import pytest
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.navigation.photo_folder import read_photographs
+from aatri.progress import Silent
+from aatri.stages.block.photos import PhotosOptions, photos
 from tests.made_photographs import F_PX, HEIGHT, WIDTH, exif_of
 
 Image = pytest.importorskip("PIL.Image")
+
+
+class Ear(Silent):
+    """Keeps the warnings."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)
 
 
 def _save(folder: Path, name: str, size: tuple[int, int] = (WIDTH, HEIGHT), **tags: Any) -> Path:
@@ -90,6 +102,16 @@ def test_missing_and_equal_positions_are_no_observations(tmp_path: Path) -> None
     assert parts.exterior["position_use"].tolist() == [APPROXIMATE_VALUE, APPROXIMATE_VALUE, OBSERVED_VALUE]
     assert "1 of 4 photographs say no position: d" in parts.notes[0]
     assert "2 of 4 photographs have the position of another one" in parts.notes[1]
+
+
+def test_photographs_that_say_no_position_make_a_block_without_a_place(tmp_path: Path) -> None:
+    for name in ("a.jpg", "b.jpg"):
+        _save(tmp_path, name, position=False)
+    ear = Ear()
+    block = photos(options=PhotosOptions(path=tmp_path), context=ear)
+    assert block.frames.crs.tolist() == ["local"]
+    assert len(block.exterior) == 0
+    assert any("2 of 2 photographs say no position" in warning for warning in ear.warnings)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
