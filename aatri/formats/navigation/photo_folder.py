@@ -94,7 +94,7 @@ def read_photographs(
     }
     sigmas = np.array(position_sigma_m), np.radians(attitude_sigma_deg)
     parts.exterior = _exterior(photos, names, notes, sigmas, flight if shift else [])
-    if not finite_rows(np.reshape(parts.exterior.get("position_m", []), (-1, 3))[:, :2]).any():
+    if not np.isfinite(np.asarray(parts.exterior.get("position_m", []), dtype=float)).any():
         parts.frame = None  # nothing says where on earth they are
     turned = [name for name, p in zip(names, photos) if p.orientation != 1]
     if turned:
