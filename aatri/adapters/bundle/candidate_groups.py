@@ -22,7 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.neighbourhoods import moved_together
+from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.unknowns import Ids
@@ -41,9 +41,6 @@ from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
-
-MOST_IMAGES = 12
-"""Images that are tested by themselves."""
 
 FEWEST = 3
 """Observations of a unit: fewer are single ones."""

@@ -35,7 +35,7 @@ LEAST_LEFT = 0.1
 """Of a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
 
 MOST_IMAGES = 12
-"""Images in which the test is made, those with the largest bounds."""
+"""Images that are tested by themselves, those with the largest bounds."""
 
 
 def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Candidates]:

@@ -25,9 +25,9 @@ import numpy as np
 
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.covariance.gains import Gains
-from aatri.adjustment.elimination.chunks import CHUNK
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.records import Records, predicted, times
+from aatri.adjustment.residuals import CHUNK
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float

@@ -6,14 +6,12 @@ import numpy as np
 
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
 from aatri.adjustment.records import Fill, predicted, whitened
+from aatri.adjustment.residuals import CHUNK
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
-
-CHUNK = 4096
-"""Rays linearised at once: their Jacobians stay in the cache."""
 
 Chunk = tuple[int, int, Float, Float, Float]
 

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from aatri.frames.tangent import TangentFrame
     from aatri.observations.observed import ObservationSource
 
-TOLD = 0.1
-"""Share of the standard deviation from which on what a map does to a distance that is not reduced to it is told."""
+NOTED = 0.1
+"""Share of the standard deviation from which on there is a note of what is neglected."""
 
 
 def in_map(level: Level, start: Float, end: Float, _a: Float, _b: Float) -> tuple[Float, Float, Float]:
@@ -113,13 +113,13 @@ def not_reduced(source: ObservationSource, rows: Sights) -> tuple[Note, ...]:
     except AatriError:
         return ()
     effect = np.abs(scale - 1) * rows.value
-    large = effect > TOLD * rows.sigma
+    large = effect > NOTED * rows.sigma
     if not large.any():
         return ()
     worst = int(np.nanargmax(effect))
     text = (
         f"{len(rows)} distances are not reduced, and the adjustment is in a map of scale {scale[worst]:.6f} here: "
-        f"{large.sum()} are wrong by more than {TOLD:g} sigma, {rows.names[worst]} by {effect[worst]:.3g} m; "
+        f"{large.sum()} are wrong by more than {NOTED:g} sigma, {rows.names[worst]} by {effect[worst]:.3g} m; "
         "earth_curvature: frame takes them as they are, `reduced: map` says that they are reduced"
     )
     return (Note("warning", text, tuple(rows.names[large].tolist())),)

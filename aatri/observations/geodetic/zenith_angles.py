@@ -16,6 +16,7 @@ from pydantic import Field
 from aatri.arrays import Float
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import horizontal, zenith
+from aatri.observations.geodetic.reduced import NOTED
 from aatri.observations.geodetic.sights import Measured, Sights, observed_sights, sights_of
 from aatri.observations.level import Level
 from aatri.observations.observed import ObservationSource, Observed
@@ -26,9 +27,6 @@ from aatri.units import EARTH_RADIUS_M
 KIND = "zenith"
 
 USES = ("geodetic:zenith", "geodetic:zenith_to_image", "geodetic.heights")
-
-TOLD = 0.1
-"""Share of the standard deviation from which on the effect of what is neglected is told."""
 
 
 class ZenithOptions(Options):
@@ -64,12 +62,12 @@ def _neglected(source: ObservationSource, rows: Sights, refraction: float) -> tu
     some = ~(rows.station_is_image | rows.target_is_image)
     away = np.hypot(*(points[rows.target[some]] - points[rows.station[some]])[:, :2].T)
     effect = away * (1 - refraction) / (2 * EARTH_RADIUS_M)
-    large = effect > TOLD * rows.sigma[some]
+    large = effect > NOTED * rows.sigma[some]
     if not np.isfinite(effect).any() or not large.any():
         return ()
     text = (
         "zenith angles in a local frame: curvature and refraction are neglected, up to "
-        f'{np.degrees(np.nanmax(effect)) * 3600:.2g}" ({large.sum()} of {len(rows)} by more than {TOLD:g} sigma); '
+        f'{np.degrees(np.nanmax(effect)) * 3600:.2g}" ({large.sum()} of {len(rows)} by more than {NOTED:g} sigma); '
         "a frame with a CRS takes them into account"
     )
     return (Note("warning", text),)

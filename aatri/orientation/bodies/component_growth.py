@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, sums_of
-from aatri.geometry.similarity import IDENTITY, Similarity, compose
+from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
 
 WEAKEST_RAD = 0.05
@@ -28,8 +28,6 @@ WEAKEST_RAD = 0.05
 
 LONGEST_LEVER = 20.0
 """How many times the errors of common points may grow at the edge of the smaller component."""
-
-ITERATIONS = 50
 
 
 @dataclass(frozen=True)
