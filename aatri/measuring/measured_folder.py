@@ -7,7 +7,7 @@ image centre.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Cameras, Fiducials, GroundPoints
 from aatri.camera.pixels import mm_from_pixel
 from aatri.codes import CHECK, CONTROL
-from aatri.errors import InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.geographic import with_metric_frame
@@ -26,7 +26,7 @@ from aatri.formats.tables.portable import without_bodies
 from aatri.formats.tables.settings.reading import read_settings
 from aatri.formats.tables.source import Source
 from aatri.formats.text.text_file import missing
-from aatri.ids import OF_IDS, canonical, clipped, is_valid
+from aatri.ids import OF_IDS, clipped, is_valid
 from aatri.measuring.measured_table import MeasuredRow, MeasuredTable
 from aatri.pixels.reading import TIFF, size_px
 
@@ -95,14 +95,32 @@ class MeasuredFolder:
         self.points = MeasuredTable(folder / "image_points.csv", self._header("point", settings.sigma.image))
         fiducial = settings.sigma.fiducial or settings.sigma.image
         self.marks = MeasuredTable(folder / "fiducials.csv", self._header("fiducial", fiducial))
-        self.ground = self._ground()
+        self.ground: dict[str, GroundPlace] = {}
+        self._ground_stamp = -1.0
+        self.refresh_ground()
 
     def _header(self, name: str, default: float | None) -> tuple[str, ...]:
         return ("image", name, "x", "y", *(("sx", "sy") if default is None else ()))
 
+    def refresh_ground(self) -> bool:
+        """Read control and check points again if their file is another than last time; whether it was.
+
+        Raises
+        ------
+        InputError
+            If it breaks the contract by now.
+        """
+        path = self.folder / "ground_points.csv"
+        stamp = path.stat().st_mtime if path.exists() else 0.0
+        if stamp == self._ground_stamp:
+            return False
+        self.ground = self._ground()
+        self._ground_stamp = stamp
+        return True
+
     def _ground(self) -> dict[str, GroundPlace]:
         """Control and check points, with approximate ones."""
-        source = self._source
+        source = replace(self._source, problems=Faults())
         table = without_bodies(source, source.table("ground_points.csv"))[0]
         columns = ground_point_columns(source, table, read_covariances(source))[0]
         raise_all(source.problems)
@@ -137,10 +155,6 @@ class MeasuredFolder:
         if self.cameras.kind[k] == "digital" and np.isfinite(width_height).all():
             return int(width_height[0]), int(width_height[1])
         return size_px(self.path[image]) if self.path[image].lower().endswith(TIFF) else None
-
-    def point_names(self) -> list[str]:
-        """Control and check points first, then all others that are measured."""
-        return [*self.ground, *canonical(set(self.points.counts()) - set(self.ground))]
 
     def to_table(self, image: str, size_px: tuple[int, int]) -> Float:
         """Matrix (2, 3) from px from the outer corner of a file to the coordinates of the tables.

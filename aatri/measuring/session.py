@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import AatriError, InputError
-from aatri.ids import clipped
+from aatri.ids import canonical, clipped
 from aatri.measuring.measured_folder import CORNER_PX, MeasuredFolder
 from aatri.measuring.measured_table import MeasuredRow, RowChange
 from aatri.measuring.open_pictures import OpenPictures
@@ -62,9 +62,9 @@ class Session:
             if known == self._version:
                 return {"version": known}
             folder, counts, of_image = self.folder, self.folder.points.counts(), self.folder.points.image_counts()
-            names = folder.point_names()
-            if len(names) > MOST_LISTED:
-                names = list(dict.fromkeys([*folder.ground, *(name for _, _, name, _ in self._changes.values())]))
+            names = list(dict.fromkeys([*folder.ground, *(name for _, _, name, _ in self._changes.values())]))
+            if len(counts) <= MOST_LISTED:
+                names = [*folder.ground, *canonical(set(counts) - set(folder.ground))]
             return {
                 "version": self._version,
                 "block": folder.settings.name or folder.folder.resolve().name,
@@ -238,7 +238,7 @@ class Session:
 
     def _refresh(self) -> None:
         """See what others have written: the tables by an editor or another page, results by a run."""
-        if any([self.folder.points.refresh(), self.folder.marks.refresh()]):
+        if any([self.folder.points.refresh(), self.folder.marks.refresh(), self.folder.refresh_ground()]):
             self._version += 1
         if self._run is not None and stamp_of(self._run) == self._stamp:
             return

@@ -138,6 +138,21 @@ def test_the_other_tab_hears_of_a_click(server: MeasuringServer) -> None:
     assert _ask(server, f"state?known={version}")[1]["points"][0]["count"] == 1
 
 
+def test_what_an_editor_writes_is_taken_over_and_what_it_breaks_is_told(server: MeasuringServer) -> None:
+    folder = server.session.folder.folder
+    _ask(server, "measure", CLICK)
+    version = _ask(server, "state")[1]["version"]
+    with (folder / "ground_points.csv").open("a") as file:
+        file.write("G3,20,0,0,check\n")
+    (folder / "image_points.csv").write_text("image,point,x,y\na,G1,7,8\nb,G1,9,8\n")
+    told = _ask(server, f"state?known={version}")[1]
+    assert [(p["name"], p["count"]) for p in told["points"]] == [("G1", 2), ("G2", 0), ("G3", 0)]
+    (folder / "ground_points.csv").write_text("point,X,Y,Z,role\nG1,0,zero,0,control\n")
+    for _ in range(2):
+        status, told, _headers = _ask(server, "state")
+        assert (status, "zero" in told["error"]) == (400, True)
+
+
 def test_a_folder_that_cannot_be_written_is_named(server: MeasuringServer, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, *args: Any) -> None:
         raise PermissionError(13, "Permission denied")
