@@ -77,8 +77,9 @@ class PassPoints(Table):
     point: Text = column("str", doc="id of the point")
     role: Text = column("str", doc="control, check or new")
     ground_m: Float = column("f8", 3, unit="m", doc="adjusted coordinates", optional=True)
-    model_m: Float = column("f8", 3, unit="m", doc="of its two rays in the model, from the left projection centre",
-                            optional=True)  # fmt: skip
+    model_m: Float = column(
+        "f8", 3, unit="m", doc="of its two rays in the model, from the left projection centre", optional=True
+    )
     left_mm: Float = column("f8", 2, unit="mm", doc="corrected coordinates in the left epipolar image", optional=True)
     right_mm: Float = column("f8", 2, unit="mm", doc="in the right one", optional=True)
     parallax_um: Float = column("f8", unit="um", doc="y-parallax that is left", optional=True)

@@ -97,8 +97,11 @@ def reduced(
     tables, _ = camera_tables(block, of.done.result, of.chosen)
     made = information_of(of.source, of.done, equations, tables.sets)
     if included is not None:
-        staying = {(group, name) for group, ids in zip(wanted, (block.images.id, block.points.id))
-                   for name in ids[wanted[group]].tolist()}  # fmt: skip
+        staying = {
+            (group, name)
+            for group, ids in zip(wanted, (block.images.id, block.points.id))
+            for name in ids[wanted[group]].tolist()
+        }
         made = added(made, included, lambda group, name: (group, name) in staying)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made

@@ -108,5 +108,7 @@ def _tell_weak(block: Block, images: Int, context: Context) -> None:
     if len(none):
         context.warn(f"{len(none)} images have no tie point: {shown(none)}")
     if len(weak):
-        context.warn(f"{len(weak)} images have tie points in less than {FEWEST_CELLS:.0%} of their {CELLS} x {CELLS} "
-                     f"cells: {shown(weak)}")  # fmt: skip
+        context.warn(
+            f"{len(weak)} images have tie points in less than {FEWEST_CELLS:.0%} of their {CELLS} x {CELLS} "
+            f"cells: {shown(weak)}"
+        )

@@ -77,8 +77,10 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     sigma, of_reference = (np.concatenate([np.split(f.sigma_px, 2)[k] for f in found]) for k in (0, 1))
     moved = np.hypot(*(xy - xy_px[at]).T)
     good = (like >= options.min_correlation) & (moved <= options.max_shift_px)
-    context.log(f"{int(good.sum())} of {len(at)} image points are matched; they moved by "
-                f"{np.median(moved[good]) if good.any() else 0:.2f} px in the median")  # fmt: skip
+    context.log(
+        f"{int(good.sum())} of {len(at)} image points are matched; they moved by "
+        f"{np.median(moved[good]) if good.any() else 0:.2f} px in the median"
+    )
     made_px, sigma_px = xy_px.copy(), np.full((len(points), 2), np.nan)
     made_px[at[good]], sigma_px[at[good]] = xy[good], sigma[good]
     heads = rows[reference == np.arange(len(rows))]

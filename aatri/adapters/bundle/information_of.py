@@ -155,10 +155,7 @@ def counted_rows(
             own &= keep[group][of]
     rows = np.flatnonzero(own)
     image, point = (names.tolist() for names in o.names(rows))
-    return [
-        (k, (o.kind, i, p), _digest(block, o.kind, int(o.row[k])))
-        for k, i, p in zip(rows.tolist(), image, point)
-    ]  # fmt: skip
+    return [(k, (o.kind, i, p), _digest(block, o.kind, int(o.row[k]))) for k, i, p in zip(rows.tolist(), image, point)]
 
 
 def _counted(block: Block, done: AdjustedBlock, equations: EquationsOfShared) -> CountedObservations:

@@ -57,8 +57,13 @@ def added(own: Information, other: Information, stays: Callable[[str, str], bool
     g[column] += T.T @ (N2 @ d + other.unknowns.right)
     cost = own.cost + other.cost + float(d @ (N2 @ d) + 2 * d @ other.unknowns.right)
     unknowns: KeptUnknowns = stacked([own.unknowns, other.unknowns.take(np.flatnonzero(foreign))])
-    kept = np.array([group not in (POSE, POINT) or k >= len(mine) or stays(group, name)
-                     for k, (group, name, _) in enumerate(_keys(unknowns))], dtype=bool)  # fmt: skip
+    kept = np.array(
+        [
+            group not in (POSE, POINT) or k >= len(mine) or stays(group, name)
+            for k, (group, name, _) in enumerate(_keys(unknowns))
+        ],
+        dtype=bool,
+    )
     N, g, fall, rank = without(N, g, np.flatnonzero(kept), np.flatnonzero(~kept))
     gone = list(dict.fromkeys(key[:2] for key, stay in zip(_keys(unknowns), kept) if not stay))
     images = stacked([own.images, other.images.take(np.flatnonzero(~np.isin(other.images.image, own.images.image)))])

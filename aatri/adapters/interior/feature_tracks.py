@@ -72,8 +72,10 @@ def with_tie_points(
     left, right = np.concatenate(ends).T
     tracks = tracks_of(left, right, first)
     rays = np.bincount(tracks.track)
-    reporter.log(f"{len(rays)} tie points with {len(tracks.track)} image points, {int((rays > 2).sum())} in three "
-                 f"images and more; {tracks.refused} refused with two places in one image")  # fmt: skip
+    reporter.log(
+        f"{len(rays)} tie points with {len(tracks.track)} image points, {int((rays > 2).sum())} in three "
+        f"images and more; {tracks.refused} refused with two places in one image"
+    )
     if not len(rays):
         raise InputError("no tie points: the images have nothing in common", where=block.name, remedy="see the log")
     names = np.array([f"{prefix}{k + 1:0{len(str(len(rays)))}d}" for k in range(len(rays))])
@@ -129,9 +131,7 @@ def _checked(
         sigma = sigmas_px[image][rows, None] * np.abs(matrix[image, :, :2]).sum(axis=1)
         return np.column_stack([xy, np.full(len(xy), -c_mm[image])]), sigma
 
-    sides = [
-        [rays(int(features.pairs[k, side]), features.matches[k][:, side]) for k in enough] for side in (0, 1)
-    ]  # fmt: skip
+    sides = [[rays(int(features.pairs[k, side]), features.matches[k][:, side]) for k in enough] for side in (0, 1)]
     of_pairs = RayPairs(*(np.concatenate([ray[part] for ray in side]) for part in (0, 1) for side in sides))
     start = np.concatenate([[0], np.cumsum([len(features.matches[k]) for k in enough])])
     fit = essential_orientations(
@@ -142,6 +142,8 @@ def _checked(
         active = fit.active[start[p] : start[p + 1]]
         if fit.formed[p] and active.sum() >= min_matches:
             passed[k] = features.matches[k][active]
-    reporter.log(f"{len(features.pairs)} pairs, {len(enough)} with {min_matches} matches, {len(passed)} pass the check "
-                 f"with {sum(map(len, passed.values()))} of {start[-1]} matches")  # fmt: skip
+    reporter.log(
+        f"{len(features.pairs)} pairs, {len(enough)} with {min_matches} matches, {len(passed)} pass the check "
+        f"with {sum(map(len, passed.values()))} of {start[-1]} matches"
+    )
     return passed

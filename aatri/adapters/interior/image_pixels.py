@@ -33,8 +33,9 @@ def cells_of(block: Block, cells: int) -> Int:
     for camera in np.unique(of_image).tolist():
         some = of_image == camera
         if cameras.image_coordinates[camera] == "pixel":
-            linear = mm_from_pixel(np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]),
-                                   cameras.format[camera])  # fmt: skip
+            linear = mm_from_pixel(
+                np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]), cameras.format[camera]
+            )
             share[some] = (points.xy[some] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
         else:
             share[some] = points.xy[some] / cameras.format[camera] + 0.5

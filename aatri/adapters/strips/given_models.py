@@ -78,8 +78,11 @@ def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, li
     misfit = Misfit(rules.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "models", "")
     text = f"{len(chosen)} models; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
-    notes += [Note("note", text), sigma0_note(fit, f"of {len(chosen)} models"),
-              *search_notes(tied, tables.names_of, "models")]  # fmt: skip
+    notes += [
+        Note("note", text),
+        sigma0_note(fit, f"of {len(chosen)} models"),
+        *search_notes(tied, tables.names_of, "models"),
+    ]
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
     return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, rules), notes
@@ -99,8 +102,14 @@ def _start(
             return concerning(observed_control(control, origin, block.points.id[control.point]), body)
 
         try:
-            to = orient_body(seen, body, OrientationRules(START_LIMIT), what=what, image_ids=np.array([what]),
-                             point_ids=block.points.id).ground_from_body  # fmt: skip
+            to = orient_body(
+                seen,
+                body,
+                OrientationRules(START_LIMIT),
+                what=what,
+                image_ids=np.array([what]),
+                point_ids=block.points.id,
+            ).ground_from_body
         except GeometryError as error:
             failed.append(error)
             continue
