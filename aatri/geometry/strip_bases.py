@@ -40,6 +40,8 @@ class StripAxes:
     """(2,), m. Half the range of U and V."""
     ground_from_axes: Float
     """(3, 3). Rotation about the vertical."""
+    camera_m: Float
+    """(2,), m. Mean of the projection centres in V and W."""
 
 
 def strip_axes(points_m: Float, centres_m: Float) -> StripAxes:
@@ -62,7 +64,7 @@ def strip_axes(points_m: Float, centres_m: Float) -> StripAxes:
     low, high = local[:, :2].min(0), local[:, :2].max(0)
     middle = np.append((low + high) / 2, local[:, 2].mean())
     half = np.maximum((high - low) / 2, 1e-6 * max(float((high - low).max()), 1e-3))
-    return StripAxes(rotation @ middle, half, rotation)
+    return StripAxes(rotation @ middle, half, rotation, (centres_m.mean(0) @ rotation - middle)[1:])
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ has left of the deformation, F z + S s (taken_up). Ground points are weighted me
     C_X = B C_(c, z) B' + phi (sum W)^-1,      B = (sum W)^-1 W (D, F)
 
 The variances theta of z and phi are estimated from the residuals (deformation_components), phi no smaller than the
-standard deviations a priori want it. A component with a redundancy below `ESTIMABLE` is not estimable, and then no
-covariance is given.
+standard deviations a priori want it. A component of the joints that has, with what stands beside it, a redundancy below
+`ESTIMABLE` is not estimable, and then no covariance is given.
 
 Source: collocation with the filter of another adjustment: Moritz 1980, Advanced Physical Geodesy.
 """
@@ -45,6 +45,7 @@ from aatri.orientation.bodies.deformed_normals import (
 from aatri.orientation.bodies.determined_degrees import kept_coefficients
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials
 from aatri.orientation.bodies.summed_deformation import (
+    BESIDE,
     COMPONENT,
     COMPONENTS,
     COMPONENTS_TOGETHER,
@@ -153,11 +154,13 @@ def _deformed_covariances(
     squares = tied.weighted_sigma0**2 * redundancy
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
     g, kind = of_misfit[z] + err.T @ of_misfit[s], np.tile(COMPONENT, n_strips)[left]
-    for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, np.array(TOGETHER))):
-        component = of[kind]
-        found = deformation_components(S, g, component, squares, redundancy, least)
+    strip = np.repeat(np.arange(n_strips), len(COMPONENT))[left]
+    for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, TOGETHER)):
+        component, lasting = of[kind], of[BESIDE]
+        found = deformation_components(S, g, component, strip, squares, redundancy, least)
         present = np.unique(component).tolist()
-        few = [f"{names[k]} ({found.redundancy[k]:.1f})" for k in present if found.redundancy[k] < ESTIMABLE]
+        r = np.bincount(lasting[present], found.redundancy[present])
+        few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE]
         if not few:
             break
     sigma = {names[k]: float(np.sqrt(found.variance[k])) for k in present}
@@ -168,7 +171,8 @@ def _deformed_covariances(
         return DeformedCovariances(*nothing, sigma, of_component, why)
     by_control = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
     noise = Q @ by_control.reshape(N.shape[0], 3 * len(control.point))[c]
-    theta, C, r, R = found.variance[component], np.zeros(N.shape), np.concatenate([c, s]), np.concatenate([-A, err])
+    theta, C = found.variance[component] * found.size[strip], np.zeros(N.shape)
+    r, R = np.concatenate([c, s]), np.concatenate([-A, err])
     root = R * np.sqrt(theta)
     C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = root @ root.T, R * theta, (R * theta).T
     C[z, z] = theta

@@ -74,7 +74,8 @@ def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> F
     # The coefficients' terms are sums of the functions: at a few places they say which.
     made = np.linalg.pinv(f)
     of_basis = [made @ basis.rows(u, v, np.full(len(u), across / along)).transpose(1, 0, 2) for along, across in half_m]
-    both = np.concatenate([np.stack(of_basis), causes(half_m, models, f.shape[1])], axis=3)
+    camera_m = np.stack([a.camera_m for a in axes])
+    both = np.concatenate([np.stack(of_basis), causes(half_m, camera_m, models, f.shape[1])], axis=3)
     return both.reshape(len(axes), -1, both.shape[3])
 
 

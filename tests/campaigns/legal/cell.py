@@ -23,7 +23,8 @@ FACTORS: dict[str, tuple[str, ...]] = {
 class Cell:
     """One level of each factor, the seed of its block, of what class the sigmas are wrong, and how image points err.
 
-    Errors are `normal`, or `t5`: Student's of five degrees of freedom, their size 0.6 to 1.6 of sigma by image.
+    Errors are `normal`; `quality`: normal, 0.6 to 1.6 times the stated sigma by image; `t5`: Student's of five degrees
+    of freedom, of the same sizes.
     """
 
     control: str

@@ -202,9 +202,11 @@ def _measure(scene: Scene, rng: np.random.Generator) -> None:
     for _ in range(20):
         measured = ideal - measured * camera["k1"] * (measured**2).sum(axis=1)[:, None]
     noise = rng.normal(0, IMAGE_MM[scene.cell.camera], measured.shape)
-    if scene.cell.noise == "t5":
+    if scene.cell.noise != "normal":
         quality = rng.uniform(0.6, 1.6, len(scene.R))[rays.image]
-        noise = IMAGE_MM[scene.cell.camera] * quality[:, None] * rng.standard_t(5, measured.shape) * np.sqrt(3 / 5)
+        if scene.cell.noise == "t5":
+            noise = IMAGE_MM[scene.cell.camera] * rng.standard_t(5, measured.shape) * np.sqrt(3 / 5)
+        noise *= quality[:, None]
     scene.xy_mm = measured + np.array([camera["x0"], camera["y0"]]) + noise
 
 

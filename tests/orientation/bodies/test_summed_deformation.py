@@ -12,7 +12,7 @@ from aatri.orientation.bodies.deformation_components import deformation_componen
 from aatri.orientation.bodies.deformed_covariances import _inverses, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.deformed_normals import DeformedTies, of_control
 from aatri.orientation.bodies.strip_polynomials import adjust_strip_polynomials
-from aatri.orientation.bodies.summed_deformation import COMPONENTS, covariances
+from aatri.orientation.bodies.summed_deformation import COMPONENT, COMPONENTS, SCALE, causes, covariances
 
 MODELS, BASE_M, WIDTH_M = 20, 100.0, 360.0
 
@@ -53,18 +53,48 @@ def test_variances_of_two_components_come_out_as_put_in() -> None:
         # A regression of 500 observations on 80 deformations, turned so that the first 80 hold all there is of them.
         y = L.T @ z + noise[:80]
         squares = float(y @ y + noise[80:] @ noise[80:])
-        estimate = deformation_components(S, L @ y, component, squares, 500, 0.0)
+        estimate = deformation_components(S, L @ y, component, 0 * component, squares, 500, 0.0)
         found.append([*(estimate.variance / true), estimate.phi / phi])
         assert estimate.redundancy.sum() < 80
     # Forty times at least thirty degrees of freedom: the mean is known to 4 %.
     np.testing.assert_allclose(np.mean(found, axis=0), 1.0, atol=0.12)
 
 
-def _walked(rng: np.random.Generator, X, start_m):
-    """A deformation by joints that err: (dU, dV, dW) by interpolated sums, heights as told by the axes."""
+def test_bodies_of_which_one_errs_by_more_come_out_as_put_in() -> None:
+    rng, found = np.random.default_rng(6), []
+    component, body, size = np.tile([0, 1], 40), np.repeat(np.arange(4), 20), np.array([0.4, 0.4, 0.4, 2.8])
+    root = rng.standard_normal((80, 90)) * 6.0
+    S, true = root @ root.T, np.array([0.25, 1.0])
+    L = np.linalg.cholesky(S)
+    for _ in range(40):
+        y = L.T @ (rng.standard_normal(80) * np.sqrt(true[component] * size[body])) + rng.standard_normal(80)
+        squares = float(y @ y + rng.chisquare(420))
+        estimate = deformation_components(S, L @ y, component, body, squares, 500, 0.0)
+        found.append([*(estimate.variance / true), *(estimate.size / size)])
+    found = np.mean(found, axis=0)
+    np.testing.assert_allclose(found[[0, 1, 5]], 1.0, atol=0.3)
+    assert (found[2:5] < 2.0).all()  # ten redundancies say 1 beforehand, some twenty are there
+
+
+def test_a_walk_of_the_scale_lengthens_widens_and_lowers_as_its_sums_do() -> None:
+    rng, n, u = np.random.default_rng(4), 400, (np.arange(400) + 0.5) / 200 - 1
+    # Half lengths of 1000 and 300 m, cameras 50 m aside and 500 m above, 25 models; walks of unit variance a joint.
+    walk = 5 * np.cumsum(rng.standard_normal((4000, n)), axis=1) / np.sqrt(n)
+    summed = np.cumsum(walk, axis=1) * 2000 / n
+    P = [np.ones(n), u, (3 * u**2 - 1) / 2, (5 * u**3 - 3 * u) / 2]
+    sampled = np.stack([summed @ P[2] * 5, 300 * walk @ P[1] * 3, -50 * walk @ P[1] * 3, -500 * walk @ P[1] * 3]) / n
+    made = causes(np.array([[1000.0, 300.0]]), np.array([[50.0, 500.0]]), np.array([25]), 13)[0]
+    rows = np.stack([made[0, 2], made[1, 8], made[1, 1], made[2, 1]])[:, COMPONENT == SCALE]
+    scale = np.sqrt(np.outer(*2 * [np.einsum("ij,ij->i", rows, rows)]))
+    np.testing.assert_allclose(np.cov(sampled) / scale, rows @ rows.T / scale, atol=0.08)
+
+
+def _walked(rng: np.random.Generator, X, start_m, lasting=4e-5, passing=0.0):
+    """A deformation by joints that err, and by bases and images: (dU, dV, dW) of points, the cameras 400 m high."""
     stations = np.arange(MODELS + 1) * BASE_M
-    scale, azimuth, pitch, roll = 4e-5 * np.cumsum(rng.standard_normal((4, MODELS + 1)), axis=1)
+    scale, azimuth, pitch, roll = lasting * np.cumsum(rng.standard_normal((4, MODELS + 1)), axis=1)
     along = X[:, 0] - start_m
+    base, image = passing * rng.standard_normal((2, MODELS + 1))
 
     def at(values):
         return np.interp(along, stations, values)
@@ -75,13 +105,13 @@ def _walked(rng: np.random.Generator, X, start_m):
     return np.column_stack(
         [
             summed(scale) - X[:, 1] * at(azimuth),
-            summed(azimuth) + X[:, 1] * at(scale),
-            summed(pitch) + X[:, 1] * at(roll),
+            summed(azimuth + base) + X[:, 1] * at(scale),
+            summed(pitch) + X[:, 1] * at(roll + image) - (400 - X[:, 2]) * at(scale),
         ]
     )
 
 
-def _errors_and_variances(seed: int, strips=6, every=23):
+def _errors_and_variances(seed: int, strips=6, every=23, **errors):
     """Mean squares of true errors and of standard deviations of a made-up block of parallel strips."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(
@@ -92,7 +122,7 @@ def _errors_and_variances(seed: int, strips=6, every=23):
     for k in range(strips):
         mine = np.flatnonzero(abs(truth[:, 1] - 300 * k) <= WIDTH_M / 2)
         local = truth[mine] - [0, 300 * k, 0]
-        parts.append(truth[mine] + _walked(rng, local, 0.0) + rng.normal(0, 0.01, (len(mine), 3)))
+        parts.append(truth[mine] + _walked(rng, local, 0.0, **errors) + rng.normal(0, 0.01, (len(mine), 3)))
         axes.append(
             strip_axes(
                 parts[-1],
@@ -132,16 +162,18 @@ def test_a_normal_matrix_that_rounding_leaves_indefinite_gives_what_the_exact_on
     vectors = np.linalg.qr(rng.normal(size=(6, 6)))[0]
     exact, lost = (vectors * v @ vectors.T for v in ([1e9, 1e8, 1e7, 1e6, 0.0, 0.0], [1e9, 1e8, 1e7, 1e6, -1e4, -1e4]))
     component, g = np.array([0, 0, 0, 1, 1, 1]), exact @ rng.normal(0, 30.0, 6)
-    wanted = deformation_components(exact, g, component, 400.0, 200, 0.5)
-    found = deformation_components(lost, g, component, 400.0, 200, 0.5)
+    wanted = deformation_components(exact, g, component, 0 * component, 400.0, 200, 0.5)
+    found = deformation_components(lost, g, component, 0 * component, 400.0, 200, 0.5)
     np.testing.assert_allclose(found.variance, wanted.variance, rtol=1e-3)
     np.testing.assert_allclose(found.redundancy, wanted.redundancy, rtol=1e-3)
-    assert not len(deformation_components(exact[:0, :0], g[:0], component[:0], 400.0, 200, 0.5).variance)
+    assert not len(deformation_components(exact[:0, :0], g[:0], component[:0], component[:0], 400.0, 200, 0.5).variance)
 
 
 @pytest.mark.slow
-def test_standard_deviations_of_strips_that_sum_up_errors_hold() -> None:
-    squares = np.array([_errors_and_variances(seed)[0] for seed in range(1, 9)]).sum(axis=0)
+@pytest.mark.parametrize(("lasting", "passing"), [(4e-5, 0.0), (4e-5, 1e-4)])
+def test_standard_deviations_of_strips_that_sum_up_errors_hold(lasting: float, passing: float) -> None:
+    errors = {"lasting": lasting, "passing": passing}
+    squares = np.array([_errors_and_variances(seed, **errors)[0] for seed in range(1, 9)]).sum(axis=0)
     ratio = np.sqrt(squares[0] / squares[1])
     assert ((ratio > 0.7) & (ratio < 1.4)).all(), ratio
 
@@ -155,10 +187,18 @@ def test_a_single_strip_with_little_control_has_no_standard_deviations_and_says_
 
 
 def test_how_far_joints_err_is_told() -> None:
-    _, deformed = _errors_and_variances(1)
+    _, deformed = _errors_and_variances(1, strips=9)
     (note,) = covariance_notes(deformed)
     assert "joints, tilt across" in note.text
-    assert deformed.sigma == pytest.approx(dict.fromkeys(COMPONENTS, 4e-5), rel=0.3)
+    joints = [deformed.sigma[name] for name in COMPONENTS[:4]]
+    assert joints == pytest.approx([4e-5] * 4, rel=0.3)
+
+
+def test_what_bases_err_by_alone_is_told_apart_from_what_lasts() -> None:
+    found = [_errors_and_variances(seed, strips=9, passing=4e-4)[1].sigma for seed in range(1, 5)]
+    assert np.mean([sigma["bases, azimuth"] for sigma in found]) == pytest.approx(4e-4, rel=0.2)
+    in_plan = [sigma.get("joints, in plan", sigma.get("joints, scale", 0.0)) for sigma in found]
+    assert np.mean(in_plan) == pytest.approx(4e-5, rel=0.3)
 
 
 def test_height_control_whose_ties_are_all_rejected_has_a_weight_in_height_alone() -> None:

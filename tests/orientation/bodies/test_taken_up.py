@@ -16,7 +16,7 @@ FUNCTIONS, ACROSS = 5, 3
 def _axes(azimuth_deg: float, x: float, y: float) -> StripAxes:
     c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return StripAxes(np.array([x, y, 0.0]), np.array([1000.0, 300.0]), rotation)
+    return StripAxes(np.array([x, y, 0.0]), np.array([1000.0, 300.0]), rotation, np.array([0.0, 400.0]))
 
 
 STRIPS = (_axes(0.0, 0.0, 0.0), _axes(180.0, 30.0, 400.0), _axes(3.0, -20.0, 800.0))
