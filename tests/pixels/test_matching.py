@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.orientation.relative.tracks import tracks_of
+from aatri.orientation.relative.tracks import lone_joints, tracks_of
 from aatri.pixels.matching import all_pairs, coarse_pairs, consecutive_pairs, matched, near_pairs
 
 
@@ -48,3 +48,21 @@ def test_tracks_join_matches_and_refuse_two_places_of_one_image() -> None:
     torn = tracks_of(np.array([0, 3, 6]), np.array([3, 6, 1]), first)  # features 0 and 1 of the first image
     assert torn.refused == 1
     assert not len(torn.track)
+
+
+def test_joints_of_one_pair_are_those_without_which_the_images_fall_apart() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        n = int(rng.integers(2, 12))
+        pairs = np.unique(np.sort(rng.integers(0, n, (int(rng.integers(1, 2 * n)), 2)), axis=1), axis=0)
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        parts = _parts(pairs, n)
+        alone = [k for k in range(len(pairs)) if _parts(np.delete(pairs, k, axis=0), n) > parts]
+        assert lone_joints(pairs, n).tolist() == alone
+
+
+def _parts(pairs: np.ndarray, n: int) -> int:
+    of = list(range(n))
+    for i, j in pairs.tolist():
+        of = [of[i] if x == of[j] else x for x in of]
+    return len(set(of))

@@ -10,8 +10,9 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs
+from aatri.ids import shown
 from aatri.orientation.relative.essential import essential_orientations
-from aatri.orientation.relative.tracks import tracks_of
+from aatri.orientation.relative.tracks import lone_joints, tracks_of
 from aatri.progress import Reporter
 
 SMALLEST_PX = 4.0
@@ -68,6 +69,7 @@ def with_tie_points(
     sigmas_px = [sigma_px * np.maximum(size / SMALLEST_PX, 1.0) for size in features.size_px]
     first = np.concatenate([[0], np.cumsum([len(xy) for xy in features.xy_px])])
     matches = _checked(block, features, sigmas_px, min_matches, snooping_limit, reporter)
+    _tell_lone_joints(block, features, matches, reporter)
     ends = [np.zeros((0, 2), np.int64), *(first[features.pairs[k]] + rows for k, rows in matches.items())]
     left, right = np.concatenate(ends).T
     tracks = tracks_of(left, right, first)
@@ -88,6 +90,16 @@ def with_tie_points(
     return with_image_points(
         block, image, names[tracks.track], xy_px, np.concatenate(sigmas_px)[at], row_time_s=row_time_s
     )
+
+
+def _tell_lone_joints(block: Block, features: MatchedFeatures, matches: dict[int, Int], reporter: Reporter) -> None:
+    """Name pairs without which the block falls apart: a wrong one bends it unseen."""
+    pairs, counts = features.pairs[list(matches)], [len(rows) for rows in matches.values()]
+    joints = lone_joints(pairs, len(features.images))
+    if len(features.images) > 2 and len(joints):
+        ids = block.images.id[features.images]
+        names = [f"{ids[i]} - {ids[j]} ({counts[k]} matches)" for k, (i, j) in zip(joints, pairs[joints].tolist())]
+        reporter.warn(f"{len(joints)} joints hang on one pair of images each: {shown(names)}")
 
 
 def merged_places(xy_px: Sequence[Float], pairs: Int, matches: Sequence[Int]) -> list[Int]:

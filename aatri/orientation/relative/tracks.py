@@ -55,3 +55,41 @@ def tracks_of(left: Int, right: Int, first: Int) -> Tracks:
     kept = ~np.isin(of, torn)
     track = np.unique(of[kept], return_inverse=True)[1].ravel()
     return Tracks(track, image[kept], used[kept] - first[image[kept]], len(torn))
+
+
+def lone_joints(pairs: Int, n: int) -> Int:
+    """Rows of pairs (m, 2) of n images on each of which alone two parts of the block hang together.
+
+    Depth first: a pair is such a joint if nothing beyond it is paired with anything before it (Tarjan 1974).
+    """
+    beside: list[list[tuple[int, int]]] = [[] for _ in range(n)]
+    for row, (i, j) in enumerate(pairs.tolist()):
+        beside[i].append((j, row))
+        beside[j].append((i, row))
+    seen, earliest, joints = [-1] * n, [0] * n, list[int]()
+    count = 0
+    for root in range(n):
+        if seen[root] >= 0:
+            continue
+        path = [(root, -1, iter(beside[root]))]
+        seen[root] = earliest[root] = count
+        count += 1
+        while path:
+            image, came_by, others = path[-1]
+            for other, row in others:
+                if row == came_by:
+                    continue
+                if seen[other] < 0:
+                    seen[other] = earliest[other] = count
+                    count += 1
+                    path.append((other, row, iter(beside[other])))
+                    break
+                earliest[image] = min(earliest[image], seen[other])
+            else:
+                path.pop()
+                if path:
+                    before = path[-1][0]
+                    earliest[before] = min(earliest[before], earliest[image])
+                    if earliest[image] > seen[before]:
+                        joints.append(came_by)
+    return np.array(sorted(joints), dtype=np.int64)
