@@ -60,6 +60,7 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)
     assert "<caption>Run run</caption>" in html
     assert "<progress" in html
+    assert html.count("data:image/svg+xml") == 2
     assert "5/5 stages" in html
     red = [output["text"] for output in outputs if output.get("name") == "stderr"]
     assert all("UserWarning" in text for text in red)  # what a stage in memory warns of: no progress
