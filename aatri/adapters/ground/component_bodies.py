@@ -19,6 +19,10 @@ from aatri.orientation.graph.component import ImageComponent
 PRECISION = 3.0
 """Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
 
+ACROSS = 0.1
+"""Share of a bend that counts across it: a body is not turned more exactly than by this while it is oriented, and where
+its points were known far better across than along, no orientation would settle."""
+
 FREE_SHARE = 0.1
 """Standard deviation of a principal distance of which nothing is said, as a share of it."""
 
@@ -30,9 +34,15 @@ def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
         np.tile(variance * np.eye(3), (n, 1, 1)) for n in (len(component.images), len(component.xyz))
     )
     for centres, points in component.bends:
-        of_centres += np.einsum("ni,nj->nij", centres, centres)
-        of_points += np.einsum("ni,nj->nij", points, points)
+        of_centres += _of_bend(centres)
+        of_points += _of_bend(points)
     return FreeBody(component.poses, component.xyz, of_points, of_centres, angle_precision(component, rays))
+
+
+def _of_bend(bend: Float) -> Float:
+    """Covariances of what is off by a bend, (n, 3, 3): along it, and across it by `ACROSS`."""
+    length = np.linalg.norm(bend, axis=1)[:, None, None]
+    return np.einsum("ni,nj->nij", bend, bend) + (ACROSS * length) ** 2 * np.eye(3)
 
 
 def precision(component: ImageComponent, rays: ImagePointRows) -> float:
