@@ -2,7 +2,7 @@
 
     d^2 = 2 - 2 a'b,   d_1 < 0.8 d_2,   a, b roots of the histograms, of length 1
 
-One matrix product finds all distances: for some thousand features no search tree is faster.
+Matrix products find all distances: for some thousand features no search tree is faster.
 
 Source: Lowe 2004 (ratio); Arandjelovic & Zisserman 2012 (roots).
 """
@@ -16,6 +16,8 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.features import Features, Keypoints, MatchedKeypoints, Matches
 
 RATIO = 0.8
+ROWS = 256
+"""Rows of the matrix of likenesses that are looked at while they are in the processor's cache."""
 COARSE = 500
 """Largest features of each image that find pairs."""
 COARSE_MATCHES = 12
@@ -46,13 +48,18 @@ def matched(left: Float, right: Float, ratio: float = RATIO) -> Int:
     """
     if min(len(left), len(right)) < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    likeness = left @ right.T
-    to_right, to_left, rows = likeness.argmax(axis=1), likeness.argmax(axis=0), np.arange(len(left))
-    best = likeness[rows, to_right]
-    likeness[rows, to_right] = -1.0
-    second = likeness.max(axis=1)
+    n, nearest_of_right = len(left), np.full(len(right), -np.inf, dtype=np.float32)
+    to_right, best, second = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.float32), np.empty(n, dtype=np.float32)
+    for first in range(0, n, ROWS):
+        likeness, part = left[first : first + ROWS] @ right.T, slice(first, first + ROWS)
+        np.maximum(nearest_of_right, likeness.max(axis=0), out=nearest_of_right)
+        rows, nearest = np.arange(len(likeness)), likeness.argmax(axis=1)
+        to_right[part], best[part] = nearest, likeness[rows, nearest]
+        likeness[rows, nearest] = -1.0
+        second[part] = likeness.max(axis=1)
     clear = np.sqrt(np.maximum(2 - 2 * best, 0)) < ratio * np.sqrt(np.maximum(2 - 2 * second, 0))
-    kept = np.flatnonzero(clear & (to_left[to_right] == rows))
+    mutual = np.flatnonzero(clear & (best >= nearest_of_right[to_right]))
+    kept = np.sort(mutual[np.unique(to_right[mutual], return_index=True)[1]])  # of equal ones the first
     return np.column_stack([kept, to_right[kept]])
 
 
