@@ -1,5 +1,8 @@
 """What all readers of a block share: edits that are applied to it, and how much of it may be unusable."""
 
+import numpy as np
+
+from aatri.arrays import Text
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import REJECT_SHARE, screened
 from aatri.checks.limits import MAX_REJECT_SHARE
@@ -21,7 +24,10 @@ class ReadingOptions(EditOptions):
     max_reject_share: float = Field(MAX_REJECT_SHARE, ge=0, le=1, description=REJECT_SHARE)
 
 
-def as_read(block: Block, options: ReadingOptions, context: Context, *, copies: bool = False) -> Block:
-    """The block with its edits, and what cannot be used set aside."""
+def as_read(
+    block: Block, options: ReadingOptions, context: Context, *, copies: bool = False, elsewhere: Text | None = None
+) -> Block:
+    """The block with its edits, what cannot be used set aside; `elsewhere`: points that other blocks show too."""
     block = edited(block, options.edits, context)
-    return screened(block, context, options.max_reject_share, copies=copies)
+    shared = None if elsewhere is None else np.isin(block.points.id, elsewhere)
+    return screened(block, context, options.max_reject_share, copies=copies, elsewhere=shared)

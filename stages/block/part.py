@@ -1,7 +1,9 @@
 """A part of another block: some images with all that is measured in them and observed of them.
 
 Images are chosen by their ids, by their strips, or as those of a third block. Sights on the ground and conditions
-that reach outside are left out and counted. `block/merged` makes the whole again.
+that reach outside are left out and counted. Image points of points that images outside show too stay in use where one
+image of the part alone shows them: `information/reduced` tells the others of them. `block/merged` makes the whole
+again.
 """
 
 from fnmatch import fnmatchcase
@@ -41,7 +43,9 @@ def part(*, options: PartOptions, context: Context = SILENT) -> Block:
     left_out = len(block.geodetic) - len(cut.geodetic), len(block.relative_control) - len(cut.relative_control)
     if any(left_out):
         context.log(f"outside: {left_out[0]} geodetic observations, {left_out[1]} conditions of relative control")
-    return as_read(cut, options, context)
+    rays = block.image_points
+    outside = np.unique(rays.point[rays.active & ~images[rays.image]])
+    return as_read(cut, options, context, elsewhere=block.points.id[outside])
 
 
 def _matching(kind: str, ids: Text, patterns: list[str]) -> Bool:

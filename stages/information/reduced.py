@@ -30,6 +30,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
+from aatri.checks.as_read.screening import SEEN_ONCE
 from aatri.errors import InputError
 from aatri.ids import printable, shown
 from aatri.observations.poses import POINT, POSE
@@ -87,6 +88,7 @@ def reduced(
     )
     at = (of.source.start[POSE], of.source.start[POINT]) if options.at_initial and initial is not None else None
     equations = shared_equations(of.done, in_both, at)
+    _tell_rays_set_aside(block, wanted[POINT], context)
     _tell_lost_rays(block, wanted[POINT] & ~equations.keep[POINT], context)
     if not any(kept.any() for kept in equations.keep.values()):
         raise InputError(
@@ -105,6 +107,18 @@ def reduced(
         made = added(made, included, lambda group, name: (group, name) in staying)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made
+
+
+def _tell_rays_set_aside(block: Block, wanted: Bool, context: Context) -> None:
+    """Image points of shared points that were set aside as the block was read: it alone has one of each."""
+    rows = np.flatnonzero((block.rejects.kind == "image_point") & (block.rejects.reason == SEEN_ONCE))
+    names, shared = block.rejects.id[rows].tolist(), set(block.points.id[wanted].tolist())
+    lost = [name for name in names if name.partition("/")[2] in shared]
+    if lost:
+        context.warn(
+            f"{len(lost)} image points of shared points say nothing, they were set aside as the block was read "
+            f"({SEEN_ONCE}): {shown(lost)}; cut the block out of the merged one (block/part), which keeps them"
+        )
 
 
 def _tell_lost_rays(block: Block, left_out: Bool, context: Context) -> None:

@@ -64,7 +64,12 @@ class Rows:
 
 
 def screened(
-    block: Block, reporter: Reporter = SILENT, max_reject_share: float = MAX_REJECT_SHARE, *, copies: bool = False
+    block: Block,
+    reporter: Reporter = SILENT,
+    max_reject_share: float = MAX_REJECT_SHARE,
+    *,
+    copies: bool = False,
+    elsewhere: Bool | None = None,
 ) -> Block:
     """The block with what cannot be used set inactive and listed in `rejects`.
 
@@ -78,6 +83,8 @@ def screened(
         Largest share of the image points that may lie outside the format, and of the positions that cannot be.
     copies : bool
         What is given twice counts twice: for problems that are defined by all their rows.
+    elsewhere : (n_points,) bool, optional
+        Points that images of other blocks show too: of these one image is enough.
 
     Raises
     ------
@@ -91,7 +98,9 @@ def screened(
     of_ids = lost_control(block)
     images, points = Rows(block.images.active.copy()), Rows(block.image_points.active.copy())
     points.reject(np.flatnonzero(_outside_format(block) & points.active), OUTSIDE)
-    while _reject_round(block, images, points):
+    while _reject_round(
+        block, images, points, _has_prior(block) if elsewhere is None else _has_prior(block) | elsewhere
+    ):
         pass
     problems = [*measured_twice(block), *of_positions, *of_ids, *_too_many(block, images, points, max_reject_share)]
     if any(problem.level == "error" for problem in problems):  # what was set aside before may be why so little is left
@@ -142,10 +151,10 @@ def _outside_format(block: Block) -> Bool:
     return np.asarray(((xy < low[camera]) | (xy > high[camera])).any(axis=1))
 
 
-def _reject_round(block: Block, images: Rows, points: Rows) -> bool:
-    """Apply rules 2 and 3 once; whether anything was rejected."""
+def _reject_round(block: Block, images: Rows, points: Rows, known: Bool) -> bool:
+    """Apply rules 2 and 3 once; whether anything was rejected. Of known points one image is enough."""
     rows = block.image_points
-    once = points.active & (_images_per_point(block, points.active) < 2)[rows.point] & ~_has_prior(block)[rows.point]
+    once = points.active & (_images_per_point(block, points.active) < 2)[rows.point] & ~known[rows.point]
     points.reject(np.flatnonzero(once), SEEN_ONCE)
     count = np.bincount(rows.image[of_image_and_point(block, points.active)], minlength=len(block.images))
     few = images.active & (count < FEWEST_IMAGE_POINTS) & ~_has_position(block)

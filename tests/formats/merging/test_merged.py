@@ -11,6 +11,7 @@ import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.builder import block_of
+from aatri.checks.as_read.screening import screened
 from aatri.errors import AatriError, InputError
 from aatri.formats.merging.merged import merged
 from aatri.formats.merging.names import Renaming, renamed
@@ -118,6 +119,9 @@ def test_parts_by_the_stages_from_folders_and_artifacts_are_the_whole(tmp_path: 
     write(block, tmp_path / "block.h5")
     west = part_stage(options=PartOptions(path=tmp_path / "block.h5", images=["*1", "*2", "*3"]))
     east = part_stage(options=PartOptions(path=tmp_path / "block.h5", images=["*3", "*4", "*5"]))
+    assert isinstance(west, Block)
+    assert isinstance(east, Block)
+    west, east = screened(west), screened(east)  # as if each had been read alone
     assert not (west.image_points.active.all() and east.image_points.active.all())  # seen once in a part alone
     write(west, tmp_path / "west.h5")
     write_block(east, tmp_path / "east")
@@ -268,3 +272,14 @@ def test_a_part_of_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b.txt").write_text("?")
     with pytest.raises(InputError, match="neither a block folder nor the Block of a run"):
         part_stage(options=PartOptions(path=tmp_path / "b.txt", strips=["9"]))
+
+
+def test_points_that_images_outside_of_a_part_show_too_keep_their_only_image_point(tmp_path: Path) -> None:
+    block = simulated("film")
+    write(block, tmp_path / "whole.h5")
+    part = part_stage(options=PartOptions(path=tmp_path / "whole.h5", strips=["C1"]))
+    assert isinstance(part, Block)
+    rays = np.bincount(part.image_points.point, minlength=len(part.points))
+    assert (rays == 1).any()
+    assert part.image_points.active.all()
+    assert not len(part.rejects)

@@ -12,6 +12,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
+from aatri.checks.as_read.screening import screened
 from aatri.errors import AatriError
 from aatri.formats.merging.part import part_of
 from aatri.progress import Silent
@@ -140,6 +141,18 @@ def test_image_points_of_images_without_orientation_are_lost_and_named() -> None
     (told,) = [text for text in ear.warnings if "are lost" in text]
     assert told.startswith("1 image points of 1 shared points")
     assert str(a.points.id[m.point[row]]) in told
+
+
+def test_image_points_set_aside_as_the_block_was_read_are_named() -> None:
+    block = block_of_strips(False, 3, cross=2)
+    west = np.isin(block.images.strip, (0, 3, 4))
+    ear = Ear()
+    read = screened(part_of(block, west), ear)
+    once = [name for name in read.rejects.id.tolist() if name.partition("/")[2] in set(block.points.id.tolist())]
+    ear.warnings.clear()
+    reduced(read, _points(read), other=part_of(block, ~west), options=ReducedOptions(**PLAIN), context=ear)
+    (told,) = [text for text in ear.warnings if "set aside as the block was read" in text]
+    assert told.startswith(f"{len(once)} image points of shared points say nothing")
 
 
 @pytest.mark.parametrize(
