@@ -20,6 +20,7 @@ from aatri.adjustment.elimination.schedule import RAY_FLOPS
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.runaways import Veto
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Bool, Int
 
@@ -56,7 +57,9 @@ def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) ->
     vetoes : sequence of callables
         Of all records, or None.
     """
-    part_of_node, above = _nodes(problem, count)
+    rays = problem.rays
+    n_rays = np.zeros(len(problem.tree.nodes), dtype=np.int64) if rays is None else np.diff(rays.ray_start[rays.first])
+    part_of_node, above = nodes_of_parts(problem.tree, n_rays, count)
     n_parts = int(part_of_node.max()) + 1
     layout, rows = problem.layout, _rows(problem, part_of_node, n_parts)
     of_vertex = np.where(above[problem.tree.node_of], -1, part_of_node[problem.tree.node_of])
@@ -115,10 +118,17 @@ class Vetoes:
         return next((why for veto in self.of_rows if (why := veto(old, new))), "")
 
 
-def _nodes(problem: IndexedProblem, count: int) -> tuple[Int, Bool]:
-    """Part of each node, and which nodes are above the parts."""
-    nodes, rays = problem.tree.nodes, problem.rays
-    n_rays = np.zeros(len(nodes)) if rays is None else np.diff(rays.ray_start[rays.first])
+def nodes_of_parts(tree: Tree, n_rays: Int, count: int) -> tuple[Int, Bool]:
+    """Part of each node, and which nodes are above the parts.
+
+    Parameters
+    ----------
+    tree : Tree
+    n_rays : (n_nodes,) int
+    count : int
+        Parts that are wanted.
+    """
+    nodes = tree.nodes
     work = np.array([node.flops for node in nodes]) + RAY_FLOPS * n_rays
     for k, node in enumerate(nodes):
         work[k] += sum(work[c] for c in node.children)

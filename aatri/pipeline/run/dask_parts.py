@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pickle
-import queue
+import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -20,11 +20,8 @@ from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.together import Answers, Combine, Exchange, Message, exchange_by
 
-LOOK_S = 60.0
-"""After which time without an answer a part looks whether it is still wanted: whoever made the stage may have died."""
-
-WAIT_S = 5.0
-"""After which time without a message it is looked whether a part has failed."""
+LONGEST_S = 0.25
+"""Longest time between two looks for a message."""
 
 
 class DaskParts:
@@ -92,11 +89,8 @@ class DaskParts:
             distributed.rejoin()
 
     def _take(self, up: Any, answers: Answers) -> None:
-        """Take a message, if there is one."""
-        try:
-            packed = up.get(timeout=WAIT_S)
-        except (TimeoutError, queue.Empty):
-            return
+        """Take a message, if one comes before long."""
+        packed = _got(up)
         if packed:
             self.sent_bytes += len(packed)
             answers.take(pickle.loads(packed))
@@ -114,6 +108,17 @@ def _finished(tasks: Sequence[Any], fetching: Mapping[int, Any]) -> list[int]:
 def _modules() -> tuple[Any, Any]:
     """cloudpickle and distributed, without types."""
     return importlib.import_module("cloudpickle"), importlib.import_module("distributed")
+
+
+def _got(messages: Any) -> bytes:
+    """The next message of a queue; empty if none comes while the looks for it become rarer."""
+    pause_s = 0.001
+    while not messages.qsize():
+        if pause_s > LONGEST_S:
+            return b""
+        time.sleep(pause_s)
+        pause_s *= 2
+    return bytes(messages.get())
 
 
 def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str], topic: str, part: int) -> Message:
@@ -138,12 +143,11 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
 
     def receive() -> Any:
         while True:
-            try:
-                return pickle.loads(down.get(timeout=LOOK_S))
-            except (TimeoutError, queue.Empty):
-                task = worker.state.tasks.get(key)
-                if task is None or task.state in ("cancelled", "released", "forgotten"):
-                    raise ResourceError("nobody waits for this part any more") from None
+            if packed := _got(down):
+                return pickle.loads(packed)
+            task = worker.state.tasks.get(key)  # whoever made the stage may have died
+            if task is None or task.state in ("cancelled", "released", "forgotten"):
+                raise ResourceError("nobody waits for this part any more")
 
     exchange, end = exchange_by(part, attempt, send, receive)
     with threadpool_limits(limits=1, user_api="blas"):

@@ -93,7 +93,7 @@ def _local_cluster(address: str) -> Any:
     return cluster(
         n_workers=int(count),
         threads_per_worker=1,
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",
         env={"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": threads},
     )
 

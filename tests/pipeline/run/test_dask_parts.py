@@ -74,7 +74,7 @@ def test_a_worker_that_dies_in_any_phase_changes_no_bit(tmp_path: Path) -> None:
     """Before the first linearisation, in the iteration, before the covariances, and with the result made."""
     state, groups = _adjusted(Threads())
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster) as client,
     ):
         for before in (0, 1, 2, 3, RESULT):
