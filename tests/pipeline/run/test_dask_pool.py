@@ -59,7 +59,8 @@ def test_a_cluster_gives_the_bits_of_one_process(tmp_path: Path, monkeypatch: py
     monkeypatch.chdir(tmp_path)
     Path("pipeline.yaml").write_text(PIPELINE)
     _run()
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster, Client(cluster) as client:
+    local = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+    with local as cluster, Client(cluster) as client:
         run_pipeline("pipeline.yaml", into="there", cluster=client)
     assert _digests("here") == _digests("there")
 
