@@ -229,10 +229,14 @@ def _verdict(table: Displacements, result: Congruence, datum: str, length_m: Flo
     if not len(moved):
         return f"none of {len(table)} points has moved ({rest}{laid})"
     first = moved[np.argsort(-table.statistic[moved] / table.limit[moved], kind="stable")][:3]
-    named = ", ".join(f"{printable(str(table.point[k]))} {length_m[k]:.4g} m" for k in first)
+    named = ", ".join(f"{printable(str(table.point[k]))} {_size(float(length_m[k]))}" for k in first)
     more = "" if len(moved) <= len(first) else " ..."
     verb = "has" if len(moved) == 1 else "have"
     return f"{len(moved)} of {len(table)} points {verb} moved: {named}{more}; the others are congruent ({rest}{laid})"
+
+
+def _size(metres: float) -> str:
+    return f"{1000 * metres:.3g} mm" if metres < 1 else f"{metres:.4g} m"
 
 
 CHANCE = 0.001
