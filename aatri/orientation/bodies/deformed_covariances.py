@@ -47,8 +47,6 @@ from aatri.orientation.bodies.strip_polynomials import StripPolynomials
 from aatri.orientation.bodies.summed_deformation import (
     BESIDE,
     COMPONENT,
-    COMPONENTS,
-    COMPONENTS_TOGETHER,
     HIGHEST,
     TOGETHER,
 )
@@ -155,7 +153,7 @@ def _deformed_covariances(
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
     g, kind = of_misfit[z] + err.T @ of_misfit[s], np.tile(COMPONENT, n_strips)[left]
     strip = np.repeat(np.arange(n_strips), len(COMPONENT))[left]
-    for names, of in ((COMPONENTS, np.arange(len(COMPONENTS))), (COMPONENTS_TOGETHER, TOGETHER)):
+    for names, of in TOGETHER:
         component, lasting = of[kind], of[BESIDE]
         found = deformation_components(S, g, component, strip, squares, redundancy, least)
         present = np.unique(component).tolist()

@@ -56,10 +56,16 @@ COMPONENTS = (
 BESIDE: Int = np.array([SCALE, AZIMUTH, PITCH, ROLL, AZIMUTH, ROLL])
 """The component of the joints beside which each stands: what matters is that data tell enough of both together."""
 
-TOGETHER: Int = np.array([SCALE, SCALE, PITCH, PITCH, BASES, IMAGES])
-"""Joints in plan and height alone, where a block tells not more."""
-
-COMPONENTS_TOGETHER = ("joints, in plan", "", "joints, in height", "", *COMPONENTS[BASES:])
+TOGETHER: tuple[tuple[tuple[str, ...], Int], ...] = (
+    (COMPONENTS, np.arange(len(COMPONENTS))),
+    (
+        ("joints, in plan", "", "joints, in height", "", *COMPONENTS[BASES:]),
+        np.array([SCALE, SCALE, PITCH, PITCH, BASES, IMAGES]),
+    ),
+    (("joints", "", "", "", *COMPONENTS[BASES:]), np.array([SCALE, SCALE, SCALE, SCALE, BASES, IMAGES])),
+)
+"""Names, and which components are one: all apart; joints in plan and height alone, and all joints together, where a
+block tells not more."""
 
 _N = HIGHEST - 1
 _WALK = HIGHEST + 1
