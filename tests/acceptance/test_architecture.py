@@ -6,6 +6,7 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -53,15 +54,16 @@ def _imported(path: Path) -> Iterator[list[str]]:
             yield from (name.name.split(".") for name in node.names)
 
 
-def _uses() -> Iterator[tuple[str, str, Path]]:
+@cache
+def _uses() -> list[tuple[str, str, Path]]:
     """Every use of a room by another."""
-    for top in ("aatri", "stages"):
-        for path in sorted((ROOT / top).rglob("*.py")):
-            parts = path.relative_to(ROOT).with_suffix("").parts
-            room = "stages" if top == "stages" else _room(list(parts))
-            for module in _imported(path):
-                if module[0] == "aatri" and len(module) > 1:
-                    yield room, _room(module), path
+    uses = []
+    for path in (path for top in ("aatri", "stages") for path in sorted((ROOT / top).rglob("*.py"))):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        room = "stages" if parts[0] == "stages" else _room(list(parts))
+        modules = [module for module in _imported(path) if module[0] == "aatri" and len(module) > 1]
+        uses += [(room, _room(module), path) for module in modules]
+    return uses
 
 
 def test_every_room_and_every_floor_has_its_row() -> None:
