@@ -7,8 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from aatri.artifacts.block import Block
 from aatri.report.verdict import Light, _check, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView
+from tests.made_solutions import made_block, made_solution
 
 
 @pytest.mark.parametrize(
@@ -47,6 +49,20 @@ def test_check_points_are_held_against_theory_by_how_many_independent_errors_the
     run = SimpleNamespace(evaluated=lambda: [stage], last=lambda kind: None)
     (light,) = [x for x in external_lights(run) if x.title == "Check against theory"]  # type: ignore[arg-type]
     assert light.state == state, light.words
+
+
+def test_of_several_blocks_that_counts_which_the_last_result_is_of() -> None:
+    def stage(name: str, kind: str, inputs: dict[str, str]) -> StageView:
+        return StageView(name, "", kind, inputs, {"metrics": {}}, None, ())
+
+    west, east, solution = made_block(), made_block(), made_solution(made_block())
+    stages = (
+        stage("west", "Block", {}),
+        stage("bundle", "Solution", {"block": "west"}),
+        stage("east", "Block", {}),
+    )
+    run = RunView(Path(), {}, stages, {"west": west, "bundle": solution, "east": east})
+    assert run.last(Block) is west
 
 
 def test_the_evaluation_of_a_result_counts_and_not_the_set_ups_that_come_after_it() -> None:

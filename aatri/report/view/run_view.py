@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.kinds import KINDS
+from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, ArtifactError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
@@ -62,6 +63,14 @@ class RunView:
         """The finished stages with artifacts of a kind, in order."""
         return [s for s in self.stages if s.kind == kind.kind and s.status == "done"]
 
+    def _before_the_result(self, stages: list[StageView]) -> list[StageView]:
+        """Those that the last Solution was made from, and itself: of several blocks in a run the one that it is of."""
+        inputs = {s.name: s.inputs.values() for s in self.stages}
+        there = [s.name for s in self.of_kind(Solution)][-1:]
+        for name in there:  # grows
+            there += [before for before in inputs.get(name, ()) if before not in there]
+        return [s for s in stages if s.name in there] or stages
+
     def evaluated(self) -> list[StageView]:
         """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups."""
         stages = self.of_kind(Evaluation)
@@ -92,7 +101,7 @@ class RunView:
         """
         of_results = kind is not Evaluation or any(RESULTS & s.metrics.keys() for s in self.of_kind(Evaluation))
         artifacts: dict[str, A] = {}
-        for stage in reversed(self.evaluated() if kind is Evaluation else self.of_kind(kind)):
+        for stage in reversed(self.evaluated() if kind is Evaluation else self._before_the_result(self.of_kind(kind))):
             try:
                 artifact = self.artifact(stage)
             except AatriError as error:
