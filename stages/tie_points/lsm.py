@@ -33,7 +33,9 @@ class LsmOptions(Options):
     half_px: int = Field(10, ge=4, description="half side of a patch, px")
     min_correlation: float = Field(0.8, gt=0, lt=1, description="an image point that is less like its reference goes")
     max_shift_px: float = Field(1.5, gt=0, description="an image point that moves farther goes, px")
-    smallest_sigma_px: float = Field(0.02, gt=0, description="no image point is more precise than this, px")
+    smallest_sigma_px: float = Field(
+        0.1, gt=0, description="no image point is more precise than this, px; photographs have more errors than patches"
+    )
 
 
 @stage(version=1, uses=())
