@@ -89,10 +89,10 @@ def test_what_no_stage_uses_is_refused_with_file_column_and_remedy(project: Path
 
 
 def test_ignored_it_is_a_warning_on_the_terminal_and_in_the_report(project: Path) -> None:
-    _column(project / "block" / "image_points.csv", "row_time", "0.01")
+    _camera("mount", "90")(project / "block")
     path = project / "pipeline.yaml"
-    path.write_text("ignore: [image_points.row_time_s]\n" + path.read_text())
+    path.write_text("ignore: [cameras.mount_deg:without_effect]\n" + path.read_text())
     result = aatri("run", "-q", "--until", "interior")
     assert result.exit_code == 0, result.stderr
-    assert "warning: block: block/image_points.csv:2: row times of" in result.stderr
-    assert "row times of" in (project / "run" / "report.html").read_text()
+    assert "warning: block: camera rc30: mounts of" in result.stderr
+    assert "mounts of" in (project / "run" / "report.html").read_text()

@@ -128,7 +128,7 @@ def test_the_demo_is_valid_by_the_schema(pipeline_schema: dict[str, Any]) -> Non
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [
-        (("stages", "bundle", "with"), {"max_iterations": 0}, "/stages/bundle/with/max_iterations: minimum"),
+        (("stages", "bundle", "with"), {"max_iterations": 0}, "/stages/bundle/with/max_iterations: anyOf"),
         (("stages", "bundle", "with"), {"max_iteration": 5}, "/stages/bundle/with/max_iteration: not allowed"),
         (("stages", "bundle", "from", "blok"), "block", "/stages/bundle/from/blok: not allowed"),
         (("stages", "models", "from"), {"block": None}, "/stages/models/from: required image_points"),
