@@ -42,7 +42,7 @@ def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
 def _of_bend(bend: Float) -> Float:
     """Covariances of what is off by a bend, (n, 3, 3): along it, and across it by `ACROSS`."""
     length = np.linalg.norm(bend, axis=1)[:, None, None]
-    return np.einsum("ni,nj->nij", bend, bend) + (ACROSS * length) ** 2 * np.eye(3)
+    return np.asarray(np.einsum("ni,nj->nij", bend, bend) + (ACROSS * length) ** 2 * np.eye(3))
 
 
 def precision(component: ImageComponent, rays: ImagePointRows) -> float:
