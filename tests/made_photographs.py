@@ -70,8 +70,9 @@ def rtk_packet(position_m: Array, rng: np.random.Generator) -> bytes:
     text = " ".join(f'drone-dji:{key}="{value!r}"' for key, value in ((k, float(v)) for k, v in stated.items()))
     rdf = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
     spaces = f'xmlns:rdf="{rdf}" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"'
-    return (f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF {spaces}><rdf:Description {text}/></rdf:RDF>'
-            "</x:xmpmeta>").encode()  # fmt: skip
+    return (
+        f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF {spaces}><rdf:Description {text}/></rdf:RDF></x:xmpmeta>'
+    ).encode()
 
 
 def _degrees(position_m: Array) -> tuple[float, float, float]:

@@ -48,10 +48,15 @@ def scan(turn_deg: float, noise: float, without: tuple[str, ...] = ()) -> tuple[
 def scanned_block(path: Path) -> Block:
     """A block of one film image, its marks not measured."""
     camera = {
-        "id": "c", "kind": "film", "image_coordinates": "pixel", "pixel_size_mm": [[PIXEL_MM, PIXEL_MM]],
-        "pixel_origin": "top-left-corner", "pixel_y": "down", "principal_distance_mm": 150.0,
+        "id": "c",
+        "kind": "film",
+        "image_coordinates": "pixel",
+        "pixel_size_mm": [[PIXEL_MM, PIXEL_MM]],
+        "pixel_origin": "top-left-corner",
+        "pixel_y": "down",
+        "principal_distance_mm": 150.0,
         "format": [[80.0, 80.0]],
-    }  # fmt: skip
+    }
     images = {"id": ["a"], "camera": "c", "path": [str(path)], "content": [content_of(str(path))]}
     marks = Fiducials.of(camera=np.zeros(4, int), id=list(MARKS), xy_mm=list(MARKS.values()))
     return block_of(name="film", cameras=camera, images=images, fiducials=marks)

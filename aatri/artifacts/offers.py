@@ -210,9 +210,15 @@ _DECLARED = (
 )  # fmt: skip
 
 NAMES = frozenset(d.name for d in _DECLARED) | {
-    "camera_parameters:*", "geodetic:*", "relative_control:*", "earth_curvature:correct", "earth_curvature:frame",
-    "undulation", "undulation:without_effect", "terrain_height",
-}  # fmt: skip
+    "camera_parameters:*",
+    "geodetic:*",
+    "relative_control:*",
+    "earth_curvature:correct",
+    "earth_curvature:frame",
+    "undulation",
+    "undulation:without_effect",
+    "terrain_height",
+}
 """All names under which a Block may offer something."""
 
 
@@ -257,8 +263,14 @@ def _of_camera_parameters(block: Block) -> Iterator[Offer | None]:
     names = _joined(_joined(block.cameras.distortion[p.camera], "."), p.name)
     for name in np.unique(names[open_]):
         words = f"standard deviation of {name.partition('.')[2]} of {{}} cameras (block.yaml: sigmas)"
-        yield _offer(block, f"camera_parameters:{name}", "standard deviation", words, "camera_parameters",
-                     open_ & (names == name))  # fmt: skip
+        yield _offer(
+            block,
+            f"camera_parameters:{name}",
+            "standard deviation",
+            words,
+            "camera_parameters",
+            open_ & (names == name),
+        )
 
 
 def _offer(

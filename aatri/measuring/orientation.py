@@ -210,9 +210,17 @@ class RunOrientation:
         used = of != ray + 1
         Q = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
         met = intersect_uncertain(
-            ideal[ray], sigma_mm[ray], self.c_mm[image[ray]], image[ray], of, used,
-            self.position_m, self.ground_from_image, Q, n + 1,
-        )  # fmt: skip
+            ideal[ray],
+            sigma_mm[ray],
+            self.c_mm[image[ray]],
+            image[ray],
+            of,
+            used,
+            self.position_m,
+            self.ground_from_image,
+            Q,
+            n + 1,
+        )
         known = finite_rows(met.xyz_m)
         points = [GroundEstimate(met.xyz_m[k], met.covariance_m2[k]) if known[k] else None for k in range(n + 1)]
         passing = met.whitened[:n]

@@ -73,9 +73,11 @@ def coarse_pairs(largest_of: list[Float]) -> Int:
     """Pairs (m, 2) of images whose largest features match; all against all."""
     n = len(largest_of)
     pairs = [
-        (i, j) for i in range(n) for j in range(i + 1, n)
+        (i, j)
+        for i in range(n)
+        for j in range(i + 1, n)
         if len(matched(largest_of[i], largest_of[j])) >= COARSE_MATCHES
-    ]  # fmt: skip
+    ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 

@@ -187,9 +187,17 @@ def _wrapped(data: bytes, page: Any, width: int, height: int) -> Samples:
     bands, order = int(page.samplesperpixel), page.parent.byteorder
     bits = struct.pack(f"{order}{bands}H", *[int(page.bitspersample)] * bands)
     tags = {  # code: value of the type LONG
-        256: width, 257: height, 259: int(page.compression), 262: 1 if bands == 1 else int(page.photometric),
-        273: 8, 277: bands, 278: height, 279: len(data), 284: 1, 317: int(page.predictor),
-    }  # fmt: skip
+        256: width,
+        257: height,
+        259: int(page.compression),
+        262: 1 if bands == 1 else int(page.photometric),
+        273: 8,
+        277: bands,
+        278: height,
+        279: len(data),
+        284: 1,
+        317: int(page.predictor),
+    }
     if bands == 1:
         tags[258] = int(page.bitspersample)
     head = 8 + len(data) + len(data) % 2

@@ -73,10 +73,13 @@ def _accuracy(figures: Mapping[str, float]) -> str:
     """How far off check points are, else control predicted without itself, else the truth of a simulation."""
     for what, count, text in (
         ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {} points)"),
-        ("left_out_rmse", "left_out_points", "No check point was measured; control predicted without itself agrees to "
-         "{} in {} (RMSE of {} points)"),
+        (
+            "left_out_rmse",
+            "left_out_points",
+            "No check point was measured; control predicted without itself agrees to {} in {} (RMSE of {} points)",
+        ),
         ("truth_rmse", "truth_points", "New points of this simulated block are right to {} in {} (RMSE of {} points)"),
-    ):  # fmt: skip
+    ):
         values = {axis.upper(): figures[f"{what}_{axis}_m"] for axis in "xyz" if f"{what}_{axis}_m" in figures}
         if figures.get(count) and values:
             lengths, points = together(values.values()), number(int(figures[count]))

@@ -31,6 +31,7 @@ from aatri.stages.image_refinement.systematic import SystematicOptions, systemat
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.hand_block import C_MM, Hand, Heard, angles_deg, hand, start
+# fmt: off
 
 ORIGIN = (440_000.0, 4_500_000.0, 100.0)
 ARM, MARKS = np.array([0.2, -0.1, 0.9]), np.array([[106.0, -106.0], [-106.0, -106.0], [-106.0, 106.0], [106.0, 106.0]])
@@ -98,18 +99,18 @@ def film() -> Folder:
             "sigmas": {"principal_distance": 0.05, "principal_point": [0.02, 0.03], "k1": float("inf"), "k2": 1e-13,
                        "p1": 1e-8, "lever_arm": [0.1, 0.2, 0.3], "boresight": [0.02, 0.03, float("inf")]},
             "lever_arm": ARM.tolist(), "boresight": [0.01, 0.02, -0.01]}},
-    }  # fmt: skip
+    }
     antenna, angles = of.position_m + of.rotation @ ARM, angles_deg(of, "omega-phi-kappa")
     images = [{"image": f"i{k}", "camera": "c", "strip": f"s{k // 3}", "sequence": k % 3,
-               "time": 100 * (k // 3) + 8 * k, "flight": f"f{k // 3}", "session": "day"} for k in range(6)]  # fmt: skip
+               "time": 100 * (k // 3) + 8 * k, "flight": f"f{k // 3}", "session": "day"} for k in range(6)]
     rng = np.random.default_rng(1)
     comparator = (of.xy_mm + np.array([0.02, -0.01]) + rng.normal(0, 0.004, of.xy_mm.shape)) @ shear.T + [120.0, 118.0]
     rows = [{"image": f"i{i}", "point": f"p{p:02}", "x": x, "y": y, "sx": "" if n % 2 else 6, "sy": "" if n % 3 else 7,
              "group": "" if n % 4 else "weak", "active": "no" if n == 11 else ""}
-            for n, (i, p, (x, y)) in enumerate(zip(of.image, of.point, comparator.tolist()))]  # fmt: skip
+            for n, (i, p, (x, y)) in enumerate(zip(of.image, of.point, comparator.tolist()))]
     at = MARKS @ shear.T + [120.0, 118.0]
     marks = [{"image": f"i{k}", "fiducial": str(m), "x": at[m, 0] + 0.002 * ((k + m) % 3), "y": at[m, 1],
-              "sx": 3 if m else "", "sy": 5 if m == 1 else ""} for k in range(6) for m in range(4)]  # fmt: skip
+              "sx": 3 if m else "", "sy": 5 if m == 1 else ""} for k in range(6) for m in range(4)]
     exterior: Table = []
     for k in range(6):
         row: dict[str, Any] = {"image": f"i{k}"} | dict(zip("XYZ", antenna[k].tolist()))
@@ -131,14 +132,14 @@ def film() -> Folder:
     x = of.xyz_m
     sigmas = {"sX": 0.02, "sY": 0.03, "sZ": 0.04, "sXY": 0.0002, "sXZ": 0.0001, "sYZ": 0.0001}
     ground: Table = [{"point": f"p{p:02}", **dict(zip("XYZ", (x[p] + 0.02).tolist())), **sigmas, "datum": "yes"}
-                     for p in (0, 5, 24)]  # fmt: skip
+                     for p in (0, 5, 24)]
     ground += [{"point": "p29", **dict(zip("XYZ", x[29].tolist()))}, {"point": "p14", "Z": x[14, 2], "sZ": 0},
                {"point": "p12", **dict(zip("XYZ", x[12].tolist())), "role": "XY:control Z:check"},
-               {"point": "p18", **dict(zip("XYZ", x[18].tolist())), "role": "approximate"}]  # fmt: skip
+               {"point": "p18", **dict(zip("XYZ", x[18].tolist())), "role": "approximate"}]
     covariances = [{"table": "ground_points", "row_a": "p00", "row_b": "p05", "coord_a": "X", "coord_b": "Y",
-                    "value": 1e-4}, {"table": "geodetic", "row_a": 6, "row_b": 7, "value": 1e-5}]  # fmt: skip
+                    "value": 1e-4}, {"table": "geodetic", "row_a": 6, "row_b": 7, "value": 1e-5}]
     tables = {"images": images, "image_points": rows, "fiducials": marks, "ground_points": ground, "exterior": exterior,
-              "geodetic": _geodetic(x, of.position_m), "covariances": covariances}  # fmt: skip
+              "geodetic": _geodetic(x, of.position_m), "covariances": covariances}
     return Folder(of, settings, tables, _conditions(x, of.position_m))
 
 
@@ -174,7 +175,7 @@ def _geodetic(x: Any, X0: Any) -> Table:
         {"type": "azimuth", "from": "p07", "to": "p29", "value": bearing(7, 29), "sigma": 0.005, "reduced": "map"},
         {"type": "zenith", "from": "p07", "to": "p29", "sigma": 0.005,
          "value": float(np.degrees(np.arctan2(length(x[7, :2], x[29, :2]), x[29, 2] - x[7, 2])))},
-    ]  # fmt: skip
+    ]
     return rows
 
 
@@ -196,7 +197,7 @@ def _conditions(x: Any, X0: Any) -> Table:
         {"type": "parallel", "pairs": pairs, "sigma": 5.0},
         {"type": "perpendicular", "pairs": [["p01", "p02"], ["p01", "p07"]], "sigma": 5.0},
         named("sphere", (1, 8, 15, 22, 26, 9), radius=700.0),
-    ]  # fmt: skip
+    ]
 
 
 def cylinder() -> Folder:
@@ -227,9 +228,9 @@ def digital() -> Folder:
     heading, pitch, roll = Rotation.from_matrix(ned.T @ rotation @ body.T).as_euler("ZYX", degrees=True).T
     one = {"kind": "digital", "image_coordinates": "pixel", "format": [11500, 11500], "principal_distance": C_MM,
            "pixel": {"size": 0.02, "origin": "top-left-corner", "y": "down"}, "principal_point": [0.0, 0.0],
-           "mount": 90}  # fmt: skip
+           "mount": 90}
     other = {**one, "distortion": {"model": "table", "radius": [0, 60, 160], "correction": [0, 2.0, -3.0]},
-             "symmetry_point": [0.3, -0.2]}  # fmt: skip
+             "symmetry_point": [0.3, -0.2]}
     settings = {
         "aatri_block": 1, "name": "digital",
         "frames": {"map": {"axes": ["east", "north", "up"], "crs": "EPSG:32650"},
@@ -241,14 +242,14 @@ def digital() -> Folder:
         "cameras": {"a": one, "b": other},
         "rigs": {"R": {"left": {}, "right": {"position": mount.tolist(), "angles": [0, 2, 0],
                                              "sigmas": {"position": [0.05, 0, 0.03], "angles": [0.02, 0.03, 0]}}}},
-    }  # fmt: skip
+    }
     images = [{"image": f"i{k}", "camera": "ab"[k % 2], "strip": "s", "sequence": k // 2, "time": 1000 * (k // 2),
-               "rig": "R", "member": ("left", "right")[k % 2]} for k in range(6)]  # fmt: skip
+               "rig": "R", "member": ("left", "right")[k % 2]} for k in range(6)]
     rows = [{"image": f"i{i}", "point": f"p{p:02}", "x": x, "y": y}
-            for i, p, (x, y) in zip(of.image, of.point, pixels.tolist())]  # fmt: skip
+            for i, p, (x, y) in zip(of.image, of.point, pixels.tolist())]
     # Convergence of the meridians at the block: the sine of the latitude times the longitude from the central meridian.
     exterior = [{"image": f"i{k}", "a1": roll[k], "a2": pitch[k], "a3": heading[k] - 0.46, "s1": 0.02, "s2": 0.02,
-                 "s3": 0.6, "frame": "map"} for k in range(6)]  # fmt: skip
+                 "s3": 0.6, "frame": "map"} for k in range(6)]
     exterior[2] = {"image": "i2", "a1": roll[2], "a2": pitch[2], "use": "observed"}
     ground = [{"point": f"p{p:02}", **dict(zip("XYZ", of.xyz_m[p].tolist())), "frame": "map"} for p in (0, 5, 24, 29)]
     ground.append(
@@ -279,7 +280,7 @@ def equations(folder: Path, content: Folder) -> tuple[bytes, tuple[str, ...]]:
     scales = [np.array(astuple(camera_scale(block, k))[1]) for k in range(len(block.cameras))]
     state = start_of(given)
     numbers = [refined.measurements.xy_mm, block.points.id.astype("S9"), given.marked, given.xyz_m, checks, *scales,
-               np.array(neighbouring_images(block))]  # fmt: skip
+               np.array(neighbouring_images(block))]
     for o in given.observed:
         v, jacobians = o.records.evaluate(state, np.flatnonzero(o.records.active))
         numbers += [v, *jacobians, o.records.whitener, o.records.active, *(u.free for u in o.unknowns)]

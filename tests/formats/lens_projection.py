@@ -29,10 +29,12 @@ def misfit_px(block: Block, image: str, xy: Any, xyz_m: Any) -> Float:
     table = block.distortion_table
     own = np.asarray(table.camera == k) if table is not None else np.zeros(0, bool)
     lens = Distortion(
-        str(cameras.distortion[k]), c, parameters,
+        str(cameras.distortion[k]),
+        c,
+        parameters,
         radius_mm=table.radius_mm[own] if own.any() else np.zeros(0),
         correction_mm=table.correction_mm[own] if own.any() else np.zeros(0),
-    )  # fmt: skip
+    )
     ideal = corrected(lens, xy_mm - cameras.principal_point_mm[k])
     at = int(np.flatnonzero(block.exterior.image == row)[0])
     R = rotation_from_angles(block.exterior.angles_rad[at])

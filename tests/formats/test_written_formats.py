@@ -89,11 +89,15 @@ def made_block(distortion: dict[str, float], frame: Frame = LOCAL) -> Block:
     inside = (np.abs(xy) < SIZE / 2).all(axis=1)
     rows, xy = [row for row, there in zip(rows, inside) if there], xy[inside]
     cameras = {
-        "id": ["cam"], "pixel_size_mm": PIXEL_MM, "pixel_origin": "top-left-corner", "pixel_y": "down",
+        "id": ["cam"],
+        "pixel_size_mm": PIXEL_MM,
+        "pixel_origin": "top-left-corner",
+        "pixel_y": "down",
         "format": SIZE[None],
-        "principal_distance_mm": F_PX * PIXEL_MM, "principal_point_mm": POINT_PX[None] * PIXEL_MM * [1, -1],
+        "principal_distance_mm": F_PX * PIXEL_MM,
+        "principal_point_mm": POINT_PX[None] * PIXEL_MM * [1, -1],
         "distortion": "opencv" if distortion else "none",
-    }  # fmt: skip
+    }
     frames = Frames.of(id="f", axes=",".join(frame.axes), crs=frame.crs, vertical="")
     of_frame: dict[str, Any] = {} if frame == LOCAL else {"frames": frames}
     return block_of(
@@ -174,8 +178,13 @@ def test_what_is_written_is_read_back_as_the_same_block(tmp_path: Path, name: st
 
 def with_pixels(block: Block) -> Block:
     """Photo coordinates of cameras without pixels, counted in those of the made camera."""
-    return replace(block, cameras=replace(block.cameras, pixel_size_mm=np.where(
-        np.isnan(block.cameras.pixel_size_mm), PIXEL_MM, block.cameras.pixel_size_mm)))  # fmt: skip
+    return replace(
+        block,
+        cameras=replace(
+            block.cameras,
+            pixel_size_mm=np.where(np.isnan(block.cameras.pixel_size_mm), PIXEL_MM, block.cameras.pixel_size_mm),
+        ),
+    )
 
 
 def check_control(block: Block, again: Block, declared: Format, within_m: float) -> None:

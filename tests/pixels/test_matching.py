@@ -28,8 +28,10 @@ def test_matches_are_mutual_and_clear() -> None:
 def test_pairs_by_positions_sequence_and_largest_features() -> None:
     position = np.array([[0.0, 0], [10, 0], [20, 0], [np.nan, 0], [0, 1]])
     assert near_pairs(position, 1).tolist() == [[0, 4], [0, 1], [1, 2]] or sorted(near_pairs(position, 1).tolist()) == [
-        [0, 1], [0, 4], [1, 2]
-    ]  # fmt: skip
+        [0, 1],
+        [0, 4],
+        [1, 2],
+    ]
     assert consecutive_pairs(np.array([4, 2, 0]), 2).tolist() == [[0, 2], [0, 4], [2, 4]]
     assert consecutive_pairs(np.array([4]), 2).shape == (0, 2)
     assert len(all_pairs(5)) == 10

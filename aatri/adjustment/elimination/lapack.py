@@ -12,6 +12,9 @@ from scipy.linalg import cython_blas, cython_lapack
 
 from aatri.arrays import Float
 
+# Argument lists of LAPACK: a matrix with its leading dimension.
+# fmt: off
+
 _L, _R, _N, _T = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T"))
 
 
@@ -70,7 +73,7 @@ def cholesky_panel(F: Float, m: int) -> int:
     if info.value == 0 and n > m:
         _divide(F, m)
         _syrk(ctypes.byref(_L), ctypes.byref(_N), _int(n - m), _int(m), _real(-1.0), _at(F, m, 0), lda,
-              _real(1.0), _at(F, m, m), lda)  # fmt: skip
+              _real(1.0), _at(F, m, m), lda)
     return info.value
 
 
@@ -81,11 +84,11 @@ def _divide(F: Float, m: int) -> None:
         width = min(DIVIDED, m - first)
         if first:
             _gemm(ctypes.byref(_N), ctypes.byref(_T), _int(n - m), _int(width), _int(first), _real(-1.0),
-                  _at(F, m, 0), lda, _at(F, first, 0), lda, _real(1.0), _at(F, m, first), lda)  # fmt: skip
+                  _at(F, m, 0), lda, _at(F, first, 0), lda, _real(1.0), _at(F, m, first), lda)
         inverse, info = np.array(F[first : first + width, first : first + width], order="F"), ctypes.c_int(0)
         _trtri(ctypes.byref(_L), ctypes.byref(_N), _int(width), _at(inverse, 0, 0), _int(width), ctypes.byref(info))
         _trmm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(n - m), _int(width),
-              _real(1.0), _at(inverse, 0, 0), _int(width), _at(F, m, first), lda)  # fmt: skip
+              _real(1.0), _at(inverse, 0, 0), _int(width), _at(F, m, first), lda)
 
 
 def forward(L: Float, g: Float) -> None:
@@ -121,10 +124,10 @@ def forward_columns(L: Float, G: Float) -> None:
     (n, m), r = L.shape, G.shape[1]
     lda = _int(n)
     _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
-          _at(L, 0, 0), lda, _at(G, 0, 0), lda)  # fmt: skip
+          _at(L, 0, 0), lda, _at(G, 0, 0), lda)
     if n > m:
         _gemm(ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(r), _int(m), _real(-1.0), _at(L, m, 0), lda,
-              _at(G, 0, 0), lda, _real(1.0), _at(G, m, 0), lda)  # fmt: skip
+              _at(G, 0, 0), lda, _real(1.0), _at(G, m, 0), lda)
 
 
 def backward_columns(L: Float, X: Float) -> None:
@@ -139,9 +142,9 @@ def backward_columns(L: Float, X: Float) -> None:
     lda = _int(n)
     if n > m:
         _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _int(n - m), _real(-1.0), _at(L, m, 0), lda,
-              _at(X, m, 0), lda, _real(1.0), _at(X, 0, 0), lda)  # fmt: skip
+              _at(X, m, 0), lda, _real(1.0), _at(X, 0, 0), lda)
     _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
-          _at(L, 0, 0), lda, _at(X, 0, 0), lda)  # fmt: skip
+          _at(L, 0, 0), lda, _at(X, 0, 0), lda)
 
 
 def panel_covariance(L: Float, covariance: Float) -> Float:
@@ -168,17 +171,17 @@ def panel_covariance(L: Float, covariance: Float) -> Float:
     inverse = np.asfortranarray(np.tril(inverse))
     if n == m:
         _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
-              _real(0.0), _at(S, 0, 0), _int(n))  # fmt: skip
+              _real(0.0), _at(S, 0, 0), _int(n))
     else:
         G = np.array(L[m:], order="F")
         _trmm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(m),
-              _real(1.0), _at(inverse, 0, 0), _int(m), _at(G, 0, 0), _int(n - m))  # fmt: skip
+              _real(1.0), _at(inverse, 0, 0), _int(m), _at(G, 0, 0), _int(n - m))
         _symm(ctypes.byref(_L), ctypes.byref(_L), _int(n - m), _int(m), _real(-1.0), _at(covariance, 0, 0),
-              _int(n - m), _at(G, 0, 0), _int(n - m), _real(0.0), _at(S, m, 0), _int(n))  # fmt: skip
+              _int(n - m), _at(G, 0, 0), _int(n - m), _real(0.0), _at(S, m, 0), _int(n))
         _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
-              _real(0.0), _at(S, 0, 0), _int(n))  # fmt: skip
+              _real(0.0), _at(S, 0, 0), _int(n))
         _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(m), _int(n - m), _real(-1.0), _at(G, 0, 0),
-              _int(n - m), _at(S, m, 0), _int(n), _real(1.0), _at(S, 0, 0), _int(n))  # fmt: skip
+              _int(n - m), _at(S, m, 0), _int(n), _real(1.0), _at(S, 0, 0), _int(n))
         S[m:, m:] = covariance
     below = np.tril(S[:m, :m], -1)
     S[:m, :m] = below + below.T + np.diag(np.diagonal(S)[:m])

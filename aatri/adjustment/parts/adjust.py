@@ -138,9 +138,7 @@ def _in_parts(
     observations, n_unknowns, redundancy = counts(problem)
     top = Top(redundancy, reporter)
     threads = settings.threads if settings.workers else max(1, problem.threads // len(parts))
-    own = replace(
-        settings, parts=1, workers=None, checkpoint=NO_CHECKPOINT, solver="direct", threads=threads
-    )  # fmt: skip
+    own = replace(settings, parts=1, workers=None, checkpoint=NO_CHECKPOINT, solver="direct", threads=threads)
     work = [PartTask(part, start, own, covariances) for part in parts]
     results = (settings.workers or Threads()).together(adjust_part, work, top.answers)
     failed = next((r.why for r in results if isinstance(r, Failed)), "")
@@ -154,9 +152,18 @@ def _in_parts(
     sigma0 = float(np.sqrt(first.cost / redundancy)) if redundancy > 0 and not weighted else float("nan")
     found = _covariances(problem, parts, results) if covariances and not weighted else None
     return AdjustedInParts(
-        state, problem, first.cost, observations, n_unknowns, redundancy, sigma0, first.history, weighted,
-        notes=_notes(results), covariances=found,
-    )  # fmt: skip
+        state,
+        problem,
+        first.cost,
+        observations,
+        n_unknowns,
+        redundancy,
+        sigma0,
+        first.history,
+        weighted,
+        notes=_notes(results),
+        covariances=found,
+    )
 
 
 def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted | Failed:
@@ -180,9 +187,14 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
     }
     groups = {} if found is None else {name: found.groups[name][own] for name, own in part.own.items()}
     return PartAdjusted(
-        values, adjusted.history, adjusted.cost, adjusted.down_weighted, adjusted.notes, groups,
+        values,
+        adjusted.history,
+        adjusted.cost,
+        adjusted.down_weighted,
+        adjusted.notes,
+        groups,
         () if found is None else found.records,
-    )  # fmt: skip
+    )
 
 
 def _with_values(state: dict[str, Any], part: Part, result: PartAdjusted) -> dict[str, Any]:

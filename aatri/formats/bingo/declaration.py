@@ -25,13 +25,24 @@ def _geoin(view: FileView) -> str:
 
 
 BINGO = Format(
-    "bingo", "BINGO image coordinates", _image_coordinates, "images with lines `point x y`, ended by -99",
-    carries=("image points",), drops=("cameras", "control", "standard deviations", "start orientations"),
-    page=PAGE, read=read_image_coordinates, write=write_bingo,
+    "bingo",
+    "BINGO image coordinates",
+    _image_coordinates,
+    "images with lines `point x y`, ended by -99",
+    carries=("image points",),
+    drops=("cameras", "control", "standard deviations", "start orientations"),
+    page=PAGE,
+    read=read_image_coordinates,
+    write=write_bingo,
     written=("cameras", "image points", "control"),
-)  # fmt: skip
+)
 GEOIN = Format(
-    "bingo_geoin", "BINGO geoin.dat", _geoin, "lines that begin with CAPA, RADI, CONT",
+    "bingo_geoin",
+    "BINGO geoin.dat",
+    _geoin,
+    "lines that begin with CAPA, RADI, CONT",
     carries=("cameras", "distortion", "control", "standard deviations"),
-    drops=("image points", "check points", "frame", "start orientations"), page=PAGE, read=read_geoin,
-)  # fmt: skip
+    drops=("image points", "check points", "frame", "start orientations"),
+    page=PAGE,
+    read=read_geoin,
+)

@@ -37,8 +37,12 @@ from aatri.progress import SILENT, Reporter
 
 END = "-99"
 TOUCHING = re.compile(r"-?[0-9]+\.[0-9]{15}")
-RULER = {"CAPA": (7, 23, (10, 9, 9, 8, 8, 8)), "RADI": (7, 23, ()), "COES": (4, 20, (14, 14, 11)),
-         "CONT": (4, 20, (14, 14, 11, 7, 7, 7))}  # fmt: skip
+RULER = {
+    "CAPA": (7, 23, (10, 9, 9, 8, 8, 8)),
+    "RADI": (7, 23, ()),
+    "COES": (4, 20, (14, 14, 11)),
+    "CONT": (4, 20, (14, 14, 11, 7, 7, 7)),
+}
 """Keywords that are read: where their name begins and ends, and the widths of the numbers after it."""
 
 LEAST = {"CAPA": 1, "RADI": 2, "COES": 3, "CONT": 3}
@@ -123,8 +127,11 @@ def read_geoin(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
         if keyword == "COES":
             default = line.of_width(4, "COES sX sY sZ").numbers(1)
             continue
-        table, what = {"CAPA": (cameras, "camera"), "RADI": (radial, "distortion of camera"),
-                       "CONT": (control, "control point")}[keyword]  # fmt: skip
+        table, what = {
+            "CAPA": (cameras, "camera"),
+            "RADI": (radial, "distortion of camera"),
+            "CONT": (control, "control point"),
+        }[keyword]
         line.once(line.words[0], table, what)
     if not (cameras or control):
         raise InputError("no CAPA and no CONT", where=f"{path}:1", remedy="give geoin.dat, or the file with control")

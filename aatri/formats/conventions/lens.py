@@ -95,8 +95,13 @@ FORMS: dict[str, DistortionForm] = {
     "brown": DistortionForm(
         "correction",
         {
-            "k1": Term("k1", 2), "k2": Term("k2", 4), "k3": Term("k3", 6), "p1": Term("p2", 1),
-            "p2": Term("p1", 1, -1.0), "b1": Term("b1"), "b2": Term("b2", 0, -1.0),
+            "k1": Term("k1", 2),
+            "k2": Term("k2", 4),
+            "k3": Term("k3", 6),
+            "p1": Term("p2", 1),
+            "p2": Term("p1", 1, -1.0),
+            "b1": Term("b1"),
+            "b2": Term("b2", 0, -1.0),
         },
         unit="mm",
     ),
@@ -131,7 +136,7 @@ FORMS: dict[str, DistortionForm] = {
     "opensfm-fisheye_opencv": DistortionForm("fisheye", _same("k1 k2 k3 k4")),
     "opf": DistortionForm("polynomial", _named("R1 R2 R3 T1 T2", "k1 k2 k3 p1 p2"), focal_lengths=1),
     "pix4d": DistortionForm("polynomial", _named("R1 R2 R3 T1 T2", "k1 k2 k3 p1 p2")),
-}  # fmt: skip
+}
 """Distortions by program; the first five are the models of aatri."""
 
 

@@ -262,10 +262,13 @@ def _fitted(lens: Lens, form: str) -> ConvertedLens:
         focal, point = x[: target.focal_lengths] * scale, x[target.focal_lengths : k] * scale
         terms = {t.name: value for t, value in zip(target.terms.values(), x[k:].tolist())}
         at = replace(
-            lens, form=form, centre_px=(0.0, 0.0), parameters={},
+            lens,
+            form=form,
+            centre_px=(0.0, 0.0),
+            parameters={},
             focal_px=(float(focal[0]), float(focal[-1])),
             principal_point_px=(float(point[0]), float(point[1])) if target.principal_point else (0.0, 0.0),
-        )  # fmt: skip
+        )
         return _with_terms(at, terms)
 
     def misfit(x: Float) -> Float:
@@ -276,8 +279,14 @@ def _fitted(lens: Lens, form: str) -> ConvertedLens:
         return np.asarray((other.projected(uv) - xy_px).ravel())
 
     solved = least_squares(
-        misfit, np.array([*np.array(interior) / scale, *start]), method="lm", x_scale="jac",
-        xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200 * (len(start) + len(interior)),
-    )  # fmt: skip
+        misfit,
+        np.array([*np.array(interior) / scale, *start]),
+        method="lm",
+        x_scale="jac",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=200 * (len(start) + len(interior)),
+    )
     fit = lens_of(solved.x)
     return ConvertedLens(fit, float(np.linalg.norm(fit.projected(uv) - xy_px, axis=1).max()))

@@ -50,8 +50,11 @@ class _Reader:
             self.network.clockwise = network.get("angles", "left-handed") == "left-handed"
             self._attributes(network, ("axes-xy", "angles"))
             for part in self._children(network, ("description", "parameters", "points-observations")):
-                {"description": self._description, "parameters": self._parameters,
-                 "points-observations": self._content}[part.tag](part)  # fmt: skip
+                {
+                    "description": self._description,
+                    "parameters": self._parameters,
+                    "points-observations": self._content,
+                }[part.tag](part)
         return self.network
 
     def _description(self, part: XmlElement) -> None:
@@ -62,8 +65,7 @@ class _Reader:
         self.network.sigma_apr = self._number(part, "sigma-apr", 10.0)
         for name in ("latitude", "ellipsoid"):
             if part.get(name):
-                raise part.error(f"{name}={part.get(name)!r} is not supported",
-                                  "remove it: the frame is a local one")  # fmt: skip
+                raise part.error(f"{name}={part.get(name)!r} is not supported", "remove it: the frame is a local one")
 
     def _content(self, part: XmlElement) -> None:
         names = [f"{kind}-stdev" for kind in ("distance", "direction", "angle", "zenith-angle", "azimuth")]
@@ -87,8 +89,10 @@ class _Reader:
                 raise e.error(f"point {e.get('id')!r} is fixed in {axis}, but has none", f"give {axis}")
         datum = {c.lower() for c in adjusted if c.isupper()}
         if datum and datum != {c.lower() for c in adjusted}:
-            raise e.error(f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
-                              "a point carries the datum in all its coordinates, or in none")  # fmt: skip
+            raise e.error(
+                f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
+                "a point carries the datum in all its coordinates, or in none",
+            )
         self.network.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, e.line))
 
     def _coordinates(self, e: XmlElement) -> None:
@@ -131,8 +135,10 @@ class _Reader:
         station = e.get("from") or cluster.get("from")
         if not station:
             raise e.error(f"{tag} has no `from`", "name the station here or in <obs>")
-        heights = (self._number(e, "from_dh", self._number(cluster, "from_dh", math.nan)),
-                   self._number(e, "to_dh", math.nan))  # fmt: skip
+        heights = (
+            self._number(e, "from_dh", self._number(cluster, "from_dh", math.nan)),
+            self._number(e, "to_dh", math.nan),
+        )
         if tag in ANGLES:
             value, unit = self._angle(e)
             if tag != "z-angle" and not self.network.clockwise:
@@ -143,10 +149,15 @@ class _Reader:
         sigma = self._sigma(e, tag, unit, value)
         if tag == "angle":
             heights = (self._number(e, "bs_dh", math.nan), self._number(e, "fs_dh", math.nan))
-            return Row("angle", self._text(e, "bs"), self._text(e, "fs"), value, sigma, unit, e.line,
-                       station, "", *heights)  # fmt: skip
-        kind = {"distance": "horizontal_distance", "s-distance": "distance", "dh": "height_difference",
-                "z-angle": "zenith"}.get(tag, tag)  # fmt: skip
+            return Row(
+                "angle", self._text(e, "bs"), self._text(e, "fs"), value, sigma, unit, e.line, station, "", *heights
+            )
+        kind = {
+            "distance": "horizontal_distance",
+            "s-distance": "distance",
+            "dh": "height_difference",
+            "z-angle": "zenith",
+        }.get(tag, tag)
         set_ = f"{station} {self.sets}" if tag == "direction" else ""
         return Row(kind, station, self._text(e, "to"), value, sigma, unit, e.line, "", set_, *heights)
 
@@ -208,8 +219,10 @@ class _Reader:
     def _children(self, e: XmlElement, allowed: tuple[str, ...]) -> list[XmlElement]:
         for child in e.children:
             if child.tag not in allowed:
-                raise child.error(f"element {clipped(child.tag)!r} is not supported",
-                                  f"inside {e.tag} there may be {', '.join(allowed)}")  # fmt: skip
+                raise child.error(
+                    f"element {clipped(child.tag)!r} is not supported",
+                    f"inside {e.tag} there may be {', '.join(allowed)}",
+                )
         return e.children
 
     def _attributes(self, e: XmlElement, allowed: tuple[str, ...] | list[str]) -> None:

@@ -5,17 +5,36 @@ from aatri.formats.gis.geopackage import write_geopackage
 from aatri.formats.parts.format import Content, Format
 
 PAGE = "docs/formats.md#geopackage-and-geojson"
-CARRIES: tuple[Content, ...] = ("control", "check points", "start values of points", "start orientations", "strips",
-                                "frame", "standard deviations")  # fmt: skip
+CARRIES: tuple[Content, ...] = (
+    "control",
+    "check points",
+    "start values of points",
+    "start orientations",
+    "strips",
+    "frame",
+    "standard deviations",
+)
 
 
 GEOPACKAGE = Format(
-    "geopackage", "GeoPackage with styles for QGIS", lambda _: "",
+    "geopackage",
+    "GeoPackage with styles for QGIS",
+    lambda _: "",
     "layers of images, footprints, strips, points, control",
-    carries=CARRIES, drops=("cameras", "image points"), page=PAGE, write=write_geopackage, written=CARRIES,
-)  # fmt: skip
+    carries=CARRIES,
+    drops=("cameras", "image points"),
+    page=PAGE,
+    write=write_geopackage,
+    written=CARRIES,
+)
 GEOJSON = Format(
-    "geojson", "GeoJSON", lambda _: "",
+    "geojson",
+    "GeoJSON",
+    lambda _: "",
     "layers of images, footprints, strips, points, control, in longitude and latitude",
-    carries=CARRIES, drops=("cameras", "image points"), page=PAGE, write=write_geojson, written=CARRIES,
-)  # fmt: skip
+    carries=CARRIES,
+    drops=("cameras", "image points"),
+    page=PAGE,
+    write=write_geojson,
+    written=CARRIES,
+)

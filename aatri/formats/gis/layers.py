@@ -56,8 +56,14 @@ class Layer:
 
 def layers_of(oriented: OrientedBlock) -> list[Layer]:
     """The layers of a block that have features."""
-    made = [_footprints(oriented), _strips(oriented), _ellipses(oriented), _points(oriented), _images(oriented),
-            _control(oriented)]  # fmt: skip
+    made = [
+        _footprints(oriented),
+        _strips(oriented),
+        _ellipses(oriented),
+        _points(oriented),
+        _images(oriented),
+        _control(oriented),
+    ]
     return [layer for layer in made if layer.shapes]
 
 
@@ -67,10 +73,18 @@ def _floats(*names: str) -> dict[str, type]:
 
 def _images(oriented: OrientedBlock) -> Layer:
     block, solution = oriented.block, oriented.solution
-    layer = Layer("images", "Point", {
-        "image": str, "camera": str, "strip": str, **_floats("omega_deg", "phi_deg", "kappa_deg"),
-        **_floats("sX_m", "sY_m", "sZ_m", "somega_deg", "sphi_deg", "skappa_deg"), "rays": int,
-    })  # fmt: skip
+    layer = Layer(
+        "images",
+        "Point",
+        {
+            "image": str,
+            "camera": str,
+            "strip": str,
+            **_floats("omega_deg", "phi_deg", "kappa_deg"),
+            **_floats("sX_m", "sY_m", "sZ_m", "somega_deg", "sphi_deg", "skappa_deg"),
+            "rays": int,
+        },
+    )
     R, n = oriented.ground_from_image, len(block.images)
     angles, sigma = np.degrees(angles_from_rotation(R)), np.full((n, 6), np.nan)
     if solution is not None:
@@ -83,8 +97,15 @@ def _images(oriented: OrientedBlock) -> Layer:
     rays = np.bincount(oriented.rays.image, minlength=n).tolist()
     for row in np.flatnonzero(np.isfinite(oriented.position_m).all(axis=1)).tolist():
         camera = str(block.cameras.id[block.images.camera[row]])
-        layer.add(oriented.position_m[row], str(block.images.id[row]), camera, _strip(oriented, row),
-                  *angles[row].tolist(), *sigma[row].tolist(), rays[row])  # fmt: skip
+        layer.add(
+            oriented.position_m[row],
+            str(block.images.id[row]),
+            camera,
+            _strip(oriented, row),
+            *angles[row].tolist(),
+            *sigma[row].tolist(),
+            rays[row],
+        )
     return layer
 
 
@@ -117,8 +138,13 @@ def _footprints(oriented: OrientedBlock) -> Layer:
         if not (np.isfinite(below_m) and below_m > 0 and (steep > STEEPEST).all()):
             continue  # sees the horizon, or stands below the terrain
         ground = oriented.position_m[row] + directions * (below_m / -directions[:, 2])[:, None]
-        layer.add(np.vstack([ground, ground[:1]]), str(block.images.id[row]), _strip(oriented, row),
-                  float(below_m / lens.focal_px[0]), float(below_m))  # fmt: skip
+        layer.add(
+            np.vstack([ground, ground[:1]]),
+            str(block.images.id[row]),
+            _strip(oriented, row),
+            float(below_m / lens.focal_px[0]),
+            float(below_m),
+        )
     return layer
 
 
@@ -153,9 +179,15 @@ def ellipse(covariance_m2: Float) -> tuple[float, float, float]:
 
 def _points(oriented: OrientedBlock) -> Layer:
     block, covariance = oriented.block, _covariances(oriented)
-    layer = Layer("points", "Point", {
-        "point": str, "rays": int, **_floats("sX_m", "sY_m", "sZ_m", "a_m", "b_m", "azimuth_deg"),
-    })  # fmt: skip
+    layer = Layer(
+        "points",
+        "Point",
+        {
+            "point": str,
+            "rays": int,
+            **_floats("sX_m", "sY_m", "sZ_m", "a_m", "b_m", "azimuth_deg"),
+        },
+    )
     rays = np.bincount(oriented.rays.point, minlength=len(block.points)).tolist()
     for row in np.flatnonzero(np.isfinite(oriented.xyz_m).all(axis=1)).tolist():
         known = np.isfinite(covariance[row]).all()
@@ -188,10 +220,17 @@ def _ellipses(oriented: OrientedBlock) -> Layer:
 
 
 def _control(oriented: OrientedBlock) -> Layer:
-    layer = Layer("control", "Point", {
-        "point": str, "role": str, "known": str, "rays": int,
-        **_floats("X_m", "Y_m", "Z_m", "sX_m", "sY_m", "sZ_m", "vX_m", "vY_m", "vZ_m"),
-    })  # fmt: skip
+    layer = Layer(
+        "control",
+        "Point",
+        {
+            "point": str,
+            "role": str,
+            "known": str,
+            "rays": int,
+            **_floats("X_m", "Y_m", "Z_m", "sX_m", "sY_m", "sZ_m", "vX_m", "vY_m", "vZ_m"),
+        },
+    )
     rays = np.bincount(oriented.rays.point, minlength=len(oriented.block.points)).tolist()
     for p in control_points(oriented):
         given = np.where(p.known, p.xyz_m, np.nan)
@@ -200,6 +239,14 @@ def _control(oriented: OrientedBlock) -> Layer:
         place = np.where(np.isfinite(given), given, adjusted)
         if np.isfinite(place[:2]).all():
             known = "".join(axis for axis, k in zip("XYZ", p.known) if k)
-            layer.add(np.nan_to_num(place), p.id, "check" if p.is_check else "control", known, rays[p.row],
-                      *given.tolist(), *sigma.tolist(), *(adjusted - given).tolist())  # fmt: skip
+            layer.add(
+                np.nan_to_num(place),
+                p.id,
+                "check" if p.is_check else "control",
+                known,
+                rays[p.row],
+                *given.tolist(),
+                *sigma.tolist(),
+                *(adjusted - given).tolist(),
+            )
     return layer

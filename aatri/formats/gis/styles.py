@@ -51,6 +51,11 @@ def style_of(layer: str) -> str:
     if symbol.label:
         text = element("text-style", fieldName=symbol.label, fontSize="8", textColor="40,40,40,255")
         parts.append(element("labeling", element("settings", text), type="simple"))
-    root = element("qgis", *parts, version="3.28.0", styleCategories="Symbology|Labeling", labelsEnabled=
-                   "1" if symbol.label else "0")  # fmt: skip
+    root = element(
+        "qgis",
+        *parts,
+        version="3.28.0",
+        styleCategories="Symbology|Labeling",
+        labelsEnabled="1" if symbol.label else "0",
+    )
     return xml_of(root)

@@ -22,16 +22,32 @@ def _camera(view: FileView) -> str:
 
 
 IGN_MARKS = Format(
-    "ign_mes", "IGN image points (.mes)", lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
-    "lines `point image column row`", carries=("image points",),
-    drops=("cameras", "control", "standard deviations"), page=PAGE, read=read_marks,
-)  # fmt: skip
+    "ign_mes",
+    "IGN image points (.mes)",
+    lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
+    "lines `point image column row`",
+    carries=("image points",),
+    drops=("cameras", "control", "standard deviations"),
+    page=PAGE,
+    read=read_marks,
+)
 IGN_POINTS = Format(
-    "ign_app", "IGN ground points (.app)", lambda v: _all_lines(v, _POINT, 'lines `"point" type X Y Z`'),
-    'lines `"point" type X Y Z`', carries=("control", "standard deviations"),
-    drops=("check points", "frame", "image points"), page=PAGE, read=read_ground_points,
-)  # fmt: skip
+    "ign_app",
+    "IGN ground points (.app)",
+    lambda v: _all_lines(v, _POINT, 'lines `"point" type X Y Z`'),
+    'lines `"point" type X Y Z`',
+    carries=("control", "standard deviations"),
+    drops=("check points", "frame", "image points"),
+    page=PAGE,
+    read=read_ground_points,
+)
 IGN_CAMERA = Format(
-    "ign_camera", "IGN camera", _camera, "lines `PPAx = ...`, `focal = ...`", carries=("cameras",),
-    drops=("distortion",), page=PAGE, read=read_camera,
-)  # fmt: skip
+    "ign_camera",
+    "IGN camera",
+    _camera,
+    "lines `PPAx = ...`, `focal = ...`",
+    carries=("cameras",),
+    drops=("distortion",),
+    page=PAGE,
+    read=read_camera,
+)

@@ -14,8 +14,12 @@ def _recognised(view: FileView) -> str:
 
 
 INPHO = Format(
-    "inpho", "Inpho project (.prj)", _recognised, "blocks `$PROJECT`, `$CAMERA_DEFINITION`, `$PHOTO` ... `$END`",
+    "inpho",
+    "Inpho project (.prj)",
+    _recognised,
+    "blocks `$PROJECT`, `$CAMERA_DEFINITION`, `$PHOTO` ... `$END`",
     carries=("cameras", "image points", "start orientations"),
     drops=("distortion", "control", "check points", "positions", "attitudes", "frame", "strips", "film"),
-    page="docs/formats.md#inpho", read=read_inpho,
-)  # fmt: skip
+    page="docs/formats.md#inpho",
+    read=read_inpho,
+)

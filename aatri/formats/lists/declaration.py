@@ -34,12 +34,22 @@ TABLE = Format(
     written=("start orientations", "control", "check points", "image points", "standard deviations"),
 )  # fmt: skip
 IGN_OPK = Format(
-    "ign_opk", "IGN orientations (.OPK)", _ign, "a header NOM X Y Z O P K CAMERA",
+    "ign_opk",
+    "IGN orientations (.OPK)",
+    _ign,
+    "a header NOM X Y Z O P K CAMERA",
     carries=("start orientations", "positions", "attitudes"),
-    drops=("cameras", "frame", "standard deviations", "image points"), page=PAGE, read=partial(read_list, preset="ign"),
-)  # fmt: skip
+    drops=("cameras", "frame", "standard deviations", "image points"),
+    page=PAGE,
+    read=partial(read_list, preset="ign"),
+)
 APPLANIX = Format(
-    "applanix", "Applanix EO text", _applanix, "a line `(position in Meters, orientation in Degrees ...)`",
-    carries=("positions", "attitudes", "times"), drops=("image points", "control", "cameras", "standard deviations"),
-    page=PAGE, read=partial(read_list, observed=True),
-)  # fmt: skip
+    "applanix",
+    "Applanix EO text",
+    _applanix,
+    "a line `(position in Meters, orientation in Degrees ...)`",
+    carries=("positions", "attitudes", "times"),
+    drops=("image points", "control", "cameras", "standard deviations"),
+    page=PAGE,
+    read=partial(read_list, observed=True),
+)

@@ -55,11 +55,13 @@ SAME = {
     "sXY": "sxy sigmaxy accuracyxy xyaccuracy horizontalaccuracy hacc",
     "sx": "",
     "sy": "",
-    **{f"s{angle}": f"sigma{angle} std{angle} {angle}std accuracy{angle} {angle}accuracy"
-       for angle in ("omega", "phi", "kappa", "yaw", "pitch", "roll")},
+    **{
+        f"s{angle}": f"sigma{angle} std{angle} {angle}std accuracy{angle} {angle}accuracy"
+        for angle in ("omega", "phi", "kappa", "yaw", "pitch", "roll")
+    },
     **{name: name.replace("r", "m") for name in ROTATION},
     "role": "category",
-}  # fmt: skip
+}
 """Words of columns, and what they are called in headers, in small letters, without blanks and signs."""
 
 WORDS = [word for word in SAME if word != "name"]
@@ -106,7 +108,8 @@ def _preset(columns: str, separator: str, header: str = "", rotation: str = "ome
 
 PRESETS = {
     "metashape": _preset(
-        f"image X Y Z omega phi kappa {' '.join(ROTATION)}", "\t",
+        f"image X Y Z omega phi kappa {' '.join(ROTATION)}",
+        "\t",
         f"# Cameras ({{n}})\n# PhotoID, X, Y, Z, Omega, Phi, Kappa, {', '.join(ROTATION)}",
     ),
     "pix4d": _preset("image X Y Z omega phi kappa", " ", "imageName X Y Z Omega Phi Kappa"),
@@ -114,12 +117,13 @@ PRESETS = {
     "erdas": _preset("- image X Y Z omega phi kappa", " "),
     "contextcapture": _preset("image X Y Z omega phi kappa", ";", "Name;X;Y;Z;Omega;Phi;Kappa"),
     "applanix": _preset(
-        "image - time X Y Z omega phi kappa -? -?", "\t",
+        "image - time X Y Z omega phi kappa -? -?",
+        "\t",
         "(position in Meters, orientation in Degrees, lat, long in Deg)\n"
         "ID\tEVENT\tTIME(s)\tEASTING\tNORTHING\tELLIPSOID HEIGHT\tOMEGA\tPHI\tKAPPA",
     ),
     "ultramap": _preset("image X Y Z omega -phi kappa", " ", "image X Y Z omega phi kappa", "phi-omega-kappa"),
-}  # fmt: skip
+}
 """Lists of orientations by program; angles in degrees."""
 
 

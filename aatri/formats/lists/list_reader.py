@@ -31,8 +31,11 @@ from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
 RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
-ROLES = {**dict.fromkeys(("control", "gcp", "full"), CONTROL), **dict.fromkeys(("check", "checkpoint"), CHECK),
-         **dict.fromkeys(("", "none", "tie"), NO_ROLE)}  # fmt: skip
+ROLES = {
+    **dict.fromkeys(("control", "gcp", "full"), CONTROL),
+    **dict.fromkeys(("check", "checkpoint"), CHECK),
+    **dict.fromkeys(("", "none", "tie"), NO_ROLE),
+}
 GEOGRAPHIC = Frame("list", ("longitude", "latitude", "height"), "EPSG:4979")
 PLACE = ("X", "Y", "Z", "longitude", "latitude", "x", "y")
 SHOWN = 3
@@ -214,8 +217,10 @@ class _Rows:
 
     def _attitudes(self, system: str) -> dict[str, Float]:
         if ("yaw" in self.at) != (system == "yaw-pitch-roll"):
-            raise self.rows[0].error(f"rotation {system}, but the columns are {' '.join(self.columns.words)}",
-                                     "say the rotation that the columns are of")  # fmt: skip
+            raise self.rows[0].error(
+                f"rotation {system}, but the columns are {' '.join(self.columns.words)}",
+                "say the rotation that the columns are of",
+            )
         angles, sigma = (
             np.stack([self.numbers(f"{before}{name}")[:, 0] for name in ANGLES[system]], axis=1) * RAD[self.unit]
             for before in ("", "s")

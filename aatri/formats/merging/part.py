@@ -39,9 +39,10 @@ def part_of(block: Block, images: Bool) -> Block:
         dtype=bool,
     )
     kept = [
-        k for k, (_, _, members) in enumerate(conditions)
+        k
+        for k, (_, _, members) in enumerate(conditions)
         if all(name in names["image" if part == "images" else "point"] for part, name in members)
-    ]  # fmt: skip
+    ]
     touched = {name for k in kept for part, name in conditions[k][2] if part != "images"}
     for end in ("start", "end"):
         touched |= set(getattr(sights, end)[inside & (getattr(sights, f"{end}_kind") == "point")].tolist())

@@ -142,8 +142,13 @@ def _with_ties(targets: Mapping[str, Any], ties: Mapping[str, Any]) -> dict[str,
     if not ties:
         return dict(targets)
     n = len(ties["point"])
-    own = {"point": ties["point"], "xyz_m": ties["xyz_m"], "role": np.full((n, 3), APPROXIMATE),
-           "file": np.zeros(n, int), "line": np.full(n, -1)}  # fmt: skip
+    own = {
+        "point": ties["point"],
+        "xyz_m": ties["xyz_m"],
+        "role": np.full((n, 3), APPROXIMATE),
+        "file": np.zeros(n, int),
+        "line": np.full(n, -1),
+    }
     sigma = "covariance_m2" if "covariance_m2" in targets else "sigma_m"
     own[sigma] = np.zeros((n, 3, 3) if sigma == "covariance_m2" else (n, 3))
     return {key: [*targets.get(key, ()), *values] for key, values in own.items()}

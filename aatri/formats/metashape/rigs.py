@@ -64,8 +64,12 @@ def rigs_of(
         angle_free=np.broadcast_to(mounted[:, None], (n, 3)),
     )
     number = {key: k for k, key in enumerate(dict.fromkeys(c.master or c.id for c in cameras), 1)}
-    rig = [sensors[slaves[c.sensor].master if c.sensor in slaves else c.sensor].name
-           if c.sensor in slaves or c.sensor in masters else "" for c in cameras]  # fmt: skip
+    rig = [
+        sensors[slaves[c.sensor].master if c.sensor in slaves else c.sensor].name
+        if c.sensor in slaves or c.sensor in masters
+        else ""
+        for c in cameras
+    ]
     columns: dict[str, list[Any]] = {
         "rig": rig,
         "member": [sensors[c.sensor].name if name else "" for c, name in zip(cameras, rig)],

@@ -50,9 +50,7 @@ def write_metashape(
         as_program_states(lens, ["metashape"], reporter, allowed_px=writing.lens_misfit_px) for lens in oriented.lenses
     ]
     if frame == LOCAL:
-        system, moved = LOCAL_SYSTEM, MovedBlock(
-            LOCAL, oriented.position_m, oriented.ground_from_image, oriented.xyz_m
-        )  # fmt: skip
+        system, moved = LOCAL_SYSTEM, MovedBlock(LOCAL, oriented.position_m, oriented.ground_from_image, oriented.xyz_m)
     else:
         declared = crs_of(frame)
         system = (declared if frame.vertical else declared.to_2d()).to_wkt("WKT1_GDAL")
@@ -63,9 +61,11 @@ def write_metashape(
     reference = element("reference", system)
     cameras = [_camera(oriented, moved, row, origin) for row in range(len(block.images))]
     transform = element(
-        "transform", numbers("rotation", *np.eye(3).ravel().tolist()), numbers("translation", *origin.tolist()),
+        "transform",
+        numbers("rotation", *np.eye(3).ravel().tolist()),
+        numbers("translation", *origin.tolist()),
         element("scale", 1.0),
-    )  # fmt: skip
+    )
     sensors = [_sensor(k, lens) for k, lens in enumerate(lenses)]
     files = {"cameras.xml": _document(element("sensors", *sensors), element("cameras", *cameras), transform, reference)}
     if control:
@@ -88,8 +88,11 @@ def _document(*content: ET.Element) -> str:
 def _sensor(number: int, lens: Lens) -> ET.Element:
     width, height = (int(side) for side in lens.size_px)
     values = {"f": lens.focal_px[0], "cx": lens.principal_point_px[0], "cy": lens.principal_point_px[1]}
-    properties = {"pixel_width": lens.pixel_mm, "pixel_height": lens.pixel_mm,
-                  "focal_length": lens.focal_px[0] * lens.pixel_mm}  # fmt: skip
+    properties = {
+        "pixel_width": lens.pixel_mm,
+        "pixel_height": lens.pixel_mm,
+        "focal_length": lens.focal_px[0] * lens.pixel_mm,
+    }
     size = {"width": width, "height": height}
     return element(
         "sensor",

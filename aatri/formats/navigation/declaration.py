@@ -31,13 +31,23 @@ def _mrk(view: FileView) -> str:
 
 
 MRK = Format(
-    "dji_mrk", "DJI MRK", _mrk, "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
+    "dji_mrk",
+    "DJI MRK",
+    _mrk,
+    "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
     carries=("positions", "standard deviations", "frame"),
-    drops=("attitudes", "image points", "control", "cameras"), page=PAGE, read=read_mrk,
-)  # fmt: skip
+    drops=("attitudes", "image points", "control", "cameras"),
+    page=PAGE,
+    read=read_mrk,
+)
 XMP = Format(
-    "dji_xmp", "DJI photographs (XMP)", _xmp, "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
+    "dji_xmp",
+    "DJI photographs (XMP)",
+    _xmp,
+    "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
     carries=("positions", "start orientations", "standard deviations", "frame"),
-    drops=("image points", "control", "cameras", "distortion"), page="docs/formats.md#dji-xmp",
-    read=read_xmp, files_of=_photographs,
-)  # fmt: skip
+    drops=("image points", "control", "cameras", "distortion"),
+    page="docs/formats.md#dji-xmp",
+    read=read_xmp,
+    files_of=_photographs,
+)

@@ -98,8 +98,10 @@ def read_photographs(
         parts.frame = None  # nothing says where on earth they are
     turned = [name for name, p in zip(names, photos) if p.orientation != 1]
     if turned:
-        notes.append(f"{len(turned)} photographs are marked as turned for viewers; pixels count as they lie in the "
-                     f"file: {shown(turned)}")  # fmt: skip
+        notes.append(
+            f"{len(turned)} photographs are marked as turned for viewers; pixels count as they lie in the "
+            f"file: {shown(turned)}"
+        )
     return parts
 
 
@@ -140,8 +142,10 @@ def _cameras(
         name for name, p in zip(names, photos) if p.size_px[0] != p.size_px[1] and (p.model, p.size_px[::-1]) in shapes
     ]
     if turned:
-        notes.append(f"photographs of one model lie upright and across, {len(turned)} in all: a program has turned "
-                     f"their pixels, or the camera was turned; they count as two cameras: {shown(turned)}")  # fmt: skip
+        notes.append(
+            f"photographs of one model lie upright and across, {len(turned)} in all: a program has turned "
+            f"their pixels, or the camera was turned; they count as two cameras: {shown(turned)}"
+        )
     size_mm = [p.focal_mm / p.focal_px if p.focal_mm > 0 else PIXEL_MM for p in focal.values()]
     c_mm = np.array([p.focal_px for p in focal.values()]) * size_mm
     cameras: dict[str, object] = {
@@ -189,8 +193,9 @@ def _exterior(
     rtk = np.array([[of.get(f"RtkStd{axis}", np.nan) for axis in ("Lon", "Lat", "Hgt")] for of in numbers])
     is_rtk = np.asarray((rtk > 0).all(axis=1))
     place = np.array([p.lonlat_deg for p in photos])
-    packed = np.array([[of.get(key, np.nan) for key in ("GpsLongitude", "GpsLatitude", "AbsoluteAltitude")]
-                       for of in numbers])  # fmt: skip
+    packed = np.array(
+        [[of.get(key, np.nan) for key in ("GpsLongitude", "GpsLatitude", "AbsoluteAltitude")] for of in numbers]
+    )
     place = np.where(np.isfinite(packed) & (is_rtk | np.isnan(place).any(axis=1))[:, None], packed, place)
     here = finite_rows(place[:, :2])
     equal = _equal_to_another(place)
@@ -205,18 +210,22 @@ def _exterior(
     keep = np.flatnonzero(here | turned).tolist()
     observed = here & ~equal
     sigma = np.where(is_rtk[:, None], rtk, sigma_m)
-    return {
-        "image": [names[k] for k in keep],
-        "position_m": place[keep],
-        "sigma_m": np.where(observed[:, None], sigma, np.nan)[keep],
-        "position_use": np.where(observed, OBSERVED_VALUE, APPROXIMATE_VALUE)[keep],
-        "ground_from_image": np.where(turned[:, None, None], of_gimbal(np.nan_to_num(angles)), np.nan)[keep],
-        "angle_sigma_rad": np.where(turned[:, None], np.full((len(photos), 3), attitude_rad), np.nan)[keep],
-        "angle_use": np.where(turned, OBSERVED_VALUE, APPROXIMATE_VALUE)[keep],
-        "file": keep,
-        "line": -1,
-        "drift_group": [shift_of[k] for k in keep] if shift_of else "",
-    } if keep else {}  # fmt: skip
+    return (
+        {
+            "image": [names[k] for k in keep],
+            "position_m": place[keep],
+            "sigma_m": np.where(observed[:, None], sigma, np.nan)[keep],
+            "position_use": np.where(observed, OBSERVED_VALUE, APPROXIMATE_VALUE)[keep],
+            "ground_from_image": np.where(turned[:, None, None], of_gimbal(np.nan_to_num(angles)), np.nan)[keep],
+            "angle_sigma_rad": np.where(turned[:, None], np.full((len(photos), 3), attitude_rad), np.nan)[keep],
+            "angle_use": np.where(turned, OBSERVED_VALUE, APPROXIMATE_VALUE)[keep],
+            "file": keep,
+            "line": -1,
+            "drift_group": [shift_of[k] for k in keep] if shift_of else "",
+        }
+        if keep
+        else {}
+    )
 
 
 def _equal_to_another(place: Float) -> Bool:
@@ -228,5 +237,7 @@ def _equal_to_another(place: Float) -> Bool:
 
 def _tell(notes: list[str], names: Sequence[str], which: Bool, what: str) -> None:
     if which.any():
-        notes.append(f"{int(which.sum())} of {len(names)} photographs {what}: "
-                     f"{shown(names[k] for k in np.flatnonzero(which).tolist())}")  # fmt: skip
+        notes.append(
+            f"{int(which.sum())} of {len(names)} photographs {what}: "
+            f"{shown(names[k] for k in np.flatnonzero(which).tolist())}"
+        )

@@ -37,8 +37,15 @@ _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 EXIF, GPS = 0x8769, 0x8825
 MAKE, MODEL, ORIENTATION = 271, 272, 274
 TIME, SUBSECONDS, FOCAL, FOCAL_35, WIDTH, PLANE_X, PLANE_UNIT, LENS = (
-    36867, 37521, 37386, 41989, 40962, 41486, 41488, 42036,
-)  # fmt: skip
+    36867,
+    37521,
+    37386,
+    41989,
+    40962,
+    41486,
+    41488,
+    42036,
+)
 
 
 @dataclass(frozen=True)
@@ -174,8 +181,9 @@ def _place(gps: Any) -> tuple[float, float, float]:
         return (math.nan,) * 3
     if not (abs(latitude) <= 90 and abs(longitude) <= 180) or latitude == longitude == 0:
         return (math.nan,) * 3
-    latitude, longitude = (-v if _text(gps.get(t)) in "SW" and _text(gps.get(t)) else v
-                           for v, t in ((latitude, 1), (longitude, 3)))  # fmt: skip
+    latitude, longitude = (
+        -v if _text(gps.get(t)) in "SW" and _text(gps.get(t)) else v for v, t in ((latitude, 1), (longitude, 3))
+    )
     try:
         height = float(gps[6]) * (-1 if gps.get(5) in (b"\x01", 1) else 1)
     except (KeyError, TypeError, ValueError, ZeroDivisionError):

@@ -94,8 +94,10 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     }
     parts.notes = _notes(names, [t.get("RtkFlag") for t in stated], observed.tolist())
     if len(found) < len(listed):
-        parts.notes.append(f"{len(listed) - len(found)} files have no packet of a drone: "
-                           f"{shown([p.name for p in listed if p not in files])}")  # fmt: skip
+        parts.notes.append(
+            f"{len(listed) - len(found)} files have no packet of a drone: "
+            f"{shown([p.name for p in listed if p not in files])}"
+        )
     reporter.log(f"{path}: {len(found)} packets")
     return parts
 

@@ -80,9 +80,15 @@ def read_bundler(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter =
     measured, R = np.array(marks).reshape(-1, 4), np.array(stated)
     centres = position_of(ground_from_image(R, "bundler"), np.array(translations), "bundler")
     model = SparseModel(
-        lenses, R, centres, np.array(xyz).reshape(-1, 3), measured[:, 0].astype(np.int32),
-        measured[:, 1].astype(np.int32), measured[:, 2:], (at, of_points, of_marks),
-    )  # fmt: skip
+        lenses,
+        R,
+        centres,
+        np.array(xyz).reshape(-1, 3),
+        measured[:, 0].astype(np.int32),
+        measured[:, 1].astype(np.int32),
+        measured[:, 2:],
+        (at, of_points, of_marks),
+    )
     return parts_of_model("bundler", path, model, "up", reporter)
 
 

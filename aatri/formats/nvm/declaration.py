@@ -6,17 +6,26 @@ from aatri.formats.nvm.nvm_writer import write_nvm
 from aatri.formats.parts.format import Format, begins
 
 NVM = Format(
-    "nvm", "VisualSFM NVM", begins("NVM_V3"), "a first line NVM_V3",
+    "nvm",
+    "VisualSFM NVM",
+    begins("NVM_V3"),
+    "a first line NVM_V3",
     carries=("cameras", "distortion", "image points", "start orientations", "start values of points"),
     drops=("control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
-    page="docs/formats.md#nvm-and-bundler", read=read_nvm, write=write_nvm,
+    page="docs/formats.md#nvm-and-bundler",
+    read=read_nvm,
+    write=write_nvm,
     written=("cameras", "distortion", "image points", "start orientations", "start values of points"),
     estimates_cameras=True,
-)  # fmt: skip
+)
 BUNDLER = Format(
-    "bundler", "Bundler bundle.out", begins("# Bundle file v0.3"), "a line `# Bundle file v0.3`",
+    "bundler",
+    "Bundler bundle.out",
+    begins("# Bundle file v0.3"),
+    "a line `# Bundle file v0.3`",
     carries=("cameras", "distortion", "image points", "start orientations", "start values of points"),
     drops=("control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
-    page="docs/formats.md#nvm-and-bundler", read=read_bundler,
+    page="docs/formats.md#nvm-and-bundler",
+    read=read_bundler,
     estimates_cameras=True,
-)  # fmt: skip
+)

@@ -67,10 +67,15 @@ def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
             of_marks.append(line.line)
     measured = np.array(marks).reshape(-1, 4)
     model = SparseModel(
-        lenses, matrix_of_quaternion(rows[:, :4]), rows[:, 4:], np.array(xyz).reshape(-1, 3),
-        measured[:, 0].astype(np.int32), measured[:, 1].astype(np.int32), measured[:, 2:],
+        lenses,
+        matrix_of_quaternion(rows[:, :4]),
+        rows[:, 4:],
+        np.array(xyz).reshape(-1, 3),
+        measured[:, 0].astype(np.int32),
+        measured[:, 1].astype(np.int32),
+        measured[:, 2:],
         ([line.line for line in cameras], [line.line for line in points], of_marks),
-    )  # fmt: skip
+    )
     return parts_of_model("nvm", path, model, "down", reporter)
 
 

@@ -63,21 +63,42 @@ RECONSTRUCTION = Format(
     estimates_cameras=True,
 )  # fmt: skip
 TRACKS = Format(
-    "opensfm_tracks", "OpenSfM tracks.csv", _tracks, "a first line OPENSFM_TRACKS_VERSION",
-    carries=("image points",), drops=("cameras", "control", "start orientations"), page=PAGE, read=read_tracks,
-)  # fmt: skip
+    "opensfm_tracks",
+    "OpenSfM tracks.csv",
+    _tracks,
+    "a first line OPENSFM_TRACKS_VERSION",
+    carries=("image points",),
+    drops=("cameras", "control", "start orientations"),
+    page=PAGE,
+    read=read_tracks,
+)
 GROUND_CONTROL = Format(
-    "opensfm_gcp", "OpenSfM ground_control_points.json", _ground_control, "JSON `points` with `observations`",
-    carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
-    page=PAGE, read=read_ground_control,
-)  # fmt: skip
+    "opensfm_gcp",
+    "OpenSfM ground_control_points.json",
+    _ground_control,
+    "JSON `points` with `observations`",
+    carries=("control", "image points", "frame"),
+    drops=("standard deviations", "check points"),
+    page=PAGE,
+    read=read_ground_control,
+)
 GCP_LIST = Format(
-    "odm_gcp", "OpenDroneMap gcp_list.txt", _gcp_list, "a coordinate system, then rows `x y z column row image`",
-    carries=("control", "image points", "frame"), drops=("standard deviations", "check points"),
-    page=PAGE, read=read_gcp_list,
-)  # fmt: skip
+    "odm_gcp",
+    "OpenDroneMap gcp_list.txt",
+    _gcp_list,
+    "a coordinate system, then rows `x y z column row image`",
+    carries=("control", "image points", "frame"),
+    drops=("standard deviations", "check points"),
+    page=PAGE,
+    read=read_gcp_list,
+)
 GEO = Format(
-    "odm_geo", "OpenDroneMap geo.txt", _geo, "a coordinate system, then rows `image x y ...`",
-    carries=("positions", "attitudes", "standard deviations", "frame"), drops=("image points", "control"),
-    page=PAGE, read=read_geo,
-)  # fmt: skip
+    "odm_geo",
+    "OpenDroneMap geo.txt",
+    _geo,
+    "a coordinate system, then rows `image x y ...`",
+    carries=("positions", "attitudes", "standard deviations", "frame"),
+    drops=("image points", "control"),
+    page=PAGE,
+    read=read_geo,
+)

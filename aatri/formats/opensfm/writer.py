@@ -54,11 +54,13 @@ def write_opensfm(
     names, cameras = block.images.id, block.cameras.id[block.images.camera]
     shots = {
         str(names[row]): {
-            "camera": str(cameras[row]), "rotation": r, "translation": t,
+            "camera": str(cameras[row]),
+            "rotation": r,
+            "translation": t,
             **({"capture_time": float(block.images.time_s[row])} if np.isfinite(block.images.time_s[row]) else {}),
         }
         for row, r, t in zip(rows.tolist(), rotation, translation)
-    }  # fmt: skip
+    }
     control = control_points(oriented)
     bound = {p.row for p in control}
     measured = [row for row in np.unique(rays.point).tolist() if row not in bound]

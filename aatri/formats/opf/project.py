@@ -27,8 +27,16 @@ from aatri.ids import clipped, shown
 
 PROJECT = "application/opf-project+json"
 SPECIFICATION = "a project by the OPF specification 1.x"
-READ = ("camera-list", "input-cameras", "projected-input-cameras", "input-control-points", "projected-control-points",
-        "calibrated-cameras", "scene-reference-frame", "sparse")  # fmt: skip
+READ = (
+    "camera-list",
+    "input-cameras",
+    "projected-input-cameras",
+    "input-control-points",
+    "projected-control-points",
+    "calibrated-cameras",
+    "scene-reference-frame",
+    "sparse",
+)
 """Resources that are read, by their format."""
 
 

@@ -87,13 +87,15 @@ def write_opf(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL
     ]
     documents: dict[str, dict[str, Any]] = {
         "camera-list": {"cameras": cameras},
-        "input-cameras": {"sensors": [_sensor(k, lens) for k, lens in enumerate(lenses, 1)],
-                          "captures": _captures(oriented, scene)},
+        "input-cameras": {
+            "sensors": [_sensor(k, lens) for k, lens in enumerate(lenses, 1)],
+            "captures": _captures(oriented, scene),
+        },
         "input-control-points": _marked(oriented, control, scene),
         "scene-reference-frame": {"crs": crs, "base_to_canonical": shift},
         "calibrated-cameras": _calibrated(oriented, lenses, scene),
         "calibrated-control-points": {"points": points},
-    }  # fmt: skip
+    }
     files = {f"{name}.json": _document(name, content) for name, content in documents.items()}
     write_files(folder, {"project.opf": _project(block.name), **files})
 
@@ -164,10 +166,20 @@ def _captures(oriented: OrientedBlock, scene: _Scene) -> list[dict[str, Any]]:
     )
     captures = []
     for row, sensor in enumerate((block.images.camera + 1).tolist()):
-        camera = {"id": row + 1, "sensor_id": sensor, "model_source": "user", "pixel_type": "uint8",
-                  "pixel_range": {"min": 0, "max": 255}}  # fmt: skip
-        capture: dict[str, Any] = {"id": row + 1, "reference_camera_id": row + 1, "cameras": [camera],
-                                   "rig_model_source": "not_applicable", "time": NO_TIME}  # fmt: skip
+        camera = {
+            "id": row + 1,
+            "sensor_id": sensor,
+            "model_source": "user",
+            "pixel_type": "uint8",
+            "pixel_range": {"min": 0, "max": 255},
+        }
+        capture: dict[str, Any] = {
+            "id": row + 1,
+            "reference_camera_id": row + 1,
+            "cameras": [camera],
+            "rig_model_source": "not_applicable",
+            "time": NO_TIME,
+        }
         if row in observed:
             k = observed[row]
             sigma = np.sqrt(np.diag(e.position_covariance_m2[k]))

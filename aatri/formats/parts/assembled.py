@@ -215,8 +215,10 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
         bare = observed & np.isnan(np.einsum("nii->ni", exterior["position_covariance_m2"])).any(axis=1)
         if bare.any():
             exterior["position_use"] = np.where(bare, 0, exterior["position_use"])
-            reporter.log(f"{int(bare.sum())} positions have no standard deviation, and are start values: "
-                         "`position_sigma` makes them observations")  # fmt: skip
+            reporter.log(
+                f"{int(bare.sum())} positions have no standard deviation, and are start values: "
+                "`position_sigma` makes them observations"
+            )
     else:
         _fill(exterior["position_covariance_m2"], np.asarray(not_stated.position_sigma_m))
     free = exterior["position_use"] != OBSERVED_VALUE

@@ -9,8 +9,12 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.rows import place, rows_of, twice
 from aatri.frames.checks import out_of_range
 
-IDS = (("cameras", "id", "camera"), ("images", "id", "image"), ("exterior", "image", "orientation of image"),
-       ("ground_points", "point", "ground point"))  # fmt: skip
+IDS = (
+    ("cameras", "id", "camera"),
+    ("images", "id", "image"),
+    ("exterior", "image", "orientation of image"),
+    ("ground_points", "point", "ground point"),
+)
 PLACES = (("exterior", "image", "position_m"), ("ground_points", "point", "xyz_m"))
 
 

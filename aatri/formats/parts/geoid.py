@@ -49,8 +49,10 @@ def _undulations_m(parts: BlockParts, grid: Path, place: Float, names: Any) -> F
     assert parts.frame is not None
     horizontal = CRS.from_user_input(parts.frame.crs)
     to_geographic = Transformer.from_crs(horizontal, horizontal.geodetic_crs, always_xy=True)
-    first, second = (parts.frame.axes.index(name) for name in
-                     (("longitude", "latitude") if parts.frame.geographic else ("east", "north")))  # fmt: skip
+    first, second = (
+        parts.frame.axes.index(name)
+        for name in (("longitude", "latitude") if parts.frame.geographic else ("east", "north"))
+    )
     known = np.isfinite(place).all(axis=1)
     longitude, latitude = to_geographic.transform(place[known, first], place[known, second])
     radians = "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"

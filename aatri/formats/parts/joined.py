@@ -274,6 +274,7 @@ def _chosen(
         if gap > SAME_M and first_rate[k] == first_rate[best]:
             others.append(str(ids[k]))
     if others:
-        reporter.warn(f"{len(others)} times {what} has other start values in a later source, which are not taken: "
-                      f"{shown(others)}")  # fmt: skip
+        reporter.warn(
+            f"{len(others)} times {what} has other start values in a later source, which are not taken: {shown(others)}"
+        )
     return sorted(chosen)

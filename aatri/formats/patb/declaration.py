@@ -7,8 +7,11 @@ from aatri.formats.patb.reader import read_patb
 from aatri.formats.patb.writer import write_patb
 
 _NUMBER = r"\s*[-+]?[0-9]+\.[0-9]*"
-_RECORDS = (re.compile(rf"\s*\S+(?:{_NUMBER}){{3}}\s*"), re.compile(rf"(?:{_NUMBER}){{5}}\s*"),
-            re.compile(rf"(?:{_NUMBER}){{4}}\s*"))  # fmt: skip
+_RECORDS = (
+    re.compile(rf"\s*\S+(?:{_NUMBER}){{3}}\s*"),
+    re.compile(rf"(?:{_NUMBER}){{5}}\s*"),
+    re.compile(rf"(?:{_NUMBER}){{4}}\s*"),
+)
 
 
 def _recognised(view: FileView) -> str:
@@ -18,7 +21,14 @@ def _recognised(view: FileView) -> str:
 
 
 PATB = Format(
-    "patb", "PATB orientations (.ori)", _recognised, "three records of fixed width a photo",
-    carries=("start orientations",), drops=("cameras", "image points", "control", "frame", "standard deviations"),
-    page="docs/formats.md#patb", read=read_patb, write=write_patb, written=("start orientations",),
-)  # fmt: skip
+    "patb",
+    "PATB orientations (.ori)",
+    _recognised,
+    "three records of fixed width a photo",
+    carries=("start orientations",),
+    drops=("cameras", "image points", "control", "frame", "standard deviations"),
+    page="docs/formats.md#patb",
+    read=read_patb,
+    write=write_patb,
+    written=("start orientations",),
+)

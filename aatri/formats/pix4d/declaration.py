@@ -14,9 +14,14 @@ def _recognised(view: FileView) -> str:
 
 
 PIX4D = Format(
-    "pix4d", "Pix4D parameters", _recognised, "`*_calibrated_camera_parameters.txt`",
+    "pix4d",
+    "Pix4D parameters",
+    _recognised,
+    "`*_calibrated_camera_parameters.txt`",
     carries=("cameras", "distortion", "start orientations"),
     drops=("image points", "control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
-    page="docs/formats.md#pix4d-parameters", read=read_pix4d, files_of=all_files,
+    page="docs/formats.md#pix4d-parameters",
+    read=read_pix4d,
+    files_of=all_files,
     estimates_cameras=True,
-)  # fmt: skip
+)

@@ -113,12 +113,18 @@ TABLES = _format(
     page="docs/formats.md#the-block-folder", files_of=all_files, write=_write_tables, written=get_args(Content),
 )  # fmt: skip
 WUCAPS = _format(
-    "wucaps", "WuCAPS", _wucaps, "a folder with PRECAI, PREPHI, PRECKI, PRECPI", read_wucaps,
+    "wucaps",
+    "WuCAPS",
+    _wucaps,
+    "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
+    read_wucaps,
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
     drops=("distortion", "standard deviations", "positions", "attitudes", "frame"),
-    page="docs/formats.md#wucaps-files", files_of=all_files, write=write_oriented,
+    page="docs/formats.md#wucaps-files",
+    files_of=all_files,
+    write=write_oriented,
     written=("cameras", "image points", "control", "check points", "strips", "film"),
-)  # fmt: skip
+)
 DBAT = _format(
     "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read_dbat,
     carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
@@ -126,27 +132,49 @@ DBAT = _format(
     drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",
 )  # fmt: skip
 BAL = _format(
-    "bal", "Bundle Adjustment in the Large", _bal, "three numbers, then rows `camera point x y`", read_bal,
+    "bal",
+    "Bundle Adjustment in the Large",
+    _bal,
+    "three numbers, then rows `camera point x y`",
+    read_bal,
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#bundle-adjustment-in-the-large", write=write_bal_problem, written=OF_MODELS,
-)  # fmt: skip
+    page="docs/formats.md#bundle-adjustment-in-the-large",
+    write=write_bal_problem,
+    written=OF_MODELS,
+)
 COLMAP = _format(
-    "colmap", "COLMAP sparse model", _colmap, "a folder with cameras, images, points3D (.txt or .bin)", read_colmap,
+    "colmap",
+    "COLMAP sparse model",
+    _colmap,
+    "a folder with cameras, images, points3D (.txt or .bin)",
+    read_colmap,
     carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
     drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
-    page="docs/formats.md#colmap-models", files_of=all_files, write=write_colmap_model, written=OF_MODELS,
+    page="docs/formats.md#colmap-models",
+    files_of=all_files,
+    write=write_colmap_model,
+    written=OF_MODELS,
     estimates_cameras=True,
-)  # fmt: skip
+)
 PAIRS = _format(
-    "pairs", "pair files of models", _pairs, "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",
+    "pairs",
+    "pair files of models",
+    _pairs,
+    "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",
     partial(read_pairs, unit_um=1000.0, image_sigma_um=10.0),
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
-    drops=("distortion", "positions", "attitudes", "frame", "standard deviations"), page="docs/formats.md#pair-files",
+    drops=("distortion", "positions", "attitudes", "frame", "standard deviations"),
+    page="docs/formats.md#pair-files",
     files_of=all_files,
-)  # fmt: skip
+)
 GAMA = _format(
-    "gama", "GNU Gama network", _gama, "XML with <gama-local>", read_gama,
+    "gama",
+    "GNU Gama network",
+    _gama,
+    "XML with <gama-local>",
+    read_gama,
     carries=("control", "start values of points", "geodetic observations", "standard deviations", "covariances"),
-    drops=("cameras", "image points", "positions", "attitudes"), page="docs/formats.md#gnu-gama-networks",
-)  # fmt: skip
+    drops=("cameras", "image points", "positions", "attitudes"),
+    page="docs/formats.md#gnu-gama-networks",
+)

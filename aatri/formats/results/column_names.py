@@ -34,8 +34,16 @@ _NAMES = {
 }
 """Columns of three numbers, by their name in the artifact."""
 
-_IDS = {"ImageOrientations": "image", "ImageIds": "image", "Images": "image", "SolvedPoints": "point",
-        "PointIds": "point", "Points": "point", "SolvedCameras": "camera", "Cameras": "camera"}  # fmt: skip
+_IDS = {
+    "ImageOrientations": "image",
+    "ImageIds": "image",
+    "Images": "image",
+    "SolvedPoints": "point",
+    "PointIds": "point",
+    "Points": "point",
+    "SolvedCameras": "camera",
+    "Cameras": "camera",
+}
 """What the column `id` of these tables is called where other tables refer to it."""
 
 

@@ -90,8 +90,9 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
     if solution.proposed_numbers is not None and len(solution.proposed_numbers):
         n = solution.proposed_numbers
         tables["proposed_numbers.csv"] = {
-            **named(n, "kind", "image", "point", "proposed"), "exchanged": np.where(n.exchanged, "yes", "no"),
-        }  # fmt: skip
+            **named(n, "kind", "image", "point", "proposed"),
+            "exchanged": np.where(n.exchanged, "yes", "no"),
+        }
     if len(solution.suspects):
         tables["suspects.csv"] = _suspects(solution.suspects)
     if len(solution.transformations):
@@ -160,9 +161,13 @@ def _parameters(solution: Solution) -> Columns:
     p = solution.parameters
     removed = removed_parameters(p)
     return {
-        "group": p.group, "object": p.object, "name": p.name, "value": np.where(removed, np.nan, p.value),
-        "sigma": np.where(removed, np.nan, p.sigma), "unit": np.array(parameter_units(solution), dtype=np.str_),
-    }  # fmt: skip
+        "group": p.group,
+        "object": p.object,
+        "name": p.name,
+        "value": np.where(removed, np.nan, p.value),
+        "sigma": np.where(removed, np.nan, p.sigma),
+        "unit": np.array(parameter_units(solution), dtype=np.str_),
+    }
 
 
 def removed_parameters(p: Parameters) -> Bool:
@@ -178,9 +183,13 @@ def _covariances(p: Parameters, rows: ParameterCovariances) -> Columns:
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.where(units > 0, covariance / units, np.nan)
     return {
-        "object_1": p.object[first], "name_1": p.name[first], "object_2": p.object[second], "name_2": p.name[second],
-        "covariance": covariance, "correlation": correlation,
-    }  # fmt: skip
+        "object_1": p.object[first],
+        "name_1": p.name[first],
+        "object_2": p.object[second],
+        "name_2": p.name[second],
+        "covariance": covariance,
+        "correlation": correlation,
+    }
 
 
 def _tests(residuals: Residuals, tests: Tests) -> Columns:

@@ -7,12 +7,22 @@ PAGE = "docs/formats.md#socet"
 
 
 GPF = Format(
-    "socet_gpf", "SOCET ground points (.gpf)", begins("GROUND POINT FILE"),
-    "a first line GROUND POINT FILE", carries=("control", "start values of points", "standard deviations", "frame"),
-    drops=("image points", "check points", "covariances"), page=PAGE, read=read_gpf,
-)  # fmt: skip
+    "socet_gpf",
+    "SOCET ground points (.gpf)",
+    begins("GROUND POINT FILE"),
+    "a first line GROUND POINT FILE",
+    carries=("control", "start values of points", "standard deviations", "frame"),
+    drops=("image points", "check points", "covariances"),
+    page=PAGE,
+    read=read_gpf,
+)
 IPF = Format(
-    "socet_ipf", "SOCET image points (.ipf)", begins("IMAGE POINT FILE"),
-    "a first line IMAGE POINT FILE", carries=("image points", "standard deviations"),
-    drops=("cameras", "control", "start orientations"), page=PAGE, read=read_ipf,
-)  # fmt: skip
+    "socet_ipf",
+    "SOCET image points (.ipf)",
+    begins("IMAGE POINT FILE"),
+    "a first line IMAGE POINT FILE",
+    carries=("image points", "standard deviations"),
+    drops=("cameras", "control", "start orientations"),
+    page=PAGE,
+    read=read_ipf,
+)

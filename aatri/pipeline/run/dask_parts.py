@@ -65,11 +65,19 @@ class DaskParts:
         workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
         tasks = [
             client.submit(
-                _one, work, self._base, names, topic, k, key=f"{topic}-{k}", pure=False,
-                workers=[workers[k % len(workers)]], allow_other_workers=True,
+                _one,
+                work,
+                self._base,
+                names,
+                topic,
+                k,
+                key=f"{topic}-{k}",
+                pure=False,
+                workers=[workers[k % len(workers)]],
+                allow_other_workers=True,
             )
             for k, names in enumerate(files)
-        ]  # fmt: skip
+        ]
         distributed.secede()
         fetching: dict[int, Future[Message]] = {}
         try:

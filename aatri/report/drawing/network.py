@@ -125,10 +125,17 @@ def network_picture(block: Block, solution: Solution) -> Picture | None:
     between = [" to ".join(block.points.id[line]) for line in lines]
     marks = [
         Marks("segments", ground[lines[right]], "soft", "observed", 0.8),
-        Marks("segments", ground[lines[wrong]], "red", "with a rejected observation", 1.2, dashed=True,
-              ids=[between[k] for k in np.flatnonzero(wrong)]),
+        Marks(
+            "segments",
+            ground[lines[wrong]],
+            "red",
+            "with a rejected observation",
+            1.2,
+            dashed=True,
+            ids=[between[k] for k in np.flatnonzero(wrong)],
+        ),
         *rims,
-    ]  # fmt: skip
+    ]
     shapes: tuple[tuple[Shape, str, str, Bool], ...] = (
         ("dots", "soft", "new points", ~control),
         ("triangles", "red", "control", control & ~out),

@@ -51,8 +51,13 @@ def overlap_picture(block: Block, solution: Solution) -> Picture | None:
     centres, count = grid.reshape(-1, 2), number.ravel()
     quarter = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     marks = []
-    for low_n, high_n, colour, fill in ((1, 1, "red", 0.55), (2, 2, "amber", 0.55), (3, 4, "blue", 0.2),
-                                        (5, 8, "blue", 0.4), (9, 10**9, "blue", 0.65)):  # fmt: skip
+    for low_n, high_n, colour, fill in (
+        (1, 1, "red", 0.55),
+        (2, 2, "amber", 0.55),
+        (3, 4, "blue", 0.2),
+        (5, 8, "blue", 0.4),
+        (9, 10**9, "blue", 0.65),
+    ):
         rows = np.flatnonzero((count >= low_n) & (count <= high_n))
         name = f"{low_n}" if low_n == high_n else f"{low_n} to {high_n}" if high_n < 10**9 else f"{low_n} or more"
         tells = [f"seen from {k} images" for k in count[rows]]
@@ -77,10 +82,17 @@ def rays_pictures(block: Block, solution: Solution) -> list[Picture]:
     rows = rows[near(ground[rows])]
     drawn = rows[thinned(len(rows))]
     marks = [
-        Marks("dots", ground[of, :2], colour, f"{name} rays", 4.0, ids=block.points.id[of].tolist(),
-              tells=[f"{k} rays" for k in rays[of].tolist()])
+        Marks(
+            "dots",
+            ground[of, :2],
+            colour,
+            f"{name} rays",
+            4.0,
+            ids=block.points.id[of].tolist(),
+            tells=[f"{k} rays" for k in rays[of].tolist()],
+        )
         for of, colour, name in reversed(steps_of(-rays.astype(float), [-5.5, -3.5, -2.5, -1.5], RAYS[::-1], drawn))
-    ]  # fmt: skip
+    ]
     few = int((rays[rows] == 2).sum())
     caption = (
         f"Points by the number of images that measured them, {rays[rows].mean():.1f} in the mean. {few:,} of "
@@ -203,10 +215,17 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
             f"{lengths[-1]} or more",
         ]
         marks = [
-            Marks("dots", ground[of], colour, label, 4.5, ids=block.points.id[of].tolist(),
-                  tells=[length_text(float(v)) for v in values[of]])
+            Marks(
+                "dots",
+                ground[of],
+                colour,
+                label,
+                4.5,
+                ids=block.points.id[of].tolist(),
+                tells=[length_text(float(v)) for v in values[of]],
+            )
             for of, colour, label in steps_of(values, edges, names, drawn)
-        ]  # fmt: skip
+        ]
         worst = rows[int(np.argmax(values[rows]))]
         caption = (
             f"{length_text(float(np.median(values[rows])))} (median), "

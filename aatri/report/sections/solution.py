@@ -61,8 +61,10 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
     known = np.isfinite(sigma).any(axis=0) & (np.nan_to_num(sigma) > 0).any(axis=0)
-    size = [float(np.median(sigma[:, of][np.nan_to_num(sigma[:, of]) > 0])) if known[of].any() else np.nan
-            for of in (slice(0, 3), slice(3, 6))]  # fmt: skip
+    size = [
+        float(np.median(sigma[:, of][np.nan_to_num(sigma[:, of]) > 0])) if known[of].any() else np.nan
+        for of in (slice(0, 3), slice(3, 6))
+    ]
     columns: Columns = {
         "image": images.id,
         **axes(("X m", "Y m", "Z m"), images.position_m, digits(decimals(size[0]))),

@@ -47,9 +47,12 @@ def test_the_departure_from_the_linear_model_is_that_of_the_residuals() -> None:
     x = Unknowns("x", np.ones((1, 1), dtype=bool), ("x",), ["x"], add_step)
     block = np.zeros(1, dtype=np.int32)
     square = Records(
-        "square", (("x", block),), lambda s, rows: (s["x"] ** 2 - 4.0, (2 * s["x"][:, :, None],)),
-        np.ones((1, 1)), np.ones(1, dtype=bool),
-    )  # fmt: skip
+        "square",
+        (("x", block),),
+        lambda s, rows: (s["x"] ** 2 - 4.0, (2 * s["x"][:, :, None],)),
+        np.ones((1, 1)),
+        np.ones(1, dtype=bool),
+    )
     solved = solve_dense([x], [square], {"x": np.array([[3.0]])})
     assert solved is not None
     np.testing.assert_allclose(solved.departure, 25 / 36, rtol=1e-14)

@@ -42,10 +42,14 @@ def _with_camera() -> tuple[Any, Any, Any]:
 
     touches = (ray.touches[0], ("c", camera), ray.touches[1])
     own = Unknowns("c", np.ones((1, 2), bool), ("k1", "k2"), ["lens"], add_step)
-    return (*unknowns, own), (replace(ray, touches=touches, evaluate=evaluate), *records[1:]), {
-        **start,
-        "c": np.zeros((1, 2)),
-    }  # fmt: skip
+    return (
+        (*unknowns, own),
+        (replace(ray, touches=touches, evaluate=evaluate), *records[1:]),
+        {
+            **start,
+            "c": np.zeros((1, 2)),
+        },
+    )
 
 
 def _with_distances() -> tuple[Any, Any, Any]:
@@ -86,9 +90,13 @@ def _linear() -> tuple[Any, Any, Any]:
 def _joint(problem: Any, parts: int, **settings: Any) -> Any:
     unknowns, records, start = problem
     return in_parts.adjust(
-        unknowns, records, start,
-        settings=replace(SETTINGS, parts=parts, **settings), vetoes=[None] * len(records), covariances=True,
-    )  # fmt: skip
+        unknowns,
+        records,
+        start,
+        settings=replace(SETTINGS, parts=parts, **settings),
+        vetoes=[None] * len(records),
+        covariances=True,
+    )
 
 
 def _same(found: Any, whole: Any, covariances: Any) -> None:

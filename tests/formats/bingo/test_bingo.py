@@ -41,8 +41,14 @@ def written(tmp_path: Path, text: str) -> Path:
 def test_millimetres_are_what_the_camera_of_another_program_says(tmp_path: Path, kind: str) -> None:
     """Metashape exports its tie points so: 1.5 mm to the right and 2.25 mm up of the centre, pixels of 5 and 4 um."""
     own = {"pixel_size_mm": [[0.005, 0.004]], "pixel_origin": ["top-left-corner"], "pixel_y": ["down"]}
-    cameras = {"id": ["cam"], "image_coordinates": [kind], "format": [[4000.0, 3000.0]], "distortion": ["none"],
-               "principal_distance_mm": [10.0], "principal_point_mm": [[0.0, 0.0]]}  # fmt: skip
+    cameras = {
+        "id": ["cam"],
+        "image_coordinates": [kind],
+        "format": [[4000.0, 3000.0]],
+        "distortion": ["none"],
+        "principal_distance_mm": [10.0],
+        "principal_point_mm": [[0.0, 0.0]],
+    }
     lens = BlockParts("other", [tmp_path / "lens"], cameras=cameras | (own if kind == "pixel" else {}))
     points = read_image_coordinates(written(tmp_path, IMAGES))
     xy = assembled([points, lens], NotStated(image_sigma_um=5.0)).image_points.xy

@@ -80,8 +80,11 @@ def test_each_step_takes_what_the_steps_before_have_left() -> None:
         ["a/IMG_1.JPG", "IMG_2.jpg", "img_3", "IMG_4.tif", "x"], ["IMG_1.JPG", "IMG_2.tif", "IMG_3.JPG", "IMG_4.tif"]
     )
     assert found.name == {
-        "IMG_4.tif": "IMG_4.tif", "a/IMG_1.JPG": "IMG_1.JPG", "IMG_2.jpg": "IMG_2.tif", "img_3": "IMG_3.JPG",
-    }  # fmt: skip
+        "IMG_4.tif": "IMG_4.tif",
+        "a/IMG_1.JPG": "IMG_1.JPG",
+        "IMG_2.jpg": "IMG_2.tif",
+        "img_3": "IMG_3.JPG",
+    }
     assert list(found.by_step.values()) == [1, 1, 1, 1]
     assert found.unmatched == ("x",)
 

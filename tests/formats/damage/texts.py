@@ -36,16 +36,28 @@ ORIENTATION = """<?xml version="1.0" ?>
 """
 _SHOT = {"camera": "c", "rotation": [3.14, 0.0, 0.5], "translation": [1.0, 2.0, 3.0]}
 RECONSTRUCTION = json.dumps(
-    [{"cameras": {"c": {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.85}},
-      "shots": {"a.jpg": _SHOT, "b.jpg": _SHOT},
-      "points": {"1": {"coordinates": [1.5, 2.0, 3.0]}}}],
+    [
+        {
+            "cameras": {"c": {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.85}},
+            "shots": {"a.jpg": _SHOT, "b.jpg": _SHOT},
+            "points": {"1": {"coordinates": [1.5, 2.0, 3.0]}},
+        }
+    ],
     indent=1,
-)  # fmt: skip
+)
 GROUND_CONTROL = json.dumps(
-    {"points": [{"id": f"P{k}", "position": {"latitude": 47.25 + k, "longitude": 8.5, "altitude": 400.5},
-                 "observations": [{"shot_id": "a.jpg", "projection": [0.125, 0.25]}]} for k in range(2)]},
+    {
+        "points": [
+            {
+                "id": f"P{k}",
+                "position": {"latitude": 47.25 + k, "longitude": 8.5, "altitude": 400.5},
+                "observations": [{"shot_id": "a.jpg", "projection": [0.125, 0.25]}],
+            }
+            for k in range(2)
+        ]
+    },
     indent=1,
-)  # fmt: skip
+)
 TRACKS = "OPENSFM_TRACKS_VERSION_v2\n" + "".join(
     f"{image}\t{k}\t{k}\t0.1{k}\t0.2\t0.001\t1\t2\t3\t-1\t-1\n" for image in ("a.jpg", "b.jpg") for k in range(3)
 )

@@ -47,7 +47,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         Edit("renumber", "image_point", {"image": "0101", "point": "1", "to": "2"}),
         Edit("exchange", "control", {"point": "no", "to": "null"}),
         Edit("reweight", "distance", {"group": "edm"}, factor=1.5),
-    )  # fmt: skip
+    )
     write_edits(tmp_path / "edits.yaml", edits)
     read = read_edits(tmp_path / "edits.yaml")
     assert [replace(edit, where="") for edit in read] == list(edits)
@@ -204,15 +204,23 @@ def test_weights_that_no_edit_changes_are_named(block) -> None:
     groups = ("image_point", "control height", "position group f 1", "image_point camera A", "planes")
     n = len(groups)
     components = VarianceComponents.of(
-        group=groups, observations=[99] * n, redundancy=[50.0] * n, factor=[2.0] * n, low=[1.5] * n, high=[2.5] * n,
+        group=groups,
+        observations=[99] * n,
+        redundancy=[50.0] * n,
+        factor=[2.0] * n,
+        low=[1.5] * n,
+        high=[2.5] * n,
         verdict=["proposed"] * n,
-    )  # fmt: skip
+    )
     solution: Any = SimpleNamespace(proposed_numbers=None, suspects=Suspects.empty(), variance_components=components)
     made, others = proposals(block, solution, "bundle")
     assert [str(edit) for edit in made] == [
-        "reweight image_point x 2", "reweight control Z x 2", "reweight position group f 1 x 2",
-    ]  # fmt: skip
+        "reweight image_point x 2",
+        "reweight control Z x 2",
+        "reweight position group f 1 x 2",
+    ]
     assert [other.split(" (")[0] for other in others] == [
-        "standard deviation of image_point camera A", "standard deviation of planes",
-    ]  # fmt: skip
+        "standard deviation of image_point camera A",
+        "standard deviation of planes",
+    ]
     assert with_edits(block, made[:2]) is not block

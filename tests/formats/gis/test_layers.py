@@ -32,24 +32,33 @@ def made_block(crs: str = "EPSG:32632", east: float = 500_000.0, north: float = 
     return block_of(
         name="made",
         cameras={
-            "id": "cam", "pixel_size_mm": 0.005, "pixel_origin": "top-left-corner", "pixel_y": "down",
-            "format": np.array([[4000.0, 3000.0]]), "principal_distance_mm": 20.0,
+            "id": "cam",
+            "pixel_size_mm": 0.005,
+            "pixel_origin": "top-left-corner",
+            "pixel_y": "down",
+            "format": np.array([[4000.0, 3000.0]]),
+            "principal_distance_mm": 20.0,
         },
         images={"id": ["i1", "i2"], "camera": "cam", "strip": "S", "sequence": [1.0, 2.0]},
         image_points={
-            "image": ["i1", "i1", "i2"], "point": ["A", "B", "A"], "sigma_mm": 0.002,
+            "image": ["i1", "i1", "i2"],
+            "point": ["A", "B", "A"],
+            "sigma_mm": 0.002,
             "xy": [[2000.0, 1500.0], [2800.0, 1300.0], [1200.0, 1500.0]],
         },
         ground_points={
-            "point": ["A", "B", "T"], "xyz_m": xyz, "sigma_m": 0.02,
+            "point": ["A", "B", "T"],
+            "xyz_m": xyz,
+            "sigma_m": 0.02,
             "role": [[CONTROL] * 3, [CHECK] * 3, [APPROXIMATE] * 3],
         },
         exterior={
-            "image": ["i1", "i2"], "position_m": [[east, north, 110.0], [east + 20, north, 110.0]],
+            "image": ["i1", "i2"],
+            "position_m": [[east, north, 110.0], [east + 20, north, 110.0]],
             "angles_rad": np.zeros((2, 3)),
         },
         frames=frames,
-    )  # fmt: skip
+    )
 
 
 def oriented(crs: str = "EPSG:32632") -> OrientedBlock:
@@ -128,9 +137,13 @@ def test_the_geopackage_is_as_its_standard_says(tmp_path: Path, crs: str, srs: i
     assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     tables = dict(database.execute("SELECT table_name, geometry_type_name FROM gpkg_geometry_columns"))
     assert tables == {
-        "footprints": "POLYGON", "strips": "LINESTRING", "ellipses": "POLYGON", "points": "POINT", "images": "POINT",
+        "footprints": "POLYGON",
+        "strips": "LINESTRING",
+        "ellipses": "POLYGON",
+        "points": "POINT",
+        "images": "POINT",
         "control": "POINT",
-    }  # fmt: skip
+    }
     assert {row[0] for row in database.execute("SELECT DISTINCT srs_id FROM gpkg_geometry_columns")} == {srs}
     assert {-1, 0, 4326, srs} == {row[0] for row in database.execute("SELECT srs_id FROM gpkg_spatial_ref_sys")}
     geometry, name = database.execute("SELECT geom, image FROM images").fetchone()

@@ -99,20 +99,22 @@ def test_a_project_with_two_orientations_asks_which(samples: Path) -> None:
 DAMAGE = {
     "truncated": (IMAGE, slice(0, 900), r"4167.JPG.xml:\d+:\d+: no XML"),
     "other matrix": (IMAGE, ("-0.1623", "0.1623"), r"4167.JPG.xml:3: .*no rotation"),
-    "other convention": (OTHER, ("eConvApero_DistM2C", "eConvAngPhotoMDegre"),
-                         r"4168.JPG.xml:\d+: the convention 'eConvAngPhotoMDegre'"),
+    "other convention": (
+        OTHER,
+        ("eConvApero_DistM2C", "eConvAngPhotoMDegre"),
+        r"4168.JPG.xml:\d+: the convention 'eConvAngPhotoMDegre'",
+    ),
     "moved centre": (IMAGE, ("<Centre>5.2", "<Centre>5.3"), r"fall up to .* px"),
     "decimal comma": (IMAGE, ("<Centre>5.2", "<Centre>5,2"), r":\d+: Centre is '5,2.*decimal comma"),
     "not a number": (CAMERA, ("<F>2112.04115765381403", "<F>nan"), r":6: F is 'nan'"),
     "missing section": (CAMERA, ("SzIm", "Size"), r":3: CalibrationInternConique has no SzIm"),
     "other model": (CAMERA, ("ModRad", "ModUnif"), r":3: the distortion 'ModUnif' has no like"),
     "web page": (CAMERA, "<!DOCTYPE html><ExportAPERO/>", r":1: this is a web page"),
-    "entity": (CAMERA,
-               '<!DOCTYPE a [<!ENTITY x "y">]><ExportAPERO>&x;</ExportAPERO>', r":1: an entity of its own"),
+    "entity": (CAMERA, '<!DOCTYPE a [<!ENTITY x "y">]><ExportAPERO>&x;</ExportAPERO>', r":1: an entity of its own"),
     "other encoding": (CAMERA, b"<ExportAPERO>\xe9</ExportAPERO>", r":1: not utf-8"),
     "camera in metres": (CAMERA, ("2112.04115765381403", "0.028"), r"fall up to .* px"),
     "camera absent": (CAMERA, None, r"its camera AutoCal_Foc-28000_Cam-PENTAX_K5 is in none"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("damage", DAMAGE)

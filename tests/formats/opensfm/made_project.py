@@ -13,10 +13,19 @@ LATITUDE, LONGITUDE, HEIGHT = 47.0, 8.0, 400.0
 WIDTH, HEIGHT_PX = 4000, 3000
 CAMERAS: dict[str, dict[str, Any]] = {
     "perspective": {"focal": 0.85, "k1": -0.05, "k2": 0.01},
-    "brown": {"focal_x": 0.85, "focal_y": 0.86, "c_x": 0.01, "c_y": -0.02, "k1": -0.05, "k2": 0.01, "k3": 0.001,
-              "p1": 1e-3, "p2": -2e-3},
+    "brown": {
+        "focal_x": 0.85,
+        "focal_y": 0.86,
+        "c_x": 0.01,
+        "c_y": -0.02,
+        "k1": -0.05,
+        "k2": 0.01,
+        "k3": 0.001,
+        "p1": 1e-3,
+        "p2": -2e-3,
+    },
     "fisheye": {"focal": 0.6, "k1": 0.02, "k2": -0.01},
-}  # fmt: skip
+}
 
 
 def _normalised(kind: str, P: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -49,8 +58,12 @@ def write_project(folder: Path, kind: str = "brown") -> Path:
         R = down @ Rotation.from_rotvec(rng.normal(scale=0.05, size=3)).as_matrix()
         X0 = np.array([25.0 * (k % 3) + 20, 30.0 * (k // 3) + 15, 90.0])
         name = f"IMG_{k}.JPG"
-        shots[name] = {"camera": "c", "rotation": Rotation.from_matrix(R).as_rotvec().tolist(),
-                       "translation": (-R @ X0).tolist(), "capture_time": 100.0 + k}  # fmt: skip
+        shots[name] = {
+            "camera": "c",
+            "rotation": Rotation.from_matrix(R).as_rotvec().tolist(),
+            "translation": (-R @ X0).tolist(),
+            "capture_time": 100.0 + k,
+        }
         xy = _normalised(kind, (points - X0) @ R.T)
         for j, (x, y) in enumerate(xy.tolist()):
             if abs(x) < 0.5 and abs(y) < 0.5 * HEIGHT_PX / WIDTH:

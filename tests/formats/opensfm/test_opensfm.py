@@ -139,7 +139,7 @@ DAMAGED = {
     "HTML": (_bytes("tracks.csv", b"<!DOCTYPE html>\n<html></html>\n"), "web page"),
     "unknown camera": (_json("0/shots/IMG_3.JPG/camera", "d"), "'d', which is not there"),
     "no numbers": (_json("0/shots/IMG_3.JPG/rotation", [0, 0]), "not a list of 3 numbers"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("how", DAMAGED)

@@ -29,8 +29,13 @@ def _mark(camera: int, x: float, y: float) -> dict[str, Any]:
 
 def files(*, with_tracks: bool = True) -> dict[str, str]:
     """The text documents of the project."""
-    internals = {"type": "perspective", "principal_point_px": list(CENTRE), "focal_length_px": FOCAL,
-                 "radial_distortion": list(RADIAL), "tangential_distortion": list(TANGENTIAL)}  # fmt: skip
+    internals = {
+        "type": "perspective",
+        "principal_point_px": list(CENTRE),
+        "focal_length_px": FOCAL,
+        "radial_distortion": list(RADIAL),
+        "tangential_distortion": list(TANGENTIAL),
+    }
     items = {
         "camera_list": ["camera-list"],
         "input_cameras": ["input-cameras"],
@@ -39,15 +44,24 @@ def files(*, with_tracks: bool = True) -> dict[str, str]:
         "calibration": ["calibrated-cameras", "gps-bias"],
     }
     captures = [
-        {"id": k, "reference_camera_id": key, "cameras": [{"id": key, "sensor_id": 1}], "time": "2026-01-01",
-         **({"geolocation": _geolocation([500011.0, 4000020.0, 130.0], [0.02, 0.03, 0.05])} if key == 7 else {})}
+        {
+            "id": k,
+            "reference_camera_id": key,
+            "cameras": [{"id": key, "sensor_id": 1}],
+            "time": "2026-01-01",
+            **({"geolocation": _geolocation([500011.0, 4000020.0, 130.0], [0.02, 0.03, 0.05])} if key == 7 else {}),
+        }
         for k, key in enumerate(NAMES)
-    ]  # fmt: skip
+    ]
     resources: list[dict[str, Any]] = [
-        {"type": item, "id": item, "sources": [],
-         "resources": [{"uri": f"{name}.json", "format": f"application/opf-{name}+json"} for name in names]}
+        {
+            "type": item,
+            "id": item,
+            "sources": [],
+            "resources": [{"uri": f"{name}.json", "format": f"application/opf-{name}+json"} for name in names],
+        }
         for item, names in items.items()
-    ]  # fmt: skip
+    ]
     if with_tracks:
         resources[-1]["resources"].append({"uri": "tracks/sparse.gltf", "format": "model/gltf+json"})
     gcp = {"marks": [_mark(7, 100.5, 200.25)]}
@@ -94,12 +108,16 @@ def tracks() -> str:
         {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
         {"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2"},
     ]
-    matches = {"cameraUids": list(NAMES), "pointIndexRanges": 0, "cameraIds": 1,
-               "imagePoints": {"pixelCoordinates": 2}}  # fmt: skip
+    matches = {"cameraUids": list(NAMES), "pointIndexRanges": 0, "cameraIds": 1, "imagePoints": {"pixelCoordinates": 2}}
     extension = {"extensions": {"OPF_mesh_primitive_matches": matches}}
     buffers = [{"uri": name, "byteLength": 1} for name in BUFFERS]
-    document = {"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {}, **extension}]}],
-                "accessors": accessors, "bufferViews": views, "buffers": buffers}  # fmt: skip
+    document = {
+        "asset": {"version": "2.0"},
+        "meshes": [{"primitives": [{"attributes": {}, **extension}]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": buffers,
+    }
     return json.dumps(document, indent=1)
 
 

@@ -43,8 +43,10 @@ def test_a_point_is_projected_by_the_formulas_of_the_specification(tmp_path: Pat
     r2 = x * x + y * y
     gain = 1 + RADIAL[0] * r2 + RADIAL[1] * r2**2 + RADIAL[2] * r2**3
     t1, t2 = TANGENTIAL
-    at = [CENTRE[0] + FOCAL * (x * gain + 2 * t1 * x * y + t2 * (r2 + 2 * x * x)),
-          CENTRE[1] + FOCAL * (y * gain + t1 * (r2 + 2 * y * y) + 2 * t2 * x * y)]  # fmt: skip
+    at = [
+        CENTRE[0] + FOCAL * (x * gain + 2 * t1 * x * y + t2 * (r2 + 2 * x * x)),
+        CENTRE[1] + FOCAL * (y * gain + t1 * (r2 + 2 * y * y) + 2 * t2 * x * y),
+    ]
     assert misfit_px(block, "flight 1/a.jpg", [at], [[500012.5, 4000021.0, 110.0]])[0] < 1e-6
     assert block.frames.crs.tolist() == ["EPSG:32650"]
 
@@ -96,8 +98,9 @@ def test_attitudes_and_mounts_are_named_as_not_read(tmp_path: Path) -> None:
     stated["sensors"][0]["rig_relatives"] = {"rotation": angles}
     path.write_text(json.dumps(stated))
     assert read_opf(folder).notes[1:] == [
-        "orientations of 1 captures are not read: 0", "mounts of 1 sensors are not read: 1"
-    ]  # fmt: skip
+        "orientations of 1 captures are not read: 0",
+        "mounts of 1 sensors are not read: 1",
+    ]
 
 
 def test_a_geoid_height_raises_to_the_ellipsoid(tmp_path: Path) -> None:

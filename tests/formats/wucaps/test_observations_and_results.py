@@ -18,8 +18,16 @@ from tests.stages.chain import Chain, run_chain, simulated
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return run_chain(simulated(3, preset="rc30", earth="flat", flight={"strips": 2, "images_per_strip": 4},
-                               known={"full": 8}, ties={"new_points": 60}))  # fmt: skip
+    return run_chain(
+        simulated(
+            3,
+            preset="rc30",
+            earth="flat",
+            flight={"strips": 2, "images_per_strip": 4},
+            known={"full": 8},
+            ties={"new_points": 60},
+        )
+    )
 
 
 def observed(block: Block) -> Block:
@@ -97,8 +105,10 @@ def test_faults_are_named_by_line(chain: Chain, tmp_path: Path, line: str, told:
 def test_results_say_what_the_solution_says(chain: Chain, tmp_path: Path) -> None:
     s = chain.bundle
     write_wucaps(chain.block, tmp_path, chain.refined, s)
-    files = {name: [line.split() for line in (tmp_path / f"{name}.DAT").read_text().split("\n") if line]
-             for name in ("RESORI", "RESPNT", "RESVPT", "RESVGC")}  # fmt: skip
+    files = {
+        name: [line.split() for line in (tmp_path / f"{name}.DAT").read_text().split("\n") if line]
+        for name in ("RESORI", "RESPNT", "RESVPT", "RESVGC")
+    }
     assert all(lines[-1] == ["-99"] for lines in files.values())
     image = s.images.id.tolist().index(files["RESORI"][0][0])
     north, east, up, phi, omega, kappa, s_north, *_ = map(float, files["RESORI"][0][1:])

@@ -82,8 +82,11 @@ def flown(seed: int) -> tuple[list[str], dict[str, Float], dict[str, Float]]:
     """Lines of six models, each with axes and a unit of its own; control and truth of all points, centres included."""
     rng = np.random.default_rng(seed)
     truth = {f"P{i}{j}": np.array([400.0 * i, 450.0 * j, 30.0 * rng.normal()]) for i in range(5) for j in range(5)}
-    truth |= {f"O{i}{j}": np.array([400.0 * i + 20 * rng.normal(), 450.0 + 900.0 * j, 1200.0]) for i in range(4)
-              for j in range(2)}  # fmt: skip
+    truth |= {
+        f"O{i}{j}": np.array([400.0 * i + 20 * rng.normal(), 450.0 + 900.0 * j, 1200.0])
+        for i in range(4)
+        for j in range(2)
+    }
     lines = []
     for j in range(2):
         for i in range(3):

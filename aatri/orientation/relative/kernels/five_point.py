@@ -224,7 +224,9 @@ def roots_within_one(p, degree, roots):
         for k in range(many):
             at_b = value(chain[d], d, extrema[k + 1])
             if (at_a > 0.0) != (at_b > 0.0):
-                roots[found] = root_between(chain[d], chain[d - 1] if d > 1 else constant, d, extrema[k], extrema[k + 1], at_a)  # fmt: skip
+                roots[found] = root_between(
+                    chain[d], chain[d - 1] if d > 1 else constant, d, extrema[k], extrema[k + 1], at_a
+                )
                 found += 1
             at_a = at_b
     return found
