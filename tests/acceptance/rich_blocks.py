@@ -31,8 +31,8 @@ from aatri.stages.image_refinement.systematic import SystematicOptions, systemat
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.hand_block import C_MM, Hand, Heard, angles_deg, hand, start
-# fmt: off
 
+# fmt: off
 ORIGIN = (440_000.0, 4_500_000.0, 100.0)
 ARM, MARKS = np.array([0.2, -0.1, 0.9]), np.array([[106.0, -106.0], [-106.0, -106.0], [-106.0, 106.0], [106.0, 106.0]])
 LOOSE = 60.0
