@@ -70,8 +70,8 @@ def _on_cluster(folder: Path, before: int) -> Any:
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_in_any_phase_changes_no_bit(tmp_path: Path) -> None:
-    """Before the first linearisation, in the iteration, before the covariances, and with the result made."""
+def test_a_worker_that_dies_in_an_iteration_changes_no_bit(tmp_path: Path) -> None:
+    """Before each of its first four messages, and with the result made."""
     state, groups = _adjusted(Threads())
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
