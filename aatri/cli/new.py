@@ -87,7 +87,7 @@ stages:
              with: {blunders: robust_snooping}}
   accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}
 """
-_PHOTOS = """\
+PHOTOS = """\
 # Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
 # Without positions give the bundle `with: {{datum: free}}`; control measured elsewhere: `aatri export RUN:block tables
 # FOLDER` writes a block folder, whose ground_points.csv and image_points.csv take it.
@@ -227,7 +227,7 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     if block is BlockSource.photos:
         from aatri.cli.new_from import path_from
 
-        return _PHOTOS.format(path=json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False))
+        return PHOTOS.format(path=json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False))
     if block in _WITH_START:
         read, datum = _WITH_START[block]
         return _HEAD[block] + _BUNDLE_ONLY.format(block=read, datum=datum)

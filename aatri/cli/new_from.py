@@ -103,7 +103,7 @@ def pipeline_from(paths: Sequence[Path], folder: Path, *, lens_misfit_px: float 
     if lacking:
         narrate(f"missing: {', '.join(lacking)}")
     _check_enough(block, str(paths[0]))
-    stages = _stages(block, _options(sources, parts))
+    stages = _stages(block, _options(block, sources, parts))
     if len(block.fiducial_points):  # film on a comparator
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
     observed = (block.exterior.position_use == OBSERVED_VALUE).any()
@@ -162,12 +162,13 @@ def _lacking(block: Block) -> list[str]:
     return [what for what, there in found.items() if not there]
 
 
-def _options(sources: Sequence[Recognised], parts: Sequence[BlockParts]) -> list[str]:
+def _options(block: Block, sources: Sequence[Recognised], parts: Sequence[BlockParts]) -> list[str]:
     """Options of a bundle by what the files do not know: cameras, and standard deviations of image points."""
     formats = {s.format.name: s.format for s in sources}
     cameras = [formats[p.format] for p in parts if p.cameras and p.format in formats]
     points = [formats[p.format] for p in parts if p.image_points and p.format in formats]
-    calibrated = any(f.estimates_cameras for f in cameras)
+    # a camera of an image or two is not determined by them: it keeps what the program has estimated
+    calibrated = any(f.estimates_cameras for f in cameras) and len(block.images) > 2 * len(block.cameras)
     assumed = any("standard deviations" not in f.carries for f in points)
     return [CALIBRATED] * calibrated + [COMPONENTS] * assumed
 

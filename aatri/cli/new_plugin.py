@@ -55,7 +55,7 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     PluginError
         If there is no such role.
     """
-    from aatri.cli.new import demo_path
+    from aatri.cli.new import PHOTOS, demo_path
     from aatri.pipeline.methods.registry import find_stages
     from aatri.pipeline.spec.pipeline_file import USE
 
@@ -75,7 +75,7 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
             remedy="choose another name",
         )
     cards = [registry.card(variant) for variant in registry.variants_of(role)]
-    usual = demo_path().read_text(encoding="utf-8")
+    usual = demo_path().read_text(encoding="utf-8") + PHOTOS
     # what others of the chain are made to go with comes first, what wants data of its own last
     cards.sort(key=lambda card: (f"use: {card.name}," not in usual, bool(card.needs)))
     start = next((card for card in cards if not _needs_options(card)), None)

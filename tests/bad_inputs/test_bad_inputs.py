@@ -34,7 +34,7 @@ def test_a_bad_input_is_answered_with_the_approved_message(
     told = re.sub(r"[0-9]+\.[0-9]+ s\b", "N s", told)
     told += _log(tmp_path, str(row.row.get("shows", "")))
     if row.row.get("masked"):
-        told = told[:7] + _MASKED.sub("#", told[7:])
+        told = re.sub("#(?:, #)+", "#, ...", told[:7] + _MASKED.sub("#", told[7:]))
     elif row.is_computed:
         told = _as_approved(_in_short(told), row.approved)
     if os.environ.get("APPROVE"):
