@@ -12,7 +12,7 @@ _HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NU
 
 
 def _image_coordinates(view: FileView) -> str:
-    lines = [line for line in view.lines if not line.startswith("*")]
+    lines = [line for line in view.lines if not line.startswith(("*", "C "))]
     ended = any(line.strip() == "-99" for line in lines)
     begun = len(lines) > 2 and _HEAD.fullmatch(lines[0]) and _POINT.fullmatch(lines[1])
     return "images with lines `point x y`, ended by -99" if ended and begun else ""

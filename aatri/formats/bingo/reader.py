@@ -36,6 +36,8 @@ from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
 
 END = "-99"
+REMARK = "C"
+"""Begins a remark, as `*` does, but where a point of this name may stand."""
 TOUCHING = re.compile(r"-?[0-9]+\.[0-9]{15}")
 RULER = {
     "CAPA": (7, 23, (10, 9, 9, 8, 8, 8)),
@@ -65,6 +67,8 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
     camera, inside = "", False
     for line in word_lines(path, reporter, remark="*"):
         words = line.words
+        if words[0] == REMARK and not (inside and len(words) == 3):
+            continue
         if words == [END]:
             inside = False
         elif not inside and len(words) <= 2:

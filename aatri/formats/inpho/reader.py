@@ -99,7 +99,8 @@ def read_inpho(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
     parts = BlockParts("inpho", [path], name=path.stem, frame=PLANE, notes=_not_read(sections))
     interior = {_camera_id(s, of_camera): _interior(s) for s in cameras}
     if len(interior) < len(cameras):
-        raise cameras[-1].head.error("two cameras of one $ID", "remove one")
+        twice = cameras[-1].head
+        raise twice.error(f"two of the cameras {shown([*interior])} have one name", "give each an $ID of its own")
     if interior:
         parts.cameras = {
             "id": list(interior),
@@ -165,14 +166,15 @@ def _sections(path: Path, reporter: Reporter) -> list[Section]:
 
 
 def _camera_id(section: Section, of_photos: set[str]) -> str:
-    """$ID; before the first calibration set. A camera without one is the only one that photos name."""
-    ids = section.all("$ID")
+    """$ID before the first calibration set, or $TYPE of old versions; without them the only one that photos name."""
     calibrations = [e.line.line for e in section.all("$CALIBRATION_SET")]
-    own = [e for e in ids if not calibrations or e.line.line < calibrations[0]]
-    if own and own[0].words:
-        return " ".join(own[0].words)
+    own = [e for e in section.all("$ID") if not calibrations or e.line.line < calibrations[0]]
+    stated = [" ".join(e.words) for e in (*own, *section.all("$TYPE")) if e.words]
+    if own and stated:
+        return stated[0]
     named = of_photos - {""}
-    return next(iter(named)) if len(named) == 1 else "camera"
+    of_type = [name for name in stated if name in named]
+    return of_type[0] if of_type else next(iter(named)) if len(named) == 1 else "camera"
 
 
 def _interior(section: Section) -> tuple[float, list[float]]:

@@ -14,9 +14,11 @@ the programs named on the page of formats.
 """
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from aatri.codes import CHECK, CONTROL, NO_ROLE
 from aatri.errors import SpecError
 from aatri.formats.conventions.names import without_extension
 from aatri.ids import did_you_mean
@@ -31,14 +33,15 @@ ANGLES = {
 ROTATION = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 
 SAME = {
-    "image": "imagename photo photoid filename file nom frame picture",
-    "point": "pointname pointid gcp gcpname gcplabel marker target pt station controlpoint",
-    "name": "label id event",
-    "camera": "cameraname cameraid sensor",
+    "image": "photo file foto bild frame picture",
+    "point": "gcp marker target pt station controlpoint punkt pkt",
+    "name": "label event nom nr id",
+    "camera": "sensor",
     "time": "times gpstime timestamp gpsseconds",
-    "X": "x e east easting xeasting xeast rechtswert x0",
-    "Y": "y n north northing ynorthing ynorth hochwert y0",
-    "Z": "z h height altitude alt elevation up zaltitude ellipsoidheight ellipsoidalheight orthometricheight z0",
+    "X": "x e east easting xeasting xeast rechts rechtswert x0",
+    "Y": "y n north northing ynorthing ynorth hoch hochwert y0",
+    "Z": "z h height altitude alt elevation elev up hohe hoehe zaltitude ellipsoidheight ellipsoidalheight "
+    "orthometricheight z0",
     "longitude": "lon long lng xlongitude",
     "latitude": "lat ylatitude",
     "omega": "o w",
@@ -49,20 +52,33 @@ SAME = {
     "roll": "",
     "x": "col column xpx pixelx imx imagex sample u",
     "y": "row line ypx pixely imy imagey v",
-    "sX": "sx sigmax stdx xstd accuracyx xaccuracy sigmae stde se eastaccuracy",
-    "sY": "sy sigmay stdy ystd accuracyy yaccuracy sigman stdn sn northaccuracy",
-    "sZ": "sz sigmaz stdz zstd accuracyz zaccuracy sigmah stdh sh su verticalaccuracy vacc",
-    "sXY": "sxy sigmaxy accuracyxy xyaccuracy horizontalaccuracy hacc",
+    "sXY": "sxy hacc",
+    "sX": "",
+    "sY": "",
+    "sZ": "vacc",
     "sx": "",
     "sy": "",
-    **{
-        f"s{angle}": f"sigma{angle} std{angle} {angle}std accuracy{angle} {angle}accuracy"
-        for angle in ("omega", "phi", "kappa", "yaw", "pitch", "roll")
-    },
+    **{f"s{angle}": "" for angle in ("omega", "phi", "kappa", "yaw", "pitch", "roll")},
     **{name: name.replace("r", "m") for name in ROTATION},
     "role": "category",
 }
-"""Words of columns, and what they are called in headers, in small letters, without blanks and signs."""
+"""Words of columns, and what they are called in headers, in small letters, without blanks, signs and accents."""
+
+DEVIATION = r"standarddeviation|stddev|stdev|std|sigma|accuracy|acc"
+OF_DEVIATION = re.compile(rf"(?:{DEVIATION}|s)(?P<after>.+)|(?P<before>.+?)(?:{DEVIATION})")
+"""What is the standard deviation of another column."""
+
+PLAN, HEIGHT = ("xy", "horizontal"), ("vertical", "u")
+"""Of standard deviations: words for X and Y together, and for Z."""
+
+OF_ROLE = ("type", "code", "kind", "class")
+"""A column that is called so has roles, if the first row has one."""
+
+ROLES = {
+    **dict.fromkeys(("control", "gcp", "full"), CONTROL),
+    **dict.fromkeys(("check", "checkpoint"), CHECK),
+    **dict.fromkeys(("", "none", "tie"), NO_ROLE),
+}
 
 WORDS = [word for word in SAME if word != "name"]
 
@@ -150,11 +166,12 @@ def columns_named(text: str) -> ListColumns:
 
 def columns_of_header(cells: Sequence[str], first_row: Sequence[str]) -> ListColumns | None:
     """The columns that a header proposes; None if it is none."""
-    names, angle = [], None
+    names, angle = list[str](), None
     for cell in cells:
         unit = re.search(r"[(\[](deg|gon|grad|rad)[a-z]*[)\]]", cell.lower())
         angle = {"grad": "gon"}.get(unit.group(1), unit.group(1)) if unit else angle
-        names.append(_word(cell))
+        of_role = cell.strip("# \"'").lower() in OF_ROLE and first_row[len(names) : len(names) + 1]
+        names.append("role" if of_role and of_role[0] and of_role[0].casefold() in ROLES else _word(cell))
     if "name" in names:
         at = names.index("name")
         if not {"image", "point"} & {*names}:
@@ -178,8 +195,23 @@ def _word(cell: str) -> str:
     text = re.sub(r"[(\[][^)\]]*[)\]]", "", cell.lstrip("#")).strip(" \t\"'")
     if text in WORDS:
         return text
-    short = re.sub(r"[^a-z0-9]", "", text.lower())
-    return next((word for word, others in SAME.items() if short in (word.lower(), *others.split())), "-")
+    plain = unicodedata.normalize("NFKD", text.lower()).encode("ascii", "ignore").decode()
+    short = re.sub(r"[^a-z0-9]", "", plain)
+    word = _called(short)
+    deviation = OF_DEVIATION.fullmatch(short)
+    if word == "-" and deviation:
+        of = deviation["after"] or deviation["before"]
+        word = "sXY" if of in PLAN else "sZ" if of in HEIGHT else f"s{_called(of)}"
+    return word if word in SAME else "-"
+
+
+def _called(short: str) -> str:
+    """The word that is called so: as it stands, else without `gps` before it or what makes a name or number of it."""
+    part = re.fullmatch(r"(?:gps)?(.+?)(?:name|nummer|number|nr|no|id|label)?", short)
+    names = [short, part[1]] if part else [short]
+    return next(
+        (word for name in names for word, others in SAME.items() if name in (word.lower(), *others.split())), "-"
+    )
 
 
 def _fault(columns: ListColumns) -> str:

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.codes import APPROXIMATE_VALUE, CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE
+from aatri.codes import APPROXIMATE_VALUE, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
-from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROTATION, ListColumns, columns_named
+from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROLES, ROTATION, ListColumns, columns_named
 from aatri.formats.lists.list_form import cells, form_of_columns, in_stated_units, proposed, stated_crs
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
@@ -27,17 +27,13 @@ from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, places
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import angle_axes, angle_covariance
-from aatri.ids import clipped
+from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
 
 RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
-ROLES = {
-    **dict.fromkeys(("control", "gcp", "full"), CONTROL),
-    **dict.fromkeys(("check", "checkpoint"), CHECK),
-    **dict.fromkeys(("", "none", "tie"), NO_ROLE),
-}
 GEOGRAPHIC = Frame("list", ("longitude", "latitude", "height"), "EPSG:4979")
 PLACE = ("X", "Y", "Z", "longitude", "latitude", "x", "y")
+BLANKS = "mend the row; a name with blanks needs tabulators, commas or semicolons between the cells"
 SHOWN = 3
 """So many rows are shown as they were read."""
 
@@ -83,11 +79,16 @@ def read_list(
         if text.strip() and not text.lstrip().startswith("#"):
             row = TextLine(cells(text, form.separator), path, k)
             if not columns.fewest <= len(row.words) <= len(columns.words):
-                raise row.error(f"{len(row.words)} words, for the columns {' '.join(columns.words)}", "mend the row")
+                what = f"{len(row.words)} words, for the columns {' '.join(columns.words)}"
+                raise row.error(what, "mend the row" if form.separator else BLANKS)
             rows.append(row)
     if not rows:
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
+    header = cells(lines[form.header - 1].lstrip("# "), form.separator) if stated is None else []
+    unread = [name for name, word in zip(header, columns.words) if word == "-"]
     parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines)
+    if unread:
+        parts.notes.append(f"columns that are not read: {shown(unread)}; `columns` says what they are")
     if observed and parts.exterior:
         parts.exterior = {**parts.exterior, "position_use": OBSERVED_VALUE, "angle_use": OBSERVED_VALUE}
     return parts

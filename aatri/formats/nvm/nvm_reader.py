@@ -3,7 +3,9 @@
     NVM_V3 [FixedK fx cx fy cy r]
     n, then n times    file f  qw qx qy qz  cx cy cz  r 0
     p, then p times    X Y Z  R G B  m  m times (image feature x y)
-    0                  further models, if there are any: refused, for a block is one
+    ...                further models; 0 ends them
+
+A block is one model: the one with most images is read, and the images of the others are named.
 
 q turns ground to camera (x right, y down, z forward), cx cy cz is the centre; x, y are px from the image centre, y
 down. r corrects the measurement: (1 + r |m|^2) m = (X/Z, Y/Z) with m in units of f.
@@ -22,6 +24,7 @@ from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "the file is incomplete or no NVM_V3: export it again"
@@ -40,10 +43,7 @@ def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         raise lines[0].error(f"begins with {lines[0].words[0][:20]!r}, not NVM_V3", EXPORT)
     if len(lines[0].words) > 1:
         raise lines[0].error("a calibration common to all (FixedK)", "export the model without fixed calibration")
-    cameras, at = _section(lines, 1, "images")
-    points, at = _section(lines, at, "points")
-    if at < len(lines) and lines[at].words[0].isdigit() and lines[at].count(0) > 0:
-        raise lines[at].error("a second model", "a block is one model: export each by itself")
+    cameras, points = _largest(_models(lines), path, reporter)
     first: dict[str, TextLine] = {}
     lenses, poses = [], []
     for line in cameras:
@@ -77,6 +77,27 @@ def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         ([line.line for line in cameras], [line.line for line in points], of_marks),
     )
     return parts_of_model("nvm", path, model, "down", reporter)
+
+
+def _models(lines: list[TextLine]) -> list[tuple[list[TextLine], list[TextLine]]]:
+    """Lines of the images and points of each model."""
+    models, at = list[tuple[list[TextLine], list[TextLine]]](), 1
+    while not models or (at < len(lines) and lines[at].words[0].isdigit() and lines[at].count(0) > 0):
+        cameras, at = _section(lines, at, "images")
+        points, at = _section(lines, at, "points")
+        models.append((cameras, points))
+    return models
+
+
+def _largest(
+    models: list[tuple[list[TextLine], list[TextLine]]], path: Path, reporter: Reporter
+) -> tuple[list[TextLine], list[TextLine]]:
+    """The model with most images; those of the others are named."""
+    largest = max(models, key=lambda model: len(model[0]))
+    if others := [line.words[0] for model in models if model is not largest for line in model[0]]:
+        what = f"{len(models)} models: that of {len(largest[0])} images is read, {len(others)} images are left out"
+        reporter.warn(f"{path}: {what}: {shown(others)}; another model is a file of its own")
+    return largest
 
 
 def _section(lines: list[TextLine], at: int, what: str) -> tuple[list[TextLine], int]:

@@ -34,21 +34,23 @@ def _ground_control(view: FileView) -> str:
     return "JSON `points` with `observations`" if re.match(r'\{\s*"points"\s*:', head) and '"shot_id"' in head else ""
 
 
-def _rows(view: FileView) -> list[str]:
-    return [line for line in view.lines[1:6] if not line.lstrip().startswith("#")]
+def _system_and_rows(view: FileView) -> tuple[str, list[str]]:
+    """The first line that is no remark, and the five below it."""
+    lines = [line for line in view.lines if not line.lstrip().startswith("#")]
+    return (lines[0], lines[1:6]) if lines else ("", [])
 
 
 def _gcp_list(view: FileView) -> str:
-    rows = _rows(view)
+    system, rows = _system_and_rows(view)
     numbers = bool(rows) and all(map(_GCP_ROW.match, rows))
-    if numbers and view.lines[0].count(" ") < 12 and not re.match(rf"\s*{_NUMBER}\s", view.lines[0]):
+    if numbers and system.count(" ") < 12 and not re.match(rf"\s*{_NUMBER}\s", system):
         return "a coordinate system, then rows `x y z column row image`"
     return ""
 
 
 def _geo(view: FileView) -> str:
-    rows = _rows(view)
-    if rows and _CRS.match(view.lines[0]) and all(map(_GEO_ROW.match, rows)):
+    system, rows = _system_and_rows(view)
+    if rows and _CRS.match(system) and all(map(_GEO_ROW.match, rows)):
         return "a coordinate system, then rows `image x y ...`"
     return ""
 

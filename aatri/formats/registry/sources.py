@@ -43,7 +43,7 @@ def read_source(
     reading : Reading
     reporter : Reporter
     format : str, optional
-        Its name; None: recognised by the content.
+        Its name; None: a list where `reading` names columns, else recognised by the content.
     geoid : Path, optional
         Grid of the geoid above which its heights are.
 
@@ -54,6 +54,8 @@ def read_source(
     """
     if not path.exists():
         raise missing(path)
+    if format is None and reading.columns is not None:
+        format = "table"
     if format is None:
         of = recognised_file(path)
         declared = of.format

@@ -11,6 +11,7 @@ from aatri.errors import AatriError
 from aatri.formats.bingo.reader import read_geoin, read_image_coordinates
 from aatri.formats.parts.assembled import NotStated, assembled
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.registry.recognised import recognised_file
 
 IMAGES = """        a.jpg    cam
        1 1.5 2.25
@@ -63,6 +64,15 @@ def test_image_points_are_mm_with_the_camera_of_the_header_before(tmp_path: Path
     assert parts.images["camera"] == ["cam", "cam"]
     assert parts.image_points["xy"] == [[1.5, 2.25], [-0.5, 1.0], [1.0, 2.0]]
     assert parts.image_points["line"] == [2, 3, 6]
+
+
+def test_remarks_are_not_read_and_a_point_of_their_sign_is(tmp_path: Path) -> None:
+    text = IMAGES.replace("       1 1.0 2.0", "C made by hand, twice\n* so is this\n       C 1.0 2.0")
+    path = written(tmp_path, "* BINGO\nC a remark of several words\n" + text)
+    assert recognised_file(path).format.name == "bingo"
+    parts = read_image_coordinates(path)
+    assert parts.image_points["point"] == ["1", "2", "C"]
+    assert parts.images["id"] == ["a.jpg", "b.jpg"]
 
 
 def test_numbers_that_touch_are_told_apart(tmp_path: Path) -> None:

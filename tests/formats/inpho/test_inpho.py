@@ -83,6 +83,23 @@ def test_a_point_is_projected_with_the_active_calibration(tmp_path: Path, transp
     assert len(block.image_points) == 20
 
 
+def test_two_cameras_of_an_old_version_are_called_by_their_type(tmp_path: Path) -> None:
+    """Version 5 has `$CAMERA` with `$TYPE`, which photos name as `$CAMERA_ID`."""
+    old = "".join(
+        f"$CAMERA\n  $TYPE : {name}\n  $KIND : CCDFrame\n  $FOCAL_LENGTH : {c}\n  $PRINCIPAL_POINT_PPA : 0 0\n$END\n"
+        for name, c in (("nadir (50mm)", 100.5), ("oblique", 80.25))
+    )
+    head, photos = HEAD[: HEAD.index("$CAMERA_DEFINITION")], project().removeprefix(HEAD)
+    first, rest = photos.split("$PHOTO\n", 2)[1:]
+    first = first.replace(": cam", ": oblique").replace("    100.5", "    80.25")
+    text = f"{head}{old}$PHOTO\n{first}$PHOTO\n{rest.replace(': cam', ': nadir (50mm)')}"
+    parts = read_inpho(written(tmp_path, text))
+    assert parts.cameras["id"] == ["nadir (50mm)", "oblique"]
+    assert parts.cameras["principal_distance_mm"] == [100.5, 80.25]
+    assert parts.images["camera"][:2] == ["oblique", "nadir (50mm)"]
+    assert len(assembled([parts]).images) == len(parts.images["id"])
+
+
 def test_what_is_not_read_is_told(tmp_path: Path) -> None:
     notes = read_inpho(written(tmp_path, project()), Reading(), SILENT).notes
     assert "not read: $CONTROL_POINTS" in notes[0]

@@ -135,6 +135,35 @@ def test_lists_of_control_of_positions_and_of_image_points(tmp_path: Path) -> No
     assert len(parts.image_points["xy"]) == 2
 
 
+SURVEYED = {
+    "Foto-Nr;Rechtswert [m];Hochwert [m];Höhe [m];Omega [gon];Phi [gon];Kappa [gon]\n1;2;3;4;5;6;7\n":
+        "image X Y Z omega phi kappa",
+    "Point ID,Northing (m),Easting (m),Elev. (m),Std. Dev. E,Std. Dev. N,Std. Dev. H,Code\nA,1,2,3,.1,.1,.1,full\n":
+        "point Y X Z sX sY sZ role",
+    "Punkt,Rechts,Hoch,Höhe,Code\nA,1,2,3,77\n": "point X Y Z -",
+    "marker_name,lat,lon,alt,h_acc,v_acc\nA,45,9,3,.1,.1\n": "point latitude longitude Z sXY sZ",
+    "filename,GPSLatitude,GPSLongitude,GPSAltitude,GPSYaw,GPSPitch,GPSRoll\na,45,9,3,1,2,3\n":
+        "image latitude longitude Z yaw pitch roll",
+    "Name,East,North,Up,sigma_e,sigma_n,sigma_u\nA,1,2,3,.1,.1,.1\n": "point X Y Z sX sY sZ",
+    "photo,pt,u,v\na.jpg,A,1,2\n": "image point x y",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SURVEYED)
+def test_headers_of_surveyors_and_of_cameras_are_understood(tmp_path: Path, text: str) -> None:
+    """Names in other words and languages, numbers, accents, `gps` before them; a code is a role if it says one."""
+    parts = read_source(written(tmp_path, text), Reading(), SILENT)
+    read = next(note for note in parts.notes if note.startswith("columns read as"))
+    assert read.removeprefix("columns read as ").split(", ")[0] == SURVEYED[text]
+    unread = [note for note in parts.notes if note.startswith("columns that are not read: ")]
+    assert len(unread) == ("-" in SURVEYED[text].split())
+
+
+def test_columns_that_are_said_make_a_list_of_a_file_without_a_header(tmp_path: Path) -> None:
+    path = written(tmp_path, "1 a.jpg 400.0 -200.0 1500.0 0 0 90\n")
+    assert read_source(path, Reading(columns="erdas"), SILENT).images["id"] == ["a.jpg"]
+
+
 def test_standard_deviations_of_another_system_turn_with_the_axes(tmp_path: Path) -> None:
     """Yaw 90: roll is then about the east-west axis of flight, so that its uncertainty is that of omega."""
     text = f"image X Y Z yaw pitch roll syaw spitch sroll\na.jpg {PLACE} 90 0 0 3 2 1\n"
@@ -149,6 +178,7 @@ DAMAGE = [
     (OPK.replace("b.jpg", "a.jpg"), r":3: image a.jpg twice, first in line 2"),
     (OPK.replace("-200.0", "-200,0", 1), r":2: '-200,0': a decimal comma"),
     (OPK.replace(" 20 ", " x "), r":2: 'x'"),
+    (OPK.replace("b.jpg", "b 2.jpg"), r"a name with blanks needs tabulators"),
     (OPK.replace(" 10 20", " 10"), r":2: 6 words, for the columns image X Y Z"),
     (MATRIX, r":3: r11 ... r33 is neither the matrix of the angles nor its transpose"),
     ("point X Y Z role\nP 1 2 3 maybe\n", r":2: role 'maybe'"),

@@ -14,6 +14,7 @@ from aatri.formats.nvm.nvm_reader import read_nvm
 from aatri.formats.parts.assembled import assembled
 from aatri.geometry.rotations import rotation_from_angles
 from tests.formats.lens_projection import misfit_px
+from tests.formats.told import Told
 
 NVM = """NVM_V3
 
@@ -61,6 +62,16 @@ def test_a_point_of_an_nvm_is_projected_by_its_formula(tmp_path: Path) -> None:
     block = assembled([read_nvm(written(tmp_path, NVM))])
     assert misfit_px(block, "b.jpg", [[0.0, 199.2130]], [[1.0, 1.0, 5.0]])[0] < 0.01
     assert misfit_px(block, "a.jpg", [[198.4345, 198.4345]], [[1.0, 1.0, 5.0]])[0] < 0.01
+
+
+def test_of_several_models_the_largest_is_read_and_the_others_are_named(tmp_path: Path) -> None:
+    small = "1\nc.jpg 900 1 0 0 0 0 0 0 0 0\n\n1\n0 0 5 9 9 9 1 0 0 0 0\n"
+    told = Told()
+    of_two = read_nvm(written(tmp_path, NVM.replace("2\na.jpg", small + "\n2\na.jpg")), reporter=told)
+    alone = read_nvm(written(tmp_path, NVM))
+    assert of_two.images["id"] == alone.images["id"] == ["a.jpg", "b.jpg"]
+    np.testing.assert_array_equal(of_two.image_points["xy"], alone.image_points["xy"])
+    assert any("2 models: that of 2 images is read, 1 images are left out: c.jpg" in line for line in told.lines)
 
 
 def test_a_point_of_bundler_is_projected_by_its_formula(tmp_path: Path) -> None:
@@ -113,7 +124,7 @@ DAMAGE = {
     "unknown image": (("2 0 0 0 0 1 0", "2 0 0 0 0 7 0"), r":8: image 7, but there are 2"),
     "a word too many": (("0 0 5 9 9 9 2", "0 0 5 9 9 9 2 8"), r":8: 16 words"),
     "no rotation": (("1000 1 0 0 0", "1000 0 0 0 0"), r":4: image a.jpg has the focal length 1000, quaternion"),
-    "two models": (("\n0\n", "\n2\n"), r":13: a second model"),
+    "second model without images": (("\n0\n", "\n2\n"), r":13: 2 images, and 0 lines below"),
     "web page": ("<html><body>404</body></html>", r":1: this is a web page"),
     "archive": (b"PK\x03\x04.....", r"zip archive"),
     "other encoding": (b"NVM_V3\n\xff\xfe\xfa\n", r"neither UTF-8 nor"),

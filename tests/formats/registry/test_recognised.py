@@ -40,6 +40,14 @@ def test_a_folder_of_several_files_is_several_sources(tmp_path: Path) -> None:
     assert found == {"odm_gcp": "gcp.txt", "opensfm": "reconstruction.json", "opensfm_tracks": "tracks.csv"}
 
 
+def test_a_list_of_numbers_below_a_remark_is_no_list_of_control(tmp_path: Path) -> None:
+    (tmp_path / "eo.txt").write_text("# gon\n1 500000.0 5000000.0 1000.0 0.5 399.5 100.0\n2 1.0 2.0 3.0 4.0 5.0 6.0\n")
+    with pytest.raises(AatriError, match="A list without a header"):
+        recognised(tmp_path / "eo.txt")
+    (tmp_path / "gcp.txt").write_text("# by hand\nEPSG:32632\n1 2 3 4 5 a.jpg\n")
+    assert recognised(tmp_path / "gcp.txt")[0].format.name == "odm_gcp"
+
+
 def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("Dear colleague\n")
     with pytest.raises(AatriError, match=r"notes.txt begins with 'Dear colleague'") as caught:
