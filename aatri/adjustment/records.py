@@ -132,7 +132,7 @@ class Records:
             self.loss,
             self.linear,
             None if label is None else lambda row: label(int(rows[row])),
-            None if similarity is None else lambda state, some: similarity(state, rows[some]),
+            None if similarity is None else lambda state, chosen: similarity(state, rows[chosen]),
             self.normal,
         )
 
@@ -147,7 +147,7 @@ def _of_rows(evaluate: Evaluate, compiled: Compiled | None, rows: Int) -> tuple[
         taken = evaluate.take(rows)
         return taken, None if compiled is None else taken.compiled
     of_rows = None if compiled is None else lambda order: compiled(rows[order])
-    return lambda state, some: evaluate(state, rows[some]), of_rows
+    return lambda state, chosen: evaluate(state, rows[chosen]), of_rows
 
 
 def keys_of(records: Sequence[Records]) -> tuple[str, ...]:
@@ -219,8 +219,8 @@ def prepared_lane(records: Records, order: Int) -> Weigh:
     def weigh(whitener: Float) -> Bind:
         def bind(state: State) -> Fill:
             def fill(first: int, last: int, v: Float, J: tuple[Float, ...]) -> None:
-                found, jacobians = times_whitener(whitener[first:last], *records.evaluate(state, order[first:last]))
-                v[:] = found
+                residuals, jacobians = times_whitener(whitener[first:last], *records.evaluate(state, order[first:last]))
+                v[:] = residuals
                 for target, source in zip(J, jacobians):
                     target[:] = source
 

@@ -76,10 +76,10 @@ def items_between(start: Int, first: int, last: int) -> tuple[int, int]:
 
 def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:
     """Rows of an array in a given order, in several threads: such copies wait for memory, not for arithmetic."""
-    found = np.empty((len(order), *values.shape[1:]), dtype=values.dtype)
+    ordered = np.empty((len(order), *values.shape[1:]), dtype=values.dtype)
 
     def part(first: int, last: int) -> None:
-        np.take(values, order[first:last], axis=0, out=found[first:last], mode="clip")
+        np.take(values, order[first:last], axis=0, out=ordered[first:last], mode="clip")
 
     in_threads(len(order), part)
-    return found
+    return ordered

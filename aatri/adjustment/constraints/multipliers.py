@@ -65,7 +65,7 @@ def support(
         return ()
     weight = _weights(unknowns, records, constraints, state)
     free = {u.name: u.free for u in unknowns}
-    found = []
+    supports = []
     for r in constraints:
         _, jacobians = whitened(r, state, np.arange(len(r.active)))
         limit, size = np.full(r.whitener.shape[:2], np.inf), np.zeros(r.whitener.shape[:2])
@@ -83,8 +83,8 @@ def support(
             )
         rho = np.where(np.isfinite(limit), limit, 1.0 / np.where(size > 0, size, 1.0))
         root = np.sqrt(rho) if r.whitener.ndim == 2 else np.sqrt(rho)[:, :, None]
-        found.append(replace(r, whitener=root * r.whitener))
-    return tuple(found)
+        supports.append(replace(r, whitener=root * r.whitener))
+    return tuple(supports)
 
 
 def factorise_constrained(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
@@ -154,8 +154,8 @@ def linearised_constraints(problem: IndexedProblem, state: State) -> tuple[Float
             np.add.at(kept, (columns[at, scalar], number[at]), J[row[at], component[at], scalar])
             if group == layout.eliminated and len(place):
                 p = place[block[row]]
-                some = p >= 0
-                inner.append((p[some], number[some], J[row, component][some] * problem.block_free[p[some]]))
+                stays = p >= 0
+                inner.append((p[stays], number[stays], J[row, component][stays] * problem.block_free[p[stays]]))
         first += len(row)
     touched, where = np.unique(np.concatenate([p for p, _, _ in inner]), return_inverse=True)
     of_block, number = np.zeros((len(touched), 3, m)), np.concatenate([n for _, n, _ in inner])

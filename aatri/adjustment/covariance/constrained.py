@@ -66,11 +66,11 @@ def reduce_covariances(
         # A scalar that the constraints fix has no variance, but for the rounding of the difference.
         block, scalar = np.nonzero(np.einsum("nii->ni", groups[group]) <= RANK_TOLERANCE * before)
         groups[group][block, scalar] = groups[group][block, :, scalar] = 0.0
-    for place, (r, found) in enumerate(zip(problem.records, records)):
-        known = np.flatnonzero(np.isfinite(found).all(axis=(1, 2)))
-        for first in range(0, len(known) if W else 0, CHUNK):
-            rows = known[first : first + CHUNK]
+    for place, (r, of_record) in enumerate(zip(problem.records, records)):
+        determined = np.flatnonzero(np.isfinite(of_record).all(axis=(1, 2)))
+        for first in range(0, len(determined) if W else 0, CHUNK):
+            rows = determined[first : first + CHUNK]
             T = times(r, rows, predicted(r, state, rows)[1], W)
-            found[rows] -= T @ T.swapaxes(1, 2)
+            of_record[rows] -= T @ T.swapaxes(1, 2)
             if gains:
                 reduce_gains(gains[place], r, rows, W, T)

@@ -126,11 +126,11 @@ def _taking_part(u: Unknowns, records: Sequence[Records]) -> Bool:
 
 def _columns(free: Mapping[str, Bool]) -> dict[str, Int]:
     """Column of each scalar, (n, k) of each group; -1, the last, where it is held."""
-    found, first = {}, 0
+    columns, first = {}, 0
     for name, f in free.items():
-        found[name] = np.where(f, first + np.cumsum(f).reshape(f.shape) - 1, -1)
+        columns[name] = np.where(f, first + np.cumsum(f).reshape(f.shape) - 1, -1)
         first += int(f.sum())
-    return found
+    return columns
 
 
 def _design(r: Records, state: State, column: Mapping[str, Int], n: int) -> tuple[Float, Float]:

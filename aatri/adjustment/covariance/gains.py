@@ -86,12 +86,12 @@ def gains_of_rays(
     for group, columns, gain in zip(gains.group, gains.columns, gains.gain):
         width = columns.stop - columns.start
         if group == gains.eliminated:
-            found = own
+            part_gain = own
         else:
-            found = kept[:, first : first + width]
+            part_gain = kept[:, first : first + width]
             first += width
         if gain is not None:
-            gain[rows] = found
+            gain[rows] = part_gain
 
 
 def reduce_gains(gains: Gains, records: Records, rows: Int, W: Mapping[str, Float], T: Float) -> None:

@@ -90,9 +90,9 @@ def covariances_at(
     reduction = covariance_reduction(problem, factored, state)
     down = _Down(problem, state, factored, blocks, gains_of, residuals)
     down.run()
-    found = down.result()
-    reduce_covariances(problem, state, reduction, found.groups, found.records, found.gains)
-    return found
+    covariances = down.result()
+    reduce_covariances(problem, state, reduction, covariances.groups, covariances.records, covariances.gains)
+    return covariances
 
 
 _NOTHING: Float = np.zeros((0, 0), order="F")
@@ -146,10 +146,10 @@ class _Down:
             self.boundary[child] = part_of(S, tree.maps[child])
 
     def _take(self, k: int, node: FrontNode, S: Float, pool: ThreadPoolExecutor | None) -> None:
-        held = self.problem.layout.held[node.columns]
-        if held.any():
-            S[held, :] = 0.0
-            S[:, held] = 0.0
+        is_fixed = self.problem.layout.fixed[node.columns]
+        if is_fixed.any():
+            S[is_fixed, :] = 0.0
+            S[:, is_fixed] = 0.0
         for i in range(node.own or len(node.vertices)):  # a root that eliminates nothing has what parts share
             a, b = int(node.offset[i]), int(node.offset[i + 1])
             self.vertex_covariance[node.vertices[i], : b - a, : b - a] = S[a:b, a:b]
@@ -161,7 +161,7 @@ class _Down:
             kept_covariances(self.problem, kept, jacobians, k, row_of, S, self.of_records[place], gains)
         if self.fill is None:
             return
-        jobs = [partial(self._rays, some, S, row_of) for some in of_node(self.problem, k)]
+        jobs = [partial(self._rays, stretch, S, row_of) for stretch in of_node(self.problem, k)]
         if pool is None or len(jobs) < 2:
             for job in jobs:
                 job()
@@ -195,10 +195,10 @@ class _Down:
         for u in self.problem.unknowns:
             vertex, first = layout.vertex[u.name], layout.within[u.name]
             blocks = np.zeros((len(u.free), u.size, u.size))
-            some = vertex >= 0
-            if some.any():
+            is_kept = vertex >= 0
+            if is_kept.any():
                 part = slice(first, first + u.size)
-                blocks[some] = self.vertex_covariance[vertex[some], part, part]
+                blocks[is_kept] = self.vertex_covariance[vertex[is_kept], part, part]
             if u.eliminated and self.problem.rays is not None:
                 runaway = self.problem.hold[:, 0, 0] > 0
                 blocks[self.problem.rays.block] = np.where(runaway[:, None, None], np.nan, self.block)
@@ -212,19 +212,19 @@ class _Down:
             of_rays[rays.rows] = self.ray
         for name, aside in taking_no_part(self.problem).items():
             groups[name][aside] = np.nan
-            for r, found in zip(self.problem.records, self.of_records):
+            for r, of_record in zip(self.problem.records, self.of_records):
                 for number in (b for group, b in r.touches if group == name and aside.any()):
-                    found[aside[number]] = np.nan
+                    of_record[aside[number]] = np.nan
         return Covariances(groups, of_rays, self.of_records, self.gains, self._whitened() if self.residuals else ())
 
     def _whitened(self) -> tuple[Float, ...]:
         """Whitened residuals of all records."""
         problem = self.problem
-        found = tuple(np.full((len(r.active), r.rows), np.nan) for r in problem.records)
+        residuals = tuple(np.full((len(r.active), r.rows), np.nan) for r in problem.records)
         if problem.rays is not None:
-            found[place_of(problem, problem.rays.records)][problem.rays.rows] = self.ray_residual
+            residuals[place_of(problem, problem.rays.records)][problem.rays.rows] = self.ray_residual
         for kept, v, _ in self.kept:
-            found[place_of(problem, kept.records)][kept.rows] = v
+            residuals[place_of(problem, kept.records)][kept.rows] = v
         for records, rows, _ in problem.direct:
-            found[place_of(problem, records)][rows] = predicted(records, self.state, rows)[0]
-        return found
+            residuals[place_of(problem, records)][rows] = predicted(records, self.state, rows)[0]
+        return residuals

@@ -24,10 +24,10 @@ def kept_covariances(
     k: int,
     row_of: Int,
     S: Float,
-    found: Float,
+    into: Float,
     gains: Gains | None = None,
 ) -> None:
-    """Those of the kept records of a node, into `found`; of records that bring normal equations the variances alone.
+    """Those of the kept records of a node, into `into`; of records that bring normal equations the variances alone.
 
     Parameters
     ----------
@@ -39,30 +39,30 @@ def kept_covariances(
         Row of its front for each kept column.
     S : (size, size) float64
         Covariance of its front.
-    found : (n_records, m, m) float64
+    into : (n_records, m, m) float64
     gains : Gains, optional
         Filled in too.
     """
     for first in range(int(kept.first[k]), int(kept.first[k + 1]), CHUNK):
-        some = slice(first, min(first + CHUNK, int(kept.first[k + 1])))
-        row = row_of[part_columns(kept.parts, problem.layout, some)]
-        K = S[row[:, :, None], row[:, None, :]] @ A[some].swapaxes(1, 2)
+        chunk = slice(first, min(first + CHUNK, int(kept.first[k + 1])))
+        row = row_of[part_columns(kept.parts, problem.layout, chunk)]
+        K = S[row[:, :, None], row[:, None, :]] @ A[chunk].swapaxes(1, 2)
         if kept.records.normal is None:
-            found[kept.rows[some]] = A[some] @ K
+            into[kept.rows[chunk]] = A[chunk] @ K
         else:  # very many rows
-            found[kept.rows[some]] = np.einsum("nik,nki->ni", A[some], K)[:, :, None] * np.eye(kept.records.rows)
+            into[kept.rows[chunk]] = np.einsum("nik,nki->ni", A[chunk], K)[:, :, None] * np.eye(kept.records.rows)
         if gains is not None:
-            take_gains(gains, kept.rows[some], np.where((row >= 0)[:, :, None], K, 0.0))
+            take_gains(gains, kept.rows[chunk], np.where((row >= 0)[:, :, None], K, 0.0))
 
 
 def direct_covariances(
-    problem: IndexedProblem, state: State, block: Float, found: tuple[Float, ...], gains: tuple[Gains, ...] = ()
+    problem: IndexedProblem, state: State, block: Float, into: tuple[Float, ...], gains: tuple[Gains, ...] = ()
 ) -> None:
-    """Those of the records of one eliminated block alone, into `found`, from `block`, (n_blocks, 3, 3)."""
+    """Those of the records of one eliminated block alone, into `into`, from `block`, (n_blocks, 3, 3)."""
     for records, rows, number in problem.direct:
         _, (J,) = predicted(records, state, rows)
         place, K = place_of(problem, records), block[number] @ J.swapaxes(1, 2)
-        found[place][rows] = J @ K
+        into[place][rows] = J @ K
         if gains:
             take_gains(gains[place], rows, K)
 

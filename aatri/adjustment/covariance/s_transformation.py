@@ -46,11 +46,11 @@ class STransformation:
 
     def covariances(self, groups: Mapping[str, Float]) -> dict[str, Float]:
         """Covariances of all blocks, from those of the minimally constrained adjustment."""
-        found = dict(groups)
+        transformed = dict(groups)
         for group, h in self.H.items():
             mixed = h @ self.M @ self.Z[group].swapaxes(1, 2)
-            found[group] = groups[group] - mixed - mixed.swapaxes(1, 2) + h @ self.inner @ h.swapaxes(1, 2)
-        return found
+            transformed[group] = groups[group] - mixed - mixed.swapaxes(1, 2) + h @ self.inner @ h.swapaxes(1, 2)
+        return transformed
 
     def move_gains(self, gains: Gains, records: Records, state: State) -> None:
         """Carry the gains of all records of a type over, in place."""

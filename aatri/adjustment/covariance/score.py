@@ -71,13 +71,13 @@ class Score:
 
     def joint(self, unit: int, columns: Sequence[int]) -> Joint:
         """The test of some parameters of a unit, all others held at zero."""
-        some = list(columns)
+        tested = list(columns)
         size, axes = (part[0] for part in self._axes(columns, slice(unit, unit + 1)))
         seen = size > LEAST_SEEN
         axes = axes[:, seen]
-        along = axes.T @ self.gradient[unit, some]
+        along = axes.T @ self.gradient[unit, tested]
         C = (axes / size[seen]) @ axes.T
-        return Joint(float((along**2 / size[seen]).sum()), int(seen.sum()), -C @ self.gradient[unit, some], C)
+        return Joint(float((along**2 / size[seen]).sum()), int(seen.sum()), -C @ self.gradient[unit, tested], C)
 
     def gains(self, columns: Sequence[int]) -> tuple[Float, Int]:
         """Gain and rank of some parameters of each unit, all others held at zero, (u,) both."""
@@ -88,9 +88,9 @@ class Score:
 
     def _axes(self, columns: Sequence[int], units: slice) -> tuple[Float, Float]:
         """Shares of directions that the unknowns cannot take up, and these directions, (u, k), (u, k, k)."""
-        some, scale = list(columns), np.sqrt(self.whole[units][:, list(columns)])
+        tested, scale = list(columns), np.sqrt(self.whole[units][:, list(columns)])
         inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-        M = self.information[units][:, some][:, :, some] * inverse[:, :, None] * inverse[:, None, :]
+        M = self.information[units][:, tested][:, :, tested] * inverse[:, :, None] * inverse[:, None, :]
         size, axes = np.linalg.eigh(M)
         return size, inverse[:, :, None] * axes
 
@@ -123,7 +123,7 @@ def score(
     unit = np.zeros(len(rows), dtype=np.int64) if unit is None else unit
     adjusted = with_factor(adjusted)
     n, k = int(unit.max(initial=-1)) + 1, H.shape[2]
-    found = Score(np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k)))
+    scores = Score(np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k)))
     ray = _rays(adjusted.problem, records, rows)
     if ray is not None:
         order = np.argsort(ray, kind="stable")
@@ -132,14 +132,14 @@ def score(
     sides = MOST_SIDES if ray is None else ROOM_BYTES / 8 / max(adjusted.problem.layout.n_kept, 1)
     at_a_time = max(1, int(sides) // k)
     for first in range(0, n, at_a_time):
-        some = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
+        chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
-        part = Score(found.gradient[here], found.whole[here], found.information[here])
+        part = Score(scores.gradient[here], scores.whole[here], scores.information[here])
         if ray is None:
-            _add_densely(part, adjusted, records, rows[some], H[some], unit[some] - first)
+            _add_densely(part, adjusted, records, rows[chunk], H[chunk], unit[chunk] - first)
         else:
-            _add_rays(part, adjusted, ray[some], H[some], unit[some] - first, least_gain)
-    return found
+            _add_rays(part, adjusted, ray[chunk], H[chunk], unit[chunk] - first, least_gain)
+    return scores
 
 
 def _rays(problem: IndexedProblem, records: Records, rows: Int) -> Int | None:
@@ -151,32 +151,32 @@ def _rays(problem: IndexedProblem, records: Records, rows: Int) -> Int | None:
     return place[rows] if (place[rows] >= 0).all() else None
 
 
-def _add_rays(found: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, least_gain: float) -> None:
+def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, least_gain: float) -> None:
     """Units of rays, in place."""
-    problem, factored, (n, k) = adjusted.problem, adjusted.factored, found.gradient.shape
+    problem, factored, (n, k) = adjusted.problem, adjusted.factored, scores.gradient.shape
     assert factored is not None
-    sums = found.whole, found.gradient, found.information
+    sums = scores.whole, scores.gradient, scores.information
     kept = reduced_effects(problem, factored, adjusted.state, ray, H, unit, sums)
-    some = np.flatnonzero(found.gains(range(k))[0] >= least_gain)
-    if not len(some):
+    gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
+    if not len(gaining):
         return
-    x = kept.reshape(-1, n, k)[:, some].reshape(-1, len(some) * k)
+    x = kept.reshape(-1, n, k)[:, gaining].reshape(-1, len(gaining) * k)
     forward_kept(problem, factored, x)
-    found.gradient[some] -= (x.T @ _forward_gradient(adjusted)).reshape(-1, k)
-    of_unit = x.reshape(-1, len(some), k).transpose(1, 0, 2)
-    found.information[some] -= of_unit.swapaxes(1, 2) @ of_unit
+    scores.gradient[gaining] -= (x.T @ _forward_gradient(adjusted)).reshape(-1, k)
+    of_unit = x.reshape(-1, len(gaining), k).transpose(1, 0, 2)
+    scores.information[gaining] -= of_unit.swapaxes(1, 2) @ of_unit
 
 
-def _add_densely(found: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> None:
+def _add_densely(scores: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> None:
     """Units of any records, in place."""
-    n, k = found.gradient.shape
+    n, k = scores.gradient.shape
     v, right = _sides(adjusted, records, rows, H, unit, n)
-    np.add.at(found.gradient, unit, np.einsum("nmk,nm->nk", H, v))
-    np.add.at(found.information, unit, np.einsum("nmk,nml->nkl", H, H))
-    found.whole[:] = np.einsum("ukk->uk", found.information)
+    np.add.at(scores.gradient, unit, np.einsum("nmk,nm->nk", H, v))
+    np.add.at(scores.information, unit, np.einsum("nmk,nml->nkl", H, H))
+    scores.whole[:] = np.einsum("ukk->uk", scores.information)
     taken_up, left = _taken_up(adjusted, right)
-    found.information[:] -= taken_up.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
-    found.gradient[:] -= left.reshape(n, k)
+    scores.information[:] -= taken_up.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
+    scores.gradient[:] -= left.reshape(n, k)
 
 
 def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dict[str, Float]:
@@ -213,11 +213,11 @@ def _sides(
     for u in adjusted.problem.unknowns:
         for (group, block), J in zip(records.touches, jacobians):
             if group == u.name:
-                found = right.setdefault(group, np.zeros((len(u.free), units, u.size, k)))
-                np.add.at(found, (block[rows], unit), np.einsum("nma,nmk->nak", J, H))
+                side = right.setdefault(group, np.zeros((len(u.free), units, u.size, k)))
+                np.add.at(side, (block[rows], unit), np.einsum("nma,nmk->nak", J, H))
     return (
         v,
-        {group: found.swapaxes(1, 2).reshape(len(found), found.shape[2], units * k) for group, found in right.items()},
+        {group: side.swapaxes(1, 2).reshape(len(side), side.shape[2], units * k) for group, side in right.items()},
     )
 
 
@@ -226,13 +226,13 @@ def _taken_up(adjusted: Adjusted, right: dict[str, Float]) -> tuple[Float, Float
     problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
     assert factored is not None
     u = forward(problem, factored, state, sides_of(problem, right))
-    found = u.gram()
+    taken_up = u.gram()
     left = u.kept.T @ _forward_gradient(adjusted) + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
     W = covariance_reduction(problem, factored, state)
     if W:
         common = np.asarray(sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items()))
-        found = found - common.T @ common
-    return found, left
+        taken_up = taken_up - common.T @ common
+    return taken_up, left
 
 
 def _forward_gradient(adjusted: Adjusted) -> Float:

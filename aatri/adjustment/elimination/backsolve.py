@@ -19,20 +19,20 @@ from aatri.arrays import Float
 
 def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> Float:
     """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
-    x = np.where(problem.layout.held[:, None], 0.0, right)
+    x = np.where(problem.layout.fixed[:, None], 0.0, right)
     up_the_tree(problem.tree, factored.factor.panel, x)
     if factored.joint is not None and factored.joint.covariance is not None:
         # the other parts have nothing on their right-hand sides
         shared = shared_columns(problem)
         x[shared] = factored.joint.covariance @ x[shared]
     down_the_tree(problem.tree, factored.factor.panel, x)
-    return np.where(problem.layout.held[:, None], 0.0, x)
+    return np.where(problem.layout.fixed[:, None], 0.0, x)
 
 
 def steps(problem: IndexedProblem, factored: Factored, state: State) -> dict[str, Float]:
     """Step of every group of unknowns at the state of the linearisation, (n, k) each; zero where held."""
     x = factored.factor.solution(problem.tree, factored.y, problem.layout.n_kept)
-    dx = np.where(problem.layout.held, 0.0, -x)
+    dx = np.where(problem.layout.fixed, 0.0, -x)
     step: dict[str, Float] = {}
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
@@ -82,16 +82,16 @@ def predicted_decrease(problem: IndexedProblem, factored: Factored, step: dict[s
     """
     if factored.damping == 0.0:
         return factored.decrease
-    held = 0.0
+    damped_square = 0.0
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         diagonal = np.where(columns >= 0, np.append(factored.diagonal, 0.0)[columns], 0.0)
-        held += float((diagonal * step[u.name] ** 2).sum())
+        damped_square += float((diagonal * step[u.name] ** 2).sum())
     if problem.rays is not None:
         l00, l10, l20, l11, l21, l22 = factored.block_factor.T
         damped = np.stack([l00**2, l10**2 + l11**2, l20**2 + l21**2 + l22**2], axis=1)
         block_step = step[problem.layout.eliminated][problem.rays.block]
-        held += float((damped / (1 + factored.damping) * block_step**2).sum())
+        damped_square += float((damped / (1 + factored.damping) * block_step**2).sum())
     if factored.joint is not None and problem.settings.others is not None:
-        held = problem.settings.others.total(held) - factored.joint.counted_twice
-    return factored.decrease + factored.damping * held
+        damped_square = problem.settings.others.total(damped_square) - factored.joint.counted_twice
+    return factored.decrease + factored.damping * damped_square

@@ -22,15 +22,15 @@ def over_rays(problem: IndexedProblem, fill: Fill, work: Callable[[int, int, int
     A is as it is where an unknown is held.
     """
 
-    def one(some: Sequence[Stretch]) -> None:
-        for stretch in some:
+    def one(share: Sequence[Stretch]) -> None:
+        for stretch in share:
             for chunk in linearised(problem, fill, stretch, masked=False):
                 work(stretch.number, *chunk)
 
     in_parallel(problem, one)
 
 
-def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bool = True) -> Iterator[Chunk]:
+def linearised(problem: IndexedProblem, fill: Fill, stretch: Stretch, *, masked: bool = True) -> Iterator[Chunk]:
     """Linearised rays of a stretch of blocks, in chunks: first and last block, v, A, B.
 
     A is zero where an unknown is held, unless it is asked for as it is (not `masked`): fronts are cleared there as a
@@ -41,8 +41,8 @@ def linearised(problem: IndexedProblem, fill: Fill, some: Stretch, *, masked: bo
     records = rays.records
     widths = [next(u.size for u in problem.unknowns if u.name == g) for g, _ in records.touches]
     is_block = [g == problem.layout.eliminated for g, _ in records.touches]
-    any_held = masked and bool(problem.layout.held[problem.tree.nodes[some.node].columns].any())
-    p0, end = some.first, some.last
+    any_held = masked and bool(problem.layout.fixed[problem.tree.nodes[stretch.node].columns].any())
+    p0, end = stretch.first, stretch.last
     while p0 < end:
         p1 = int(np.searchsorted(rays.ray_start, rays.ray_start[p0] + CHUNK, side="right")) - 1
         p1 = min(max(p1, p0 + 1), end)

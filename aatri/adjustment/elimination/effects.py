@@ -54,10 +54,10 @@ def reduced_effects(
         stretch = Stretch(0, 0, int(blocks[0]), int(blocks[-1]) + 1)
         for p0, p1, v, A, B in linearised(problem, fill, stretch, masked=False):
             base, last = rays.ray_start[[p0, p1]].tolist()
-            some = slice(*np.searchsorted(ray, [base, last]))
+            chunk = slice(*np.searchsorted(ray, [base, last]))
             rows = (p0, p1, base, rays.ray_start, v, A, B, problem.ray_columns[base:last])
             blocks_of_rows = (problem.block_free, factored.block_factor, factored.block_y)
-            effects = (ray[some], unit[some], H[some], kept, *sums)
+            effects = (ray[chunk], unit[chunk], H[chunk], kept, *sums)
             reduce_effects(*rows, rays.parts.size, rays.parts.start, *blocks_of_rows, *effects)
-    kept[problem.layout.held] = 0.0
+    kept[problem.layout.fixed] = 0.0
     return kept

@@ -164,9 +164,9 @@ class Work:
                     self.cost[k] += _add_large(range(first, last), v, A, records, self.state, (F, g, d))
         if self.problem.rays is not None:
             self._blocks(k, node, F, g, d, pool)
-        held = self.problem.layout.held[node.columns]
-        if held.any():
-            F[held, :], F[:, held], g[held], d[held] = 0.0, 0.0, 0.0, 0.0
+        is_fixed = self.problem.layout.fixed[node.columns]
+        if is_fixed.any():
+            F[is_fixed, :], F[:, is_fixed], g[is_fixed], d[is_fixed] = 0.0, 0.0, 0.0, 0.0
         self.fronts[k] = F, g, d
 
     def gather(self, k: int) -> tuple[Float, Float, Float]:
@@ -187,20 +187,20 @@ class Work:
         node = self.problem.tree.nodes[k]
         n, m = node.size, node.panel
         F, g, d = self.gather(k)
-        held = self.problem.layout.held[node.columns[:m]]
+        is_fixed = self.problem.layout.fixed[node.columns[:m]]
         i = np.arange(m)
-        F[i, i] += np.where(held, 1.0, self.damping * d[:m])
+        F[i, i] += np.where(is_fixed, 1.0, self.damping * d[:m])
         if m:
-            self._eliminate(k, node, F, g, d, held)
+            self._eliminate(k, node, F, g, d, is_fixed)
         if n == m:
             self.room.give(F)
             self.fronts[k] = None
 
-    def _eliminate(self, k: int, node: FrontNode, F: Float, g: Float, d: Float, held: Bool) -> None:
+    def _eliminate(self, k: int, node: FrontNode, F: Float, g: Float, d: Float, is_fixed: Bool) -> None:
         m = node.panel
         info = lapack.cholesky_panel(F, m)
         pivot = np.diagonal(F)[:m] ** 2
-        weak = np.flatnonzero(~held & ~(pivot > RANK_TOLERANCE * d[:m]))
+        weak = np.flatnonzero(~is_fixed & ~(pivot > RANK_TOLERANCE * d[:m]))
         if info or len(weak):
             self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
         self.panels[k] = np.array(F[:, :m], order="F")
@@ -213,9 +213,9 @@ class Work:
 
         Each stretch is summed on its own, in any thread, and the sums are added in their order.
         """
-        some = of_node(self.problem, k)
-        if len(some) < 2 or 8 * node.size**2 > LARGEST_COPY:
-            for stretch in some:
+        of_this = of_node(self.problem, k)
+        if len(of_this) < 2 or 8 * node.size**2 > LARGEST_COPY:
+            for stretch in of_this:
                 self.cost[k] += self._stretch(stretch, F, g, d)
             return
 
@@ -223,13 +223,13 @@ class Work:
             own = np.zeros((node.size, node.size), order="F"), np.zeros(node.size), np.zeros(node.size)
             return self._stretch(stretch, *own), *own
 
-        for cost, *own in pool.map(one, some) if pool is not None else map(one, some):
+        for cost, *own in pool.map(one, of_this) if pool is not None else map(one, of_this):
             self.cost[k] += cost
             with np.errstate(invalid="ignore"):  # above the diagonal of a front is whatever was in its memory
                 for total, part in zip((F, g, d), own):
                     total += part
 
-    def _stretch(self, some: Stretch, F: Float, g: Float, d: Float) -> float:
+    def _stretch(self, stretch: Stretch, F: Float, g: Float, d: Float) -> float:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
@@ -237,7 +237,7 @@ class Work:
         common = (*own, F, g, d, self.block_factor, self.block_y, self.determined)
         cost, parts = 0.0, rays.parts
         eliminate = eliminator(rays.records.rows, parts.size)
-        for p0, p1, v, A, B in linearised(self.problem, self.fill, some, masked=False):
+        for p0, p1, v, A, B in linearised(self.problem, self.fill, stretch, masked=False):
             cost += excess(rays.records, v)
             base = int(rays.ray_start[p0])
             loc = rays.loc[base : int(rays.ray_start[p1])]

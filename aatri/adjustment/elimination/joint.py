@@ -31,7 +31,7 @@ def joined(
     """
     columns = shared_columns(problem)
     F, g, d = (np.zeros((0, 0)), np.zeros(0), np.zeros(0)) if front is None else front
-    free = np.flatnonzero(~problem.layout.held[problem.tree.nodes[-1].columns]) if front is not None else columns
+    free = np.flatnonzero(~problem.layout.fixed[problem.tree.nodes[-1].columns]) if front is not None else columns
     regular = not factored.weak and bool((factored.determined != 0).all())
     lower = [F[free[j:], column] for j, column in enumerate(free)]
     reply = others.joined(
@@ -60,7 +60,7 @@ def shared_columns(problem: IndexedProblem) -> Int:
     if not problem.layout.shared.any():
         return np.zeros(0, dtype=np.int64)
     columns = problem.tree.nodes[-1].columns
-    return columns[~problem.layout.held[columns]]
+    return columns[~problem.layout.fixed[columns]]
 
 
 def shared_front(problem: IndexedProblem, covariance: Float) -> Float:
@@ -68,7 +68,7 @@ def shared_front(problem: IndexedProblem, covariance: Float) -> Float:
     if not problem.layout.shared.any():
         return np.zeros((0, 0), order="F")
     size = problem.tree.nodes[-1].size
-    free = np.flatnonzero(~problem.layout.held[problem.tree.nodes[-1].columns])
+    free = np.flatnonzero(~problem.layout.fixed[problem.tree.nodes[-1].columns])
     front = np.zeros((size, size), order="F")
     front[np.ix_(free, free)] = covariance
     return front

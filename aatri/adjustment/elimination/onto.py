@@ -49,7 +49,7 @@ def reduced_onto(problem: IndexedProblem, state: State, chosen: Int) -> tuple[Fl
     place = np.full(problem.layout.n_kept, -1)
     place[columns] = np.arange(len(columns))
     own = place[chosen]
-    other = np.setdiff1d(np.flatnonzero(~problem.layout.held[columns]), own)
+    other = np.setdiff1d(np.flatnonzero(~problem.layout.fixed[columns]), own)
     if any(weak >= 0 for weak in work.weak[:last]) or (own < 0).any():
         raise _undetermined()
     N = np.tril(F) + np.tril(F, -1).T

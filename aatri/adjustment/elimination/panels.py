@@ -32,11 +32,11 @@ def up_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iter
     """
     for k in range(len(tree.nodes)) if nodes is None else nodes:
         columns = tree.nodes[k].columns
-        some = np.flatnonzero(x[columns[: tree.nodes[k].panel]].any(axis=0))
-        if len(some):
-            front = np.asfortranarray(x[np.ix_(columns, some)])
+        nonzero = np.flatnonzero(x[columns[: tree.nodes[k].panel]].any(axis=0))
+        if len(nonzero):
+            front = np.asfortranarray(x[np.ix_(columns, nonzero)])
             lapack.forward_columns(panel(k), front)
-            x[np.ix_(columns, some)] = front
+            x[np.ix_(columns, nonzero)] = front
 
 
 def down_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:

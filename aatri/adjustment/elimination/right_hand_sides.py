@@ -91,15 +91,15 @@ def backward(
     x = u.kept.copy()
     with one_blas_thread():
         down_the_tree(problem.tree, factored.factor.panel, x)
-    x[problem.layout.held] = 0.0
+    x[problem.layout.fixed] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])
-    found: dict[str, Float] = {}
+    solution: dict[str, Float] = {}
     for unknowns in (one for one in problem.unknowns if wanted is None or one.name in wanted):
         columns = problem.layout.columns(unknowns.name, unknowns.size)
-        found[unknowns.name] = np.where(columns[:, :, None] >= 0, padded[columns], 0.0)
-    if problem.rays is not None and len(problem.rays.block) and problem.layout.eliminated in found:
-        found[problem.layout.eliminated][problem.rays.block] = _blocks_back(problem, factored, state, u, x)
-    return found
+        solution[unknowns.name] = np.where(columns[:, :, None] >= 0, padded[columns], 0.0)
+    if problem.rays is not None and len(problem.rays.block) and problem.layout.eliminated in solution:
+        solution[problem.layout.eliminated][problem.rays.block] = _blocks_back(problem, factored, state, u, x)
+    return solution
 
 
 def inverse_factors(factor: Float) -> Float:
@@ -136,14 +136,14 @@ def _blocks_back(problem: IndexedProblem, factored: Factored, state: State, u: S
     m = x.shape[1]
     right = np.zeros((m, len(rays.block), 3))
     right[:, u.block] = -np.moveaxis(u.of_block, 2, 0)
-    found, columns = np.zeros_like(right), np.ascontiguousarray(x.T)
+    solution, columns = np.zeros_like(right), np.ascontiguousarray(x.T)
     fill, parts = problem.ray_lane(state), rays.parts
 
     def one(_: int, p0: int, p1: int, _v: Float, A: Float, B: Float) -> None:  # x is zero where held
         base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
         rows = (p0, p1, base, rays.ray_start, A, B, problem.ray_columns[base:last], parts.size, parts.start)
         for j in range(m):
-            substitute(*rows, columns[j], problem.block_free, factored.block_factor, right[j], found[j])
+            substitute(*rows, columns[j], problem.block_free, factored.block_factor, right[j], solution[j])
 
     over_rays(problem, fill, one)
-    return np.moveaxis(found, 0, 2)
+    return np.moveaxis(solution, 0, 2)

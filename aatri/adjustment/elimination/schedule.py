@@ -92,7 +92,7 @@ class Schedule:
                         finish(k)
                 return
             run_all(
-                pool, [partial(both, some) for some in self.subtrees] + [partial(assemble, k, None) for k in self.early]
+                pool, [partial(both, tree) for tree in self.subtrees] + [partial(assemble, k, None) for k in self.early]
             )
             for level in self.levels:
                 if len(level) >= self.threads:
@@ -114,7 +114,7 @@ class Schedule:
             for level in reversed(self.levels):
                 with self._blas(level):
                     several(level)
-            run_all(pool, [partial(several, some) for some in self.subtrees])
+            run_all(pool, [partial(several, tree) for tree in self.subtrees])
 
     def _blas(self, nodes: Sequence[int]) -> AbstractContextManager[Any]:
         """BLAS threads for some fronts: one unless a front is large enough to gain from more."""
@@ -144,16 +144,18 @@ def _shared_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int
         levels.append(sorted(inner))
         level = [c for k in inner for c in nodes[k].children]
     heads.sort(key=lambda k: -total[k])
-    return [_subtree(nodes, k) for k in heads], [found for found in reversed(levels) if found]
+    return [_subtree(nodes, k) for k in heads], [
+        nodes_of_level for nodes_of_level in reversed(levels) if nodes_of_level
+    ]
 
 
 def _subtree(nodes: Sequence[FrontNode], k: int) -> list[int]:
-    found, queue = [], [k]
+    members, queue = [], [k]
     while queue:
         j = queue.pop()
-        found.append(j)
+        members.append(j)
         queue += nodes[j].children
-    return sorted(found)
+    return sorted(members)
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,10 @@ class Stretch:
 
 def stretches(problem: IndexedProblem) -> list[Stretch]:
     """All blocks, in stretches of at most some `STRETCH` rays: the same for any number of threads."""
-    found: list[Stretch] = []
+    all_stretches: list[Stretch] = []
     for k in range(len(problem.tree.nodes) if problem.rays is not None else 0):
-        found += of_node(problem, k, len(found))
-    return found
+        all_stretches += of_node(problem, k, len(all_stretches))
+    return all_stretches
 
 
 def of_node(problem: IndexedProblem, k: int, number: int = 0) -> list[Stretch]:
@@ -197,12 +199,12 @@ def in_parallel(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], Non
     """Work on all blocks, in any order, shared out among the threads."""
     rays = problem.rays
     assert rays is not None
-    some = stretches(problem)
+    all_stretches = stretches(problem)
     if problem.threads == 1 or RAY_FLOPS * len(rays.rows) < PARALLEL_FLOPS:
-        work(some)
+        work(all_stretches)
         return
-    ends = rays.ray_start[[s.last for s in some]]
+    ends = rays.ray_start[[s.last for s in all_stretches]]
     share = (ends - 1) * problem.threads // max(int(ends[-1]), 1)
-    parts = [[s for s, t in zip(some, share) if t == thread] for thread in range(problem.threads)]
+    parts = [[s for s, t in zip(all_stretches, share) if t == thread] for thread in range(problem.threads)]
     with ThreadPoolExecutor(problem.threads) as pool:
         list(pool.map(work, parts))

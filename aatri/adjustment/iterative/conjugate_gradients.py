@@ -90,7 +90,7 @@ def null_vector(problem: IndexedProblem, state: State) -> Float | None:
     """A null vector of the reduced normal matrix, if there is one, in unknowns times the root of their diagonal."""
     preconditioner, factored = partly_factorised(problem, state, 0.0)
     S, diagonal = _Reduced(problem, state, factored), factored.diagonal
-    used = ~problem.layout.held & (diagonal > 0)
+    used = ~problem.layout.fixed & (diagonal > 0)
     w = np.where(used, np.random.default_rng(0).normal(size=len(used)) / np.sqrt(np.where(used, diagonal, 1.0)), 0.0)
     left = w - _iterated(S.times, S.times(w), preconditioner.solve, PROBE_ACCURACY, 0.0)[0]
     size = float((diagonal * left**2).sum())
@@ -163,7 +163,7 @@ class _Reduced:
 
     def __init__(self, problem: IndexedProblem, state: State, factored: Factored) -> None:
         self.problem, self.factored = problem, factored
-        self.free = ~problem.layout.held
+        self.free = ~problem.layout.fixed
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
         self.kept = [
             (part_columns(k.parts, problem.layout), *side_by_side(k, problem.layout, state)) for k in problem.kept
@@ -220,8 +220,8 @@ class _Reduced:
 
 def _shares(problem: IndexedProblem) -> list[list[Stretch]]:
     """All blocks, in `SHARES` parts of about equally many rays."""
-    rays, some = problem.rays, stretches(problem)
+    rays, all_stretches = problem.rays, stretches(problem)
     assert rays is not None
-    ends = rays.ray_start[[s.last for s in some]]
+    ends = rays.ray_start[[s.last for s in all_stretches]]
     share = (ends - 1) * SHARES // max(int(ends[-1]), 1)
-    return [[s for s, t in zip(some, share) if t == part] for part in range(SHARES)]
+    return [[s for s, t in zip(all_stretches, share) if t == part] for part in range(SHARES)]

@@ -79,15 +79,15 @@ def _fronts_bytes(problem: IndexedProblem) -> float:
 
 def _most(nodes: Sequence[FrontNode], members: Sequence[int]) -> tuple[float, float]:
     """Most bytes of the fronts while some nodes are worked on in their order, and what is left in the end."""
-    most = held = 0.0
+    most = in_memory = 0.0
     inside = set(members)
     for k in members:
-        held += 8.0 * nodes[k].size ** 2
-        most = max(most, held)
-        held -= sum(8.0 * nodes[c].size ** 2 for c in nodes[k].children if c in inside)
+        in_memory += 8.0 * nodes[k].size ** 2
+        most = max(most, in_memory)
+        in_memory -= sum(8.0 * nodes[c].size ** 2 for c in nodes[k].children if c in inside)
         if nodes[k].size == nodes[k].panel:
-            held -= 8.0 * nodes[k].size ** 2
-    return most, held
+            in_memory -= 8.0 * nodes[k].size ** 2
+    return most, in_memory
 
 
 def memory_limit(memory_gb: float | None) -> float:

@@ -131,13 +131,13 @@ class _Pieces:
     def take_records(self, work: Work, k: int) -> None:
         """Records of kept unknowns that belong to a node above."""
         for records, v, A in work.kept:
-            some = slice(int(records.first[k]), int(records.first[k + 1]))
-            if some.start == some.stop:
+            chunk = slice(int(records.first[k]), int(records.first[k + 1]))
+            if chunk.start == chunk.stop:
                 continue
             p = records.parts
-            work.cost[k] += float((v[some] ** 2).sum())
-            for loc, sums in self._one_after_the_other(p, some):
-                add_records(0, len(loc), v[some], A[some], loc, p.size, p.start, *sums)
+            work.cost[k] += float((v[chunk] ** 2).sum())
+            for loc, sums in self._one_after_the_other(p, chunk):
+                add_records(0, len(loc), v[chunk], A[chunk], loc, p.size, p.start, *sums)
 
     def take_rays(self, work: Work, k: int) -> None:
         """Eliminate the blocks that belong to a node above."""
@@ -146,35 +146,35 @@ class _Pieces:
             return
         p, eliminate = rays.parts, eliminator(rays.records.rows, rays.parts.size)
         results = (work.block_factor, work.block_y, work.determined)
-        chunks = (chunk for some in of_node(self.problem, k) for chunk in linearised(self.problem, work.fill, some))
+        chunks = (one for part in of_node(self.problem, k) for one in linearised(self.problem, work.fill, part))
         for p0, p1, v, A, B in chunks:
-            some = slice(int(rays.ray_start[p0]), int(rays.ray_start[p1]))
+            chunk = slice(int(rays.ray_start[p0]), int(rays.ray_start[p1]))
             work.cost[k] += float((v**2).sum()) + excess(rays.records, v)
-            for loc, sums in self._one_after_the_other(p, some):
-                rows = (p0, p1, some.start, rays.ray_start, v, A, B, loc, p.size, p.start)
+            for loc, sums in self._one_after_the_other(p, chunk):
+                rows = (p0, p1, chunk.start, rays.ray_start, v, A, B, loc, p.size, p.start)
                 eliminate(*rows, work.D0, work.h0, self.problem.block_free, work.damping, *sums, *results)
 
-    def _one_after_the_other(self, parts: Parts, some: slice) -> Iterator[tuple[Int, tuple[Float, Float, Float]]]:
+    def _one_after_the_other(self, parts: Parts, rows: slice) -> Iterator[tuple[Int, tuple[Float, Float, Float]]]:
         """Rows of the parts in each piece that they meet, -1 in others, and its sums; at least one."""
-        vertex = parts.vertex[some]
+        vertex = parts.vertex[rows]
         piece = np.where(vertex >= 0, self.piece_of[np.maximum(vertex, 0)], -1)
         row = self.row_of[np.maximum(vertex, 0)] + parts.shift
-        found = np.unique(piece[piece >= 0])
-        if not len(found):
+        pieces = np.unique(piece[piece >= 0])
+        if not len(pieces):
             yield np.full(vertex.shape, -1, dtype=np.int32), (np.zeros((1, 1), order="F"), np.zeros(1), np.zeros(1))
-        for q in found:
+        for q in pieces:
             yield np.where(piece == q, row, -1).astype(np.int32), self.sums[q]
 
     def factors(self, work: Work) -> tuple[tuple[Int, Float], ...]:
         """Columns and factor of each piece."""
         layout, tree = self.problem.layout, self.problem.tree
         for columns, (F, _, d) in zip(self.columns, self.sums):
-            held, m = layout.held[columns], len(columns)
+            fixed, m = layout.fixed[columns], len(columns)
             i = np.arange(m)
-            F[i, i] += np.where(held, 1.0, work.damping * d)
+            F[i, i] += np.where(fixed, 1.0, work.damping * d)
             work.diagonal[columns] = d
             info = lapack.cholesky_panel(F, m)
-            bad = np.flatnonzero(~held & ~(np.diagonal(F) ** 2 > RANK_TOLERANCE * d))
+            bad = np.flatnonzero(~fixed & ~(np.diagonal(F) ** 2 > RANK_TOLERANCE * d))
             if info or len(bad):
                 column = columns[min([info - 1] * (info > 0) + bad[:1].tolist())]
                 k = int(tree.node_of[np.searchsorted(layout.start, column, side="right") - 1])

@@ -76,8 +76,8 @@ def open_motions(
     left = []
     for part in _parts(problem, normals):
         open_here = _orthonormal(np.where(part[:, None], vectors, 0.0))
-        some = _vertices_of(problem, _taking_part(open_here))
-        coefficients, directions = _common(moves * some[:, None], open_here, going_along, common)
+        takes_part = _vertices_of(problem, _taking_part(open_here))
+        coefficients, directions = _common(moves * takes_part[:, None], open_here, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
             motions = [named(row, extent) for row in coefficients]
@@ -93,21 +93,21 @@ def _moves(problem: IndexedProblem, state: State) -> Float:
 
     Generators that move the held scalars of blocks (heights of a plane network) more than the free ones are no motions.
     """
-    found, of_held = np.zeros((problem.layout.n_kept, 7)), np.zeros(7)
+    moves, of_held = np.zeros((problem.layout.n_kept, 7)), np.zeros(7)
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)  # -1 where held
         if u.generator is None or not (columns >= 0).any():
             continue
         move = u.generator(state)[:, :, ORDER]
-        found[columns[columns >= 0]] = move[columns >= 0]
+        moves[columns[columns >= 0]] = move[columns >= 0]
         partly = (columns >= 0).any(axis=1, keepdims=True)
         of_held += (move[(columns < 0) & partly] ** 2).sum(axis=0)
-    return np.where(of_held > (found**2).sum(axis=0), 0.0, found)
+    return np.where(of_held > (moves**2).sum(axis=0), 0.0, moves)
 
 
 def _parts(problem: IndexedProblem, normals: Float | None) -> list[Bool]:
     """Kept unknowns of every part that nothing joins to the others, (n_kept,) bool each."""
-    free = ~problem.layout.held
+    free = ~problem.layout.fixed
     if normals is None:
         return [free]
     number = connected_components(csr_array(normals != 0), directed=False)[1]
@@ -121,13 +121,13 @@ def _taking_part(vectors: Float) -> Bool:
 
 def _of_rays(problem: IndexedProblem) -> Bool:
     """Kept unknowns that rays touch: with one of those that no motion moves, poses move otherwise than their points."""
-    found = np.zeros(problem.layout.n_kept, dtype=bool)
+    of_rays = np.zeros(problem.layout.n_kept, dtype=bool)
     touched = problem.rays.records.groups if problem.rays is not None else set[str]()
     for u in problem.unknowns:
         if u.name in touched:
             columns = problem.layout.columns(u.name, u.size)
-            found[columns[columns >= 0]] = True
-    return found
+            of_rays[columns[columns >= 0]] = True
+    return of_rays
 
 
 def _vertices_of(problem: IndexedProblem, part: Bool) -> Bool:
@@ -190,19 +190,19 @@ def _orthonormal(vectors: Float) -> Float:
 
 def echelon(rows: Float) -> Float:
     """Reduced row echelon form; the columns first in order lead."""
-    found, lead = rows.copy(), 0
-    for column in range(found.shape[1]):
-        if lead == len(found):
+    reduced, lead = rows.copy(), 0
+    for column in range(reduced.shape[1]):
+        if lead == len(reduced):
             break
-        best = lead + int(np.argmax(np.abs(found[lead:, column])))
-        if abs(found[best, column]) < PART * np.abs(found).max():
+        best = lead + int(np.argmax(np.abs(reduced[lead:, column])))
+        if abs(reduced[best, column]) < PART * np.abs(reduced).max():
             continue
-        found[[lead, best]] = found[[best, lead]]
-        found[lead] /= found[lead, column]
-        others = np.arange(len(found)) != lead
-        found[others] -= found[others, column][:, None] * found[lead]
+        reduced[[lead, best]] = reduced[[best, lead]]
+        reduced[lead] /= reduced[lead, column]
+        others = np.arange(len(reduced)) != lead
+        reduced[others] -= reduced[others, column][:, None] * reduced[lead]
         lead += 1
-    return found
+    return reduced
 
 
 @dataclass(frozen=True)
@@ -248,8 +248,8 @@ def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str
     of: list[str] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
-        some: Int = np.flatnonzero(((columns >= 0) & part[np.maximum(columns, 0)]).any(axis=1))
-        if len(some) and u.generator is not None:
-            ids = [str(u.ids[k]) for k in some[:5]]
-            of.append(f"{u.name} {', '.join(ids)}" + (f" and {len(some) - 5} more" if len(some) > 5 else ""))
+        of_part: Int = np.flatnonzero(((columns >= 0) & part[np.maximum(columns, 0)]).any(axis=1))
+        if len(of_part) and u.generator is not None:
+            ids = [str(u.ids[k]) for k in of_part[:5]]
+            of.append(f"{u.name} {', '.join(ids)}" + (f" and {len(of_part) - 5} more" if len(of_part) > 5 else ""))
     return f"a part that nothing holds to the rest ({'; '.join(of)})"

@@ -101,7 +101,7 @@ def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> 
 
 def _leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:
     """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D; none where all eigenvalues are below `harmless`."""
-    used = ~problem.layout.held & (factored.diagonal > 0) & (D > 0)
+    used = ~problem.layout.fixed & (factored.diagonal > 0) & (D > 0)
     scale = np.where(used, D, 0.0)[:, None]
     count = min(COLUMNS, int(used.sum()))
     if not count:

@@ -43,7 +43,7 @@ def null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> t
     """Number of defects, null vectors in scaled unknowns, (n_kept, k), and the matrix where it is seen as a whole."""
     layout = problem.layout
     if layout.n_kept <= WHOLE:
-        normals, free = reduced_normals(problem, state), np.flatnonzero(~layout.held)
+        normals, free = reduced_normals(problem, state), np.flatnonzero(~layout.fixed)
         scale = np.sqrt(np.where(normals.diagonal[free] > 0, normals.diagonal[free], 1.0))
         values, among_free = np.linalg.eigh(normals.N[np.ix_(free, free)] / np.outer(scale, scale))
         open_ = (values < RANK_TOLERANCE) | (values <= values[0])

@@ -59,8 +59,8 @@ def within_reach(records: Sequence[Records], candidates: Sequence[int], state: S
 
 def _bring(block: Int, size: Float, of: Int, row: Int, residuals: Int, scalars: int, factor: dict[int, Float]) -> None:
     """Lower the factors of what is beyond reach at some blocks of one group, by what observations add to them."""
-    known = np.flatnonzero(np.isfinite(size) & (size > 0))
-    order = known[np.lexsort((size[known], block[known]))]
+    usable = np.flatnonzero(np.isfinite(size) & (size > 0))
+    order = usable[np.lexsort((size[usable], block[usable]))]
     size, (block, of, row, residuals) = size[order], (part[order] for part in (block, of, row, residuals))
     if not len(block):
         return
@@ -80,11 +80,11 @@ def _bring(block: Int, size: Float, of: Int, row: Int, residuals: Int, scalars: 
 
 def _sums_within(size: Float, new: np.ndarray) -> Float:
     """Sum of those before each in its block: block by block, so that no large one of another block is added."""
-    found = np.zeros(len(size))
+    sums = np.zeros(len(size))
     starts = np.append(np.flatnonzero(new), len(size))
     for a, z in pairwise(starts):
-        found[a + 1 : z] = np.cumsum(size[a : z - 1])
-    return found
+        sums[a + 1 : z] = np.cumsum(size[a : z - 1])
+    return sums
 
 
 def scaled(records: Records, factor: Float) -> Records:

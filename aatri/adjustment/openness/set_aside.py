@@ -87,10 +87,10 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     ------
     GeometryError
     """
-    found = vanishing(problem, state, factored)
-    found.refuse()
+    open_ = vanishing(problem, state, factored)
+    open_.refuse()
     group, rays = next(u for u in problem.unknowns if u.eliminated), problem.rays
-    names = [] if rays is None else [f"{group.name} {group.ids[k]}" for k in np.sort(rays.block[found.blocks])]
+    names = [] if rays is None else [f"{group.name} {group.ids[k]}" for k in np.sort(rays.block[open_.blocks])]
     more = f" and {len(names) - 10} more" if len(names) > 10 else ""
     raise GeometryError(
         f"{len(names)} of {len(group.ids)} are not determined by their observations: {', '.join(names[:10])}{more}",
@@ -125,11 +125,11 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
         return
     if factored.weak:
         refuse_undetermined(problem, state, factored)
-    found = nearly_open(problem, factored, state)
-    alone = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], found.vertices)) for u in problem.unknowns)
+    open_ = nearly_open(problem, factored, state)
+    alone = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], open_.vertices)) for u in problem.unknowns)
     names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, alone) for k in blocks]
-    texts = (*found.texts, *map(OpenCombination, names), *found.nearly)
-    replace(found, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
+    texts = (*open_.texts, *map(OpenCombination, names), *open_.nearly)
+    replace(open_, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
         f"no convergence in {iterations} iterations: "
     )
 
@@ -181,13 +181,13 @@ def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Bloc
 
 def _note(problem: IndexedProblem, blocks: Blocks, why: str) -> Note:
     groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
-    ids = [f"{name} {one}" for name, of, some in groups for one, out in zip(of, some) if out]
+    ids = [f"{name} {one}" for name, of, aside in groups for one, out in zip(of, aside) if out]
     return Note("warning", f"set aside, {why}", tuple(ids), sets_aside=True)
 
 
 def _of_rays(problem: IndexedProblem, places: Int) -> Bool:
     """Which blocks of the eliminated group stand at some places among the rays' blocks."""
-    found = np.zeros(len(problem.layout.block), dtype=bool)
+    is_at_place = np.zeros(len(problem.layout.block), dtype=bool)
     if problem.rays is not None:
-        found[problem.rays.block[places]] = True
-    return found
+        is_at_place[problem.rays.block[places]] = True
+    return is_at_place

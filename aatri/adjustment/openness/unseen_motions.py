@@ -33,7 +33,7 @@ def unseen_motions(problem: IndexedProblem, state: State) -> list[Motion]:
 
 
 def unseen_combinations(
-    records: Sequence[Records], state: State, moves: Mapping[str, Float], held: Sequence[Float] = ()
+    records: Sequence[Records], state: State, moves: Mapping[str, Float], fixed: Sequence[Float] = ()
 ) -> tuple[Float, Float]:
     """Combinations of the seven motions that nothing sees.
 
@@ -45,7 +45,7 @@ def unseen_combinations(
     state : State
     moves : mapping of (n, k, 7) float64
         Moves of the unknowns of each group with the seven.
-    held : sequence of (m, 7) float64
+    fixed : sequence of (m, 7) float64
         Moves of scalars that may not move.
 
     Returns
@@ -55,7 +55,7 @@ def unseen_combinations(
     extent : (7,) float64
         By how much each of the seven moves the parts of all observations.
     """
-    seen, parts = np.concatenate([np.zeros((0, 7)), *held]), np.zeros(7)
+    seen, parts = np.concatenate([np.zeros((0, 7)), *fixed]), np.zeros(7)
     parts += (seen**2).sum(axis=0)
     for r in records:
         active = np.flatnonzero(r.active)

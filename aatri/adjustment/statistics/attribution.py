@@ -88,21 +88,21 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
     keep, undecided, single = records.present.copy(), np.zeros((n, k), dtype=bool), np.zeros(n, dtype=bool)
     todo = np.flatnonzero(suspected | (largest > 1.0))
     while len(todo):
-        some, kept = records.of(todo), keep[todo]
-        out, unclear = _least(some, kept, [((j,), kept[:, j] & ~some.firm[:, j]) for j in range(k)])
+        unexplained, kept = records.of(todo), keep[todo]
+        out, unclear = _least(unexplained, kept, [((j,), kept[:, j] & ~unexplained.firm[:, j]) for j in range(k)])
         missing = np.flatnonzero(~out.any(axis=1))
         single[todo] = out.any(axis=1) & (keep[todo] == records.present[todo]).all(axis=1)
         if len(missing):
-            few, left = some.of(missing), kept[missing]
+            few, left = unexplained.of(missing), kept[missing]
             free = left & ~few.firm & (left.sum(axis=1) <= MOST_FOR_PAIRS)[:, None]
             choices: list[Choice] = [((i, j), free[:, i] & free[:, j]) for i, j in combinations(range(k), 2)]
             choices += [((j,), left[:, j] & few.firm[:, j]) for j in range(k)]
             out[missing], unclear[missing] = _least(few, left, choices)
         keep[todo] &= ~out
         undecided[todo] |= unclear
-        open_ = np.flatnonzero(~out.any(axis=1) & ((kept & ~some.firm).sum(axis=1) > 1))
+        open_ = np.flatnonzero(~out.any(axis=1) & ((kept & ~unexplained.firm).sum(axis=1) > 1))
         if len(open_):
-            keep[todo[open_], np.argmin(_without_each(some.of(open_), kept[open_]), axis=1)] = False
+            keep[todo[open_], np.argmin(_without_each(unexplained.of(open_), kept[open_]), axis=1)] = False
         todo = todo[open_]
     cost, _, step = _agreement(records, keep)
     return Explanation(records.present & ~keep, undecided, single, step, cost_before - cost)

@@ -82,9 +82,9 @@ def pooled_test(sigma0: Float, redundancy: Int) -> GlobalTest:
         NaN without redundancy.
     redundancy : (n,) int
     """
-    told = (redundancy > 0) & np.isfinite(sigma0)
-    total = int(redundancy[told].sum())
-    squares = float((sigma0[told] ** 2 * redundancy[told]).sum())
+    testable = (redundancy > 0) & np.isfinite(sigma0)
+    total = int(redundancy[testable].sum())
+    squares = float((sigma0[testable] ** 2 * redundancy[testable]).sum())
     return global_test((squares / total) ** 0.5 if total else float("nan"), total)
 
 
@@ -103,10 +103,10 @@ def single_misfits(sigma0: Float, redundancy: Int) -> Bool:
     """
     from scipy.special import chdtrc  # upper tail
 
-    told = (redundancy > 0) & np.isfinite(sigma0)
-    level = LEVEL / max(int(told.sum()), 1)
-    r, s = np.where(told, redundancy, 1), np.where(told, sigma0, 0.0)
-    return np.asarray(told & (chdtrc(r, r * s**2) < level) & (s > WARNED_BEYOND[1]))
+    testable = (redundancy > 0) & np.isfinite(sigma0)
+    level = LEVEL / max(int(testable.sum()), 1)
+    r, s = np.where(testable, redundancy, 1), np.where(testable, sigma0, 0.0)
+    return np.asarray(testable & (chdtrc(r, r * s**2) < level) & (s > WARNED_BEYOND[1]))
 
 
 def sigma0_interval(redundancy: int, outside: float = SHOWN) -> tuple[float, float]:

@@ -36,8 +36,8 @@ def gains_of_leaving_out(v: Float, H: Float) -> Float:
     """
     values, vectors = np.linalg.eigh(np.eye(v.shape[1]) - H)
     along = np.einsum("nji,nj->ni", vectors, v)
-    known = values > CONTROLLED
-    return np.asarray(np.where(known, along**2 / np.where(known, values, 1.0), 0.0).sum(axis=1))
+    controlled = values > CONTROLLED
+    return np.asarray(np.where(controlled, along**2 / np.where(controlled, values, 1.0), 0.0).sum(axis=1))
 
 
 def as_good(gain: Float, unit: float = 1.0) -> Bool:
@@ -50,6 +50,6 @@ def as_good(gain: Float, unit: float = 1.0) -> Bool:
     unit : float
         The scale of the residuals, where their standard deviations are wrong by a known factor.
     """
-    known = np.where(np.isfinite(gain), gain, -np.inf)
-    most = float(known.max(initial=0.0))
-    return np.asarray(known >= most - max(SEPARABLE * unit**2, AS_GOOD * most))
+    finite_gain = np.where(np.isfinite(gain), gain, -np.inf)
+    most = float(finite_gain.max(initial=0.0))
+    return np.asarray(finite_gain >= most - max(SEPARABLE * unit**2, AS_GOOD * most))

@@ -109,13 +109,13 @@ def fitting(snooping: Snooping, test: Float, active: Bool) -> Bool:
 
 def stranded(pool: Pool, test: Float, active: Bool) -> Bool:
     """Rejected records without a test, whose block nothing ties any more: the most precise tie of each, (n,) bool."""
-    found = np.zeros(len(test), dtype=bool)
+    is_stranded = np.zeros(len(test), dtype=bool)
     for block in pool.neighbours.T:
         rows = np.flatnonzero(~active & ~np.isfinite(test) & pool.carrier & (block >= 0))
         rows = rows[_carriers(pool, block, active)[block[rows]] == 0]
         rows = rows[np.lexsort((pool.variance[rows], block[rows]))]
-        found[rows[np.diff(block[rows], prepend=-1) > 0]] = True
-    return found
+        is_stranded[rows[np.diff(block[rows], prepend=-1) > 0]] = True
+    return is_stranded
 
 
 def _carriers(pool: Pool, block: Int, active: Bool) -> Float:

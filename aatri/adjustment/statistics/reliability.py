@@ -62,12 +62,12 @@ def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) 
     Qvv = covariance - adjusted_covariance
     r = np.einsum("nij,nji->ni", Qvv, weight)
     q2 = np.einsum("nij,njk,nki->ni", weight, Qvv, weight)
-    known = (r > UNCONTROLLED) & (q2 > 0)
-    q = np.sqrt(np.where(known, q2, 1.0))
+    controlled = (r > UNCONTROLLED) & (q2 > 0)
+    q = np.sqrt(np.where(controlled, q2, 1.0))
     w = np.einsum("nij,nj->ni", weight, residual) / q
-    detectable = np.where(known, DELTA0 / q, np.nan)
+    detectable = np.where(controlled, DELTA0 / q, np.nan)
     external = detectable * np.sqrt(np.maximum(np.einsum("nii->ni", weight) - q2, 0.0))
-    return Reliability(r, np.where(known, w, np.nan), detectable, external)
+    return Reliability(r, np.where(controlled, w, np.nan), detectable, external)
 
 
 def independent_reliability(residual: Float, whitener: Float, adjusted: Float) -> Reliability:
@@ -82,11 +82,11 @@ def independent_reliability(residual: Float, whitener: Float, adjusted: Float) -
         Covariance of the whitened adjusted values; NaN where not known.
     """
     r = 1.0 - np.einsum("nii->ni", adjusted)
-    known = (r > UNCONTROLLED) & (whitener > 0)
-    root = np.sqrt(np.where(known, r, 1.0))
-    over = np.where(known, 1.0 / root, np.nan)
-    test = np.where(known, whitener * residual / root, np.nan)
-    detectable = DELTA0 * over / np.where(known, whitener, 1.0)
+    controlled = (r > UNCONTROLLED) & (whitener > 0)
+    root = np.sqrt(np.where(controlled, r, 1.0))
+    over = np.where(controlled, 1.0 / root, np.nan)
+    test = np.where(controlled, whitener * residual / root, np.nan)
+    detectable = DELTA0 * over / np.where(controlled, whitener, 1.0)
     return Reliability(r, test, detectable, DELTA0 * over * np.sqrt(np.maximum(1.0 - r, 0.0)))
 
 
@@ -107,8 +107,8 @@ def moved(gain: Float, whitener: Float, detectable: Float, part: slice = slice(N
     (n, m) float64
         NaN where uncontrolled.
     """
-    some = gain[:, part]
+    part_gain = gain[:, part]
     if whitener.ndim == 2:
-        return np.asarray(np.sqrt(np.einsum("nkm,nkm->nm", some, some)) * whitener * detectable)
-    per_unit = some @ whitener
+        return np.asarray(np.sqrt(np.einsum("nkm,nkm->nm", part_gain, part_gain)) * whitener * detectable)
+    per_unit = part_gain @ whitener
     return np.asarray(np.sqrt((per_unit**2).sum(axis=1)) * detectable)

@@ -106,16 +106,16 @@ def parameter_tests(e: Estimates, alpha: float = 0.05) -> ParameterTests:
         Level of significance, two-sided.
     """
     variance = np.diag(e.covariance)
-    known = np.isfinite(variance) & (variance > 0)
-    share = np.where(known, 1.0 - np.where(known, variance, 0.0) / e.prior_sigma**2, np.nan)
+    determined = np.isfinite(variance) & (variance > 0)
+    share = np.where(determined, 1.0 - np.where(determined, variance, 0.0) / e.prior_sigma**2, np.nan)
     spread = np.diag(_spread_under_zero(e))
-    testable = known & (share >= UNDETERMINED_SHARE)
+    testable = determined & (share >= UNDETERMINED_SHARE)
     scale = e.sigma0 * np.sqrt(np.where(testable, spread, 1.0))
     t = np.where(testable, e.values / scale, np.nan)
     size = np.abs(np.where(testable, t, 0.0))
     beyond = ndtr(-size) if np.isinf(e.redundancy) else stdtr(e.redundancy, -size)
     p_value = np.where(testable, 2 * beyond, np.nan)
-    sigma = np.where(known, e.sigma0 * np.sqrt(np.where(known, variance, 0.0)), np.nan)
+    sigma = np.where(determined, e.sigma0 * np.sqrt(np.where(determined, variance, 0.0)), np.nan)
     return ParameterTests(sigma, share, t, p_value, testable & (np.where(testable, p_value, 1.0) <= alpha))
 
 
@@ -165,10 +165,10 @@ def correlated_with_others(
 
 def _spread_under_zero(e: Estimates) -> Float:
     """V = C - C P0 C; rows of undetermined parameters stay NaN."""
-    known = np.isfinite(np.diag(e.covariance))
-    C = np.where(np.outer(known, known), e.covariance, 0.0)
+    determined = np.isfinite(np.diag(e.covariance))
+    C = np.where(np.outer(determined, determined), e.covariance, 0.0)
     spread = C - (C / e.prior_sigma**2) @ C
-    return np.where(np.outer(known, known), spread, np.nan)
+    return np.where(np.outer(determined, determined), spread, np.nan)
 
 
 def _sigma(variance: Float) -> Float:

@@ -39,21 +39,21 @@ def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) 
     direction : (k, m) float64
         The direction, of length 1 in units of the observation, its largest component positive; zero where not observed.
     """
-    known = np.asarray(observed.any(axis=1) & np.isfinite(redundancy).all(axis=(1, 2)))
-    candidates = np.flatnonzero(known)
+    complete = np.asarray(observed.any(axis=1) & np.isfinite(redundancy).all(axis=(1, 2)))
+    candidates = np.flatnonzero(complete)
     used = observed[candidates]
     R = np.where(used[:, :, None] & used[:, None, :], redundancy[candidates], np.eye(redundancy.shape[1]))
     R = 0.5 * (R + R.swapaxes(1, 2))
     doubtful = ~(_least_bound(R) > BELOW)
     candidates = candidates[doubtful]
     values, vectors = np.linalg.eigh(R[doubtful])
-    found = values[:, 0] < BELOW
-    rows = candidates[found]
-    direction = np.where(observed[rows], vectors[found, :, 0], 0.0)
+    open_direction = values[:, 0] < BELOW
+    rows = candidates[open_direction]
+    direction = np.where(observed[rows], vectors[open_direction, :, 0], 0.0)
     direction = _in_units(direction, whitener[rows], observed[rows])
     length = np.linalg.norm(direction, axis=1)
     largest = np.take_along_axis(direction, np.abs(direction).argmax(axis=1)[:, None], axis=1)[:, 0]
-    return rows, values[found, 0], direction / (np.where(largest < 0, -1.0, 1.0) * length)[:, None]
+    return rows, values[open_direction, 0], direction / (np.where(largest < 0, -1.0, 1.0) * length)[:, None]
 
 
 def _least_bound(R: Float) -> Float:

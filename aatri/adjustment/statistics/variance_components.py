@@ -130,8 +130,8 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
         -1: none.
     n_groups : int
     """
-    known = (group >= 0) & np.isfinite(squares) & np.isfinite(redundancy)
-    squares, redundancy, group = squares[known], redundancy[known], group[known]
+    usable = (group >= 0) & np.isfinite(squares) & np.isfinite(redundancy)
+    squares, redundancy, group = squares[usable], redundancy[usable], group[usable]
     count = np.bincount(group, minlength=n_groups)
     r = np.asarray(np.bincount(group, redundancy, minlength=n_groups), dtype=np.float64)
     estimable = np.asarray(r >= ESTIMABLE)

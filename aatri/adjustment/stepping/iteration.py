@@ -158,12 +158,12 @@ def _size(problem: IndexedProblem, state: State, blocks: Int) -> Float:
     rays = problem.rays
     assert rays is not None
     of_block = [group for group, _ in rays.records.touches].index(problem.layout.eliminated)
-    found = np.empty(len(blocks))
+    trace = np.empty(len(blocks))
     for i, p in enumerate(blocks):
         rows = rays.rows[rays.ray_start[p] : rays.ray_start[p + 1]]
         _, jacobians = whitened(rays.records, state, rows)
-        found[i] = (jacobians[of_block] ** 2).sum()
-    return found
+        trace[i] = (jacobians[of_block] ** 2).sum()
+    return trace
 
 
 def _worse(trial: float, cost: float) -> str:

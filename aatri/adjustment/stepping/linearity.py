@@ -36,10 +36,10 @@ def after_step(problem: IndexedProblem, old: State, new: State, step: dict[str, 
     """
     if any(records.loss is not None for records in problem.records):
         return 0.0, cost_of(problem, new)
-    found = [_of_records(records, rows, old, new, step) for records, rows in problem.beside_rays]
+    of_records = [_of_records(records, rows, old, new, step) for records, rows in problem.beside_rays]
     if problem.rays is not None:
-        found.append(_of_rays(problem, old, new, step))
-    largest, cost = max((departure for departure, _ in found), default=0.0), sum(cost for _, cost in found)
+        of_records.append(_of_rays(problem, old, new, step))
+    largest, cost = max((departure for departure, _ in of_records), default=0.0), sum(cost for _, cost in of_records)
     others = problem.settings.others
     return (largest, cost) if others is None else (others.largest(largest), others.total(cost))
 
@@ -74,8 +74,8 @@ def _of_rays(problem: IndexedProblem, old: State, new: State, step: dict[str, Fl
             ):  # the step is zero where an unknown is held
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
                 places = (column[base:last], rays.parts.size, rays.parts.start)
-                found = largest_departure(p0, p1, base, rays.ray_start, v, A, B, *places, dx, dy, v_after, runaway)
-                largest[k] = np.fmax(largest[k], found) if np.isfinite(found) else np.inf
+                departure = largest_departure(p0, p1, base, rays.ray_start, v, A, B, *places, dx, dy, v_after, runaway)
+                largest[k] = np.fmax(largest[k], departure) if np.isfinite(departure) else np.inf
                 cost[k] += float((v_after**2).sum())
 
     in_parallel(problem, one)

@@ -52,9 +52,9 @@ def all_steadied(problem: IndexedProblem, state: dict[str, Any]) -> dict[str, An
     blocks = np.flatnonzero((problem.hold[:, 0, 0] == 0.0) & (np.diff(problem.rays.ray_start) > 0))
     parts = np.searchsorted(problem.rays.ray_start[blocks], np.arange(0, len(problem.rays.rows), RAYS_AT_A_TIME))
     group = problem.layout.eliminated
-    for some in np.split(blocks, parts[1:]):
+    for part in np.split(blocks, parts[1:]):
         before = state
-        state, running = _moved(problem, state, some)
+        state, running = _moved(problem, state, part)
         if len(running):
             still = problem.rays.block[running]
             value = state[group].copy()
@@ -105,11 +105,11 @@ def _open(problem: IndexedProblem, state: State) -> Int:
     block = np.repeat(np.arange(n), np.diff(rays.ray_start))
     active = taken(rays.records.active, rays.rows)
     within = rays.records.rows * np.bincount(block[active & ~beyond], minlength=n)
-    found = (np.bincount(block[beyond], minlength=n) > 0) & (within < problem.block_free.sum(axis=1))
-    found &= problem.hold[:, 0, 0] == 0.0
+    is_open = (np.bincount(block[beyond], minlength=n) > 0) & (within < problem.block_free.sum(axis=1))
+    is_open &= problem.hold[:, 0, 0] == 0.0
     for records, rows, observed in problem.direct:
-        found[observed[records.active[rows]]] = False
-    return np.flatnonzero(found)
+        is_open[observed[records.active[rows]]] = False
+    return np.flatnonzero(is_open)
 
 
 def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> tuple[dict[str, Any], Int]:

@@ -27,7 +27,7 @@ class Parts:
     """The kept unknowns that records touch, joined groups taken together."""
 
     vertex: Int
-    """(n, parts) int32. Vertex of each part; -1 where it is held."""
+    """(n, parts) int32. Vertex of each part; -1 where it is fixed."""
     shift: Int
     """(parts,) int64. First scalar of the part within its vertex."""
     size: Int
@@ -71,35 +71,35 @@ class EliminatedRecords:
 
 def parts_of(records: Records, rows: Int, layout: Layout, size_of: dict[str, int]) -> Parts:
     """Parts of some rows of an observation type, in the order of its touches; blocks that are eliminated give none."""
-    found: list[tuple[Int, int, int, int]] = []
+    parts: list[tuple[Int, int, int, int]] = []
     column = 0
     for group, blocks in records.touches:
         vertex, shift, size = layout.vertex[group][blocks[rows]], layout.within[group], size_of[group]
         if group == layout.eliminated and not (layout.block[blocks[rows]] < 0).all():
             continue
-        last = found[-1] if found else None
+        last = parts[-1] if parts else None
         if last and last[1] + last[2] == shift and shift > 0 and np.array_equal(last[0], vertex):
-            found[-1] = (last[0], last[1], last[2] + size, last[3])
+            parts[-1] = (last[0], last[1], last[2] + size, last[3])
         else:
-            found.append((vertex, shift, size, column))
+            parts.append((vertex, shift, size, column))
         column += size
     return Parts(
-        np.stack([f[0] for f in found], axis=1).astype(np.int32) if found else np.zeros((len(rows), 0), dtype=np.int32),
-        np.array([f[1] for f in found], dtype=np.int64),
-        np.array([f[2] for f in found], dtype=np.int32),
-        np.array([f[3] for f in found], dtype=np.int32),
+        np.stack([f[0] for f in parts], axis=1).astype(np.int32) if parts else np.zeros((len(rows), 0), dtype=np.int32),
+        np.array([f[1] for f in parts], dtype=np.int64),
+        np.array([f[2] for f in parts], dtype=np.int32),
+        np.array([f[3] for f in parts], dtype=np.int32),
     )
 
 
 def part_columns(parts: Parts, layout: Layout, rows: slice | Int = slice(None)) -> Int:
-    """Kept column of each column of the Jacobians, (n, columns) int64; -1 where the unknown is held."""
+    """Kept column of each column of the Jacobians, (n, columns) int64; -1 where the unknown is fixed."""
     vertex = parts.vertex[rows]
     first = np.where(vertex >= 0, layout.start[np.maximum(vertex, 0)] + parts.shift, -1)
     columns = [np.where(vertex[:, [i]] >= 0, first[:, [i]] + np.arange(s), -1) for i, s in enumerate(parts.size)]
-    found = np.concatenate(columns, axis=1) if columns else np.zeros((len(vertex), 0), dtype=np.int64)
+    column = np.concatenate(columns, axis=1) if columns else np.zeros((len(vertex), 0), dtype=np.int64)
     if not layout.n_kept:
-        return found.astype(np.int64)
-    return np.where((found >= 0) & ~layout.held[np.maximum(found, 0)], found, -1).astype(np.int64)
+        return column.astype(np.int64)
+    return np.where((column >= 0) & ~layout.fixed[np.maximum(column, 0)], column, -1).astype(np.int64)
 
 
 def group_sizes(unknowns: Sequence[Unknowns]) -> dict[str, int]:
@@ -169,10 +169,10 @@ def _places(parts: Parts, node: Int, tree: Tree) -> Int:
     row = np.zeros(len(tree.place), dtype=np.int64)
     bounds = np.searchsorted(node, np.arange(len(tree.nodes) + 1))
     for k, front in enumerate(tree.nodes):
-        some = slice(bounds[k], bounds[k + 1])
+        of_node = slice(bounds[k], bounds[k + 1])
         if bounds[k] == bounds[k + 1]:
             continue
         row[front.vertices] = front.offset[:-1]
-        vertex = parts.vertex[some]
-        loc[some] = np.where(vertex >= 0, row[np.maximum(vertex, 0)] + parts.shift, -1)
+        vertex = parts.vertex[of_node]
+        loc[of_node] = np.where(vertex >= 0, row[np.maximum(vertex, 0)] + parts.shift, -1)
     return loc

@@ -62,7 +62,7 @@ def indexed(problem: Problem, settings: SolverSettings, support: Sequence[Record
     tree = tree_of(graph, layout, settings.ordering)
     rays = index_rays(rays_of, *ray_parts, layout, tree) if rays_of is not None and ray_parts is not None else None
     free, position = _block_status(unknowns, layout, rays.block if rays is not None else None)
-    found = IndexedProblem(
+    index = IndexedProblem(
         problem,
         unknowns,
         records,
@@ -75,7 +75,7 @@ def indexed(problem: Problem, settings: SolverSettings, support: Sequence[Record
         settings,
         np.zeros((len(free), 3, 3)),
     )
-    return with_parts_taken(found)
+    return with_parts_taken(index)
 
 
 def graph_of(unknowns: Sequence[Unknowns], records: Sequence[Records], layout: Layout) -> Graph:
@@ -153,13 +153,13 @@ def _graph(layout: Layout, kept: list[Parts], rays: tuple[Int, Int, Parts] | Non
     if not member:
         return Graph(np.zeros(n + 1, dtype=np.int64), np.zeros(0, dtype=np.int32))
     members, groups = np.concatenate(member).astype(np.int32), np.concatenate(group).astype(np.int32)
-    known = members >= 0
-    if not known.all():
-        members, groups = members[known], groups[known]
+    is_kept = members >= 0
+    if not is_kept.all():
+        members, groups = members[is_kept], groups[is_kept]
     start, order = counting_order(first, groups)
     vertex_start, vertex_order = counting_order(n, members)
-    found = neighbours(n, start, np.take(members, order), vertex_start, np.take(groups, vertex_order))
-    return Graph(*found)
+    adjacency = neighbours(n, start, np.take(members, order), vertex_start, np.take(groups, vertex_order))
+    return Graph(*adjacency)
 
 
 def _better_tree(graph: Graph, layout: Layout) -> Tree:

@@ -92,7 +92,7 @@ class IndexedProblem:
 
     @cached_property
     def ray_columns(self) -> Int:
-        """First kept column of each part of each ray, (n, parts); -1 where it is held."""
+        """First kept column of each part of each ray, (n, parts); -1 where it is fixed."""
         assert self.rays is not None
         parts = self.rays.parts
         return np.append(self.layout.start[:-1], -1)[parts.vertex] + np.where(parts.vertex >= 0, parts.shift, 0)

@@ -1,8 +1,8 @@
 """Where every unknown stands: vertices of the kept unknowns, columns, and which blocks are eliminated.
 
 A vertex is a kept block together with the blocks that join it; retained blocks of the eliminated group are vertices
-too. A block whose scalars are all held has no vertex. Held scalars beside free ones keep their column, with a unit
-diagonal. A vertex of one scalar has a second, held column, and where nothing is left to be kept one held block keeps
+too. A block whose scalars are all fixed has no vertex. Held scalars beside free ones keep their column, with a unit
+diagonal. A vertex of one scalar has a second, fixed column, and where nothing is left to be kept one fixed block keeps
 its columns: a front of the tree has two rows at least, for an array of one element is row-major to the compiler.
 """
 
@@ -22,14 +22,14 @@ class Layout:
     """Places of all unknowns."""
 
     vertex: dict[str, Int]
-    """Dict of str to (n,) int32. Vertex of each block of a group; -1 where it has none (held, or eliminated)."""
+    """Dict of str to (n,) int32. Vertex of each block of a group; -1 where it has none (fixed, or eliminated)."""
     within: dict[str, int]
     """First scalar of a group's blocks within their vertex."""
     size: Int
     start: Int
     """(n_vertices,), (n_vertices + 1,) int64. Scalars of each vertex, and its first kept column."""
-    held: Bool
-    """(n_kept,). Columns of held scalars, those of blocks that take no part among them."""
+    fixed: Bool
+    """(n_kept,). Columns of fixed scalars, those of blocks that take no part among them."""
     position: Float
     """(n_vertices, d)."""
     eliminated: str
@@ -45,12 +45,12 @@ class Layout:
         return int(self.start[-1])
 
     def columns(self, group: str, k: int) -> Int:
-        """Kept column of each scalar of a group's blocks, (n, k); -1 where it has none or is held."""
+        """Kept column of each scalar of a group's blocks, (n, k); -1 where it has none or is fixed."""
         vertex = self.vertex[group]
         first = np.where(vertex >= 0, self.start[np.maximum(vertex, 0)] + self.within[group], -1)
         columns = np.where(vertex[:, None] >= 0, first[:, None] + np.arange(k), -1)
-        held = self.held[np.maximum(columns, 0)] if self.n_kept else np.ones_like(columns, dtype=bool)
-        return np.where((columns >= 0) & ~held, columns, -1)
+        is_fixed = self.fixed[np.maximum(columns, 0)] if self.n_kept else np.ones_like(columns, dtype=bool)
+        return np.where((columns >= 0) & ~is_fixed, columns, -1)
 
 
 def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layout:
@@ -100,31 +100,31 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
     name = eliminated[0].name if eliminated else ""
     nothing = np.zeros(int(start[-1]), dtype=bool)
     joint, position = np.concatenate(shared), np.concatenate(positions)
-    return with_held(Layout(vertex, within, size, start, nothing, position, name, block, joint), unknowns)
+    return with_fixed(Layout(vertex, within, size, start, nothing, position, name, block, joint), unknowns)
 
 
 def _filler(unknowns: Sequence[Unknowns]) -> str:
-    """The group whose first block keeps its columns though it is held, where none else is left; or empty."""
+    """The group whose first block keeps its columns though it is fixed, where none else is left; or empty."""
     kept = [u for u in unknowns if not u.eliminated]
     if any(u.free.any() for u in kept):
         return ""
     return next((u.name for u in kept if not u.joins and len(u.free)), "")
 
 
-def with_held(layout: Layout, unknowns: Sequence[Unknowns]) -> Layout:
-    """The layout with the scalars held that are not free."""
-    held = np.ones(layout.n_kept, dtype=bool)
+def with_fixed(layout: Layout, unknowns: Sequence[Unknowns]) -> Layout:
+    """The layout with the scalars fixed that are not free."""
+    is_fixed = np.ones(layout.n_kept, dtype=bool)
     for u in unknowns:
         chosen = layout.vertex[u.name] >= 0
         first = layout.start[layout.vertex[u.name][chosen]] + layout.within[u.name]
-        held[(first[:, None] + np.arange(u.size)).ravel()] = ~u.free[chosen].ravel()
-    return replace(layout, held=held)
+        is_fixed[(first[:, None] + np.arange(u.size)).ravel()] = ~u.free[chosen].ravel()
+    return replace(layout, fixed=is_fixed)
 
 
 def ray_records(records: Sequence[Records], eliminated: str) -> Records | None:
     """The one observation type whose records touch an eliminated block and kept ones: the largest such type."""
-    found = [r for r in records if sum(g == eliminated for g, _ in r.touches) == 1 and len(r.touches) > 1]
-    return max(found, key=lambda r: len(r.active)) if found else None
+    candidates = [r for r in records if sum(g == eliminated for g, _ in r.touches) == 1 and len(r.touches) > 1]
+    return max(candidates, key=lambda r: len(r.active)) if candidates else None
 
 
 def _retained(group: Unknowns, records: Sequence[Records]) -> Bool:

@@ -89,29 +89,29 @@ def _fronts(start: Int, neighbour: Int, size: Int) -> list[_Front]:
 
 def _joined(fronts: list[_Front], leaf: int) -> dict[int, _Front]:
     """Fronts by number, joined with their children where that saves work."""
-    found = dict(enumerate(fronts))
+    by_number = dict(enumerate(fronts))
     for k in range(len(fronts)):
-        for c in sorted(found[k].children, key=lambda c: -found[c].boundary):
-            here, child = found[k], found[c]
+        for c in sorted(by_number[k].children, key=lambda c: -by_number[c].boundary):
+            here, child = by_number[k], by_number[c]
             together = here.with_child(child)
             without_zeros = child.boundary == here.panel + here.boundary
             if without_zeros or (len(child.own) < leaf and together.cost <= child.cost + here.cost):
                 together.children.remove(c)
-                found[k] = together
-                del found[c]
-    return found
+                by_number[k] = together
+                del by_number[c]
+    return by_number
 
 
 def _one_subtree_after_the_other(fronts: dict[int, _Front], vertices: Int) -> list[OrderedNode]:
     """Nodes of the order, depth first; of several children first the one whose need exceeds what it leaves the most."""
     need: dict[int, int] = {}
     for k in sorted(fronts):
-        front, held, most = fronts[k], 0, 0
+        front, stacked, most = fronts[k], 0, 0
         front.children.sort(key=lambda c: fronts[c].boundary ** 2 - need[c])
         for c in front.children:
-            most = max(most, held + need[c])
-            held += fronts[c].boundary ** 2
-        need[k] = max(most, held + (front.panel + front.boundary) ** 2)
+            most = max(most, stacked + need[c])
+            stacked += fronts[c].boundary ** 2
+        need[k] = max(most, stacked + (front.panel + front.boundary) ** 2)
     inside = {c for front in fronts.values() for c in front.children}
     waiting = [(k, False) for k in sorted(set(fronts) - inside, reverse=True)]
     nodes: list[OrderedNode] = []

@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records, keys_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import with_held
+from aatri.adjustment.structure.layout import with_fixed
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Bool, Float
 
@@ -79,14 +79,14 @@ def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
     for u in unknowns:
         if u.eliminated and problem.rays is not None:
             free = np.ascontiguousarray(u.free[problem.rays.block], dtype=np.float64)
-    return replace(problem, unknowns=unknowns, layout=with_held(problem.layout, unknowns), block_free=free)
+    return replace(problem, unknowns=unknowns, layout=with_fixed(problem.layout, unknowns), block_free=free)
 
 
 def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> IndexedProblem:
     """The problem with some blocks held, and all records inactive that touch them."""
     aside = dict(problem.set_aside)
-    for name, some in blocks.items():
-        aside[name] = aside[name] | some if name in aside else some
+    for name, is_aside in blocks.items():
+        aside[name] = aside[name] | is_aside if name in aside else is_aside
     changed = {}
     for r in problem.records:
         touching = np.zeros(len(r.active), dtype=bool)
@@ -107,17 +107,17 @@ def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:
 
 def _aside(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:
     """Blocks of the eliminated group that some record touches, but none that is active, (n,) by group."""
-    found = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
+    is_aside = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
     group = next((u.name for u in unknowns if u.eliminated), "")
     if not group or all(r.active.all() for r in records):
-        return found
-    touched, active = found[group].copy(), found[group].copy()
+        return is_aside
+    touched, active = is_aside[group].copy(), is_aside[group].copy()
     for r in records:
         for blocks in (b for g, b in r.touches if g == group):
             touched[blocks] = True
             active[blocks if r.active.all() else blocks[r.active]] = True
-    found[group] = touched & ~active
-    return found
+    is_aside[group] = touched & ~active
+    return is_aside
 
 
 def _weighted(records: Records, new: Weights) -> Records:
