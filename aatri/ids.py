@@ -100,7 +100,7 @@ def clipped(text: str, most: int = 100) -> str:
     return shown if len(text) <= most else f"{shown[:most]}... ({len(text)} characters)"
 
 
-def did_you_mean(text: str, known: Iterable[str]) -> str:
+def did_you_mean(text: str, names: Iterable[str]) -> str:
     """` - did you mean 'x'?`, or nothing if no known name is near.
 
     Only names of about the same length with a like beginning or end are compared, and at most `MOST_COMPARED` of them:
@@ -111,7 +111,7 @@ def did_you_mean(text: str, known: Iterable[str]) -> str:
     head, tail, reach = text[:1].casefold(), text[-1:].casefold(), max(2, len(text) // 2)
     alike = [
         name
-        for name in itertools.islice(known, MOST_LOOKED_AT)
+        for name in itertools.islice(names, MOST_LOOKED_AT)
         if abs(len(name) - len(text)) <= reach and (name[:1].casefold() == head or name[-1:].casefold() == tail)
     ]
     other_case = [name for name in alike if name.casefold() == text.casefold()]

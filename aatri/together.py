@@ -60,7 +60,7 @@ class Answers:
 
     def take(self, message: Message) -> None:
         """Take a message, and answer if all parts wait."""
-        k, attempts, given = message.part, self._attempts[message.part], self._given[message.part]
+        k, attempts, answers = message.part, self._attempts[message.part], self._given[message.part]
         if message.attempt not in attempts:
             attempts.append(message.attempt)
         if message.attempt != attempts[-1]:
@@ -69,8 +69,8 @@ class Answers:
             if isinstance(message.content, BaseException):
                 self._error = self._error or message.content
             self.results[k] = message.content
-        elif message.number < len(given):
-            self._answer(k, message.attempt, given[message.number])
+        elif message.number < len(answers):
+            self._answer(k, message.attempt, answers[message.number])
             return
         else:
             self._waiting[k] = message.content

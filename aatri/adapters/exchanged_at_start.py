@@ -62,9 +62,9 @@ def exchanged_control_at_start(block: BundleInput) -> list[ExchangedControl]:
     xyz = np.zeros((len(block.point_ids), 3))
     xyz[points] = np.nan_to_num(seen_m)
     exact = control.demanded()[rows]
-    given = control.records.observed_components()[rows] | exact
+    is_observed = control.records.observed_components()[rows] | exact
     given_m = xyz[points] - control.records.evaluate({POINT: xyz}, rows)[0]
-    pairs = exchanged_at_start(seen_m, np.where(given, given_m, np.nan))
+    pairs = exchanged_at_start(seen_m, np.where(is_observed, given_m, np.nan))
     both = [(pair, np.array([pair.first, pair.second])) for pair in pairs]
     return [ExchangedControl(pair, control.row[rows[k]], points[k], bool(exact[k].any())) for pair, k in both]
 

@@ -51,10 +51,10 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
     its test; of a kind that the block does not adjust (ties of models) it keeps what the earlier stage said. A robust
     adjustment, by the options of the search, names what is beyond the limit.
     """
-    given = done.inputs
+    stated = done.inputs
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
-    out = {key for o in given.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
-    of_adjusted_kind = np.isin(suspects.kind, [o.kind for o in given.observed]) & (suspects.row >= 0)
+    out = {key for o in stated.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
+    of_adjusted_kind = np.isin(suspects.kind, [o.kind for o in stated.observed]) & (suspects.row >= 0)
     used = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not, though nothing rejects it
     for adjusted in done.result.observations:
         used |= (suspects.kind == adjusted.observed.kind) & np.isin(suspects.row, adjusted.observed.row[adjusted.used])

@@ -45,8 +45,8 @@ class _Check:
     def plain(self) -> dict[str, Any]:
         """As JSON takes it."""
         errors = self.error.errors if isinstance(self.error, Errors) else (self.error,) if self.error else ()
-        told = [{"what": e.what, "where": e.where, "remedy": e.remedy, "exit_code": e.exit_code} for e in errors]
-        return {"check": self.name, "detail": self.detail, "errors": told, "warnings": self.warnings}
+        faults = [{"what": e.what, "where": e.where, "remedy": e.remedy, "exit_code": e.exit_code} for e in errors]
+        return {"check": self.name, "detail": self.detail, "errors": faults, "warnings": self.warnings}
 
 
 @reports_errors

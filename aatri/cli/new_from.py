@@ -118,9 +118,9 @@ def _check_enough(block: Block, where: str) -> None:
 
     images, points = len(block.images), len(block.image_points)
     enough = np.bincount(block.image_points.image, minlength=images) >= FEWEST_RAYS
-    held = enough.copy()
-    held[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
-    if not images or (points and held.sum() >= min(2, images)):
+    oriented = enough.copy()
+    oriented[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
+    if not images or (points and oriented.sum() >= min(2, images)):
         return
     what = f"there are {images} images, but no image points"
     if points:
@@ -153,13 +153,13 @@ def _has_datum(block: Block) -> bool:
 
 def _lacking(block: Block) -> list[str]:
     """What a block may have and this one does not."""
-    found = {
+    has = {
         "start values of all images": not len(block.images) or _has_start(block),
         "control or observed positions": _has_datum(block),
         "check points": bool(block.metrics()["check_points"]),
         "a coordinate system": block.frames.crs[0] != "local",
     }
-    return [what for what, there in found.items() if not there]
+    return [what for what, there in has.items() if not there]
 
 
 def _options(block: Block, sources: Sequence[Recognised], parts: Sequence[BlockParts]) -> list[str]:

@@ -50,10 +50,10 @@ def judgement(report: Path) -> str:
 
 def _say_warnings(records: Sequence[Mapping[str, Any]]) -> None:
     """Those told on the way have gone by, and of results that were there already nothing was told."""
-    told = [f"warning: {record['stage']}: {text}" for record in records for text in record["warnings"]]
-    for text in told[:MOST_WARNINGS]:
+    warnings = [f"warning: {record['stage']}: {text}" for record in records for text in record["warnings"]]
+    for text in warnings[:MOST_WARNINGS]:
         say(text)
-    if len(told) > MOST_WARNINGS:
-        say(f"{len(told) - MOST_WARNINGS} more warnings, in the report")
-    if told:
+    if len(warnings) > MOST_WARNINGS:
+        say(f"{len(warnings) - MOST_WARNINGS} more warnings, in the report")
+    if warnings:
         say()

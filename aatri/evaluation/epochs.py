@@ -136,9 +136,9 @@ def _tested(
     if cross_m2 is not None:
         C = C - cross_m2 - cross_m2.transpose(2, 3, 0, 1)
     C = C.reshape(len(d), len(d))
-    known = np.isfinite(d) & np.isfinite(np.diag(C))
-    exact = known & (np.diag(C) <= 0.0)
-    used = np.flatnonzero(known & ~exact)
+    tested = np.isfinite(d) & np.isfinite(np.diag(C))
+    exact = tested & (np.diag(C) <= 0.0)
+    used = np.flatnonzero(tested & ~exact)
     if not len(used):
         raise InputError(
             "the common points have no coordinate with a standard deviation at both epochs",
@@ -246,17 +246,17 @@ CHANCE = 0.001
 def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[str, ...]:
     from scipy.special import chdtrc
 
-    found = []
+    warnings = []
     if len(exact):
         names = shown(exact.tolist(), 5)
-        found.append(f"points with exact coordinates at both epochs say nothing of movements: left out {names}")
+        warnings.append(f"points with exact coordinates at both epochs say nothing of movements: left out {names}")
     if not result.tested.all():
         names = shown(table.point[~result.tested].tolist(), 5)
-        found.append(f"points that the others do not check, as they are needed to lay the epochs together: {names}")
+        warnings.append(f"points that the others do not check, as they are needed to lay the epochs together: {names}")
     if result.stable_degrees > 0 and chdtrc(result.stable_degrees, result.stable_statistic) < CHANCE:
-        found.append(
+        warnings.append(
             f"the points that have not moved differ by more than their standard deviations say: chi2 "
             f"{result.stable_statistic:.1f} of {result.stable_degrees}; all may have moved a little, or standard "
             "deviations are too small: compare sigma0 of both epochs"
         )
-    return tuple(found)
+    return tuple(warnings)

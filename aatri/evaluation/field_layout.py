@@ -52,8 +52,8 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
         If fewer than four targets are known in three coordinates.
     """
     ground = block.ground_points
-    known = np.isfinite(ground.xyz_m).all(axis=1) & np.isin(ground.role, [CONTROL, CHECK]).all(axis=1)
-    X = ground.xyz_m[known]
+    in_full = np.isfinite(ground.xyz_m).all(axis=1) & np.isin(ground.role, [CONTROL, CHECK]).all(axis=1)
+    X = ground.xyz_m[in_full]
     if len(X) < 4:
         raise InputError(
             f"{len(X)} targets known in three coordinates are no field", remedy="give control or check points"

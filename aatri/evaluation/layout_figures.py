@@ -137,8 +137,8 @@ def _moved_m(solution: Solution, ids: Text) -> Float:
     moved = np.full((len(ids), 3), np.nan)
     if solution.tests is not None:
         by_m, row = np.abs(solution.tests.point_moved_m), rows_of(solution.residuals.point, ids)
-        known = (row >= 0) & solution.residuals.active & np.isfinite(by_m).all(axis=1)
-        np.fmax.at(moved, row[known], by_m[known])
+        has_effect = (row >= 0) & solution.residuals.active & np.isfinite(by_m).all(axis=1)
+        np.fmax.at(moved, row[has_effect], by_m[has_effect])
     return moved
 
 

@@ -101,9 +101,9 @@ def place_outside(frame: Frame, xyz: Float) -> str:
     to_degrees = pyproj.Transformer.from_crs(flat, flat.geodetic_crs, always_xy=True)
     longitude, latitude = to_degrees.transform(*np.median(plan, axis=0))
     across = (area.east - area.west) % 360 or 360.0
-    known = bool(np.isfinite([longitude, latitude]).all())
-    place = f"at latitude {latitude:.1f}, longitude {longitude:.1f} deg" if known else "nowhere on the earth"
-    within = known and area.south - OUTSIDE_DEG <= latitude <= area.north + OUTSIDE_DEG
+    on_earth = bool(np.isfinite([longitude, latitude]).all())
+    place = f"at latitude {latitude:.1f}, longitude {longitude:.1f} deg" if on_earth else "nowhere on the earth"
+    within = on_earth and area.south - OUTSIDE_DEG <= latitude <= area.north + OUTSIDE_DEG
     if within and (across > 350 or (longitude - area.west + OUTSIDE_DEG) % 360 <= across + 2 * OUTSIDE_DEG):
         return ""
     used = area.name.split(". ")[0].rstrip(".")

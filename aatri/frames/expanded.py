@@ -47,8 +47,8 @@ class Expanded:
         return self._B[k] + np.einsum("nijk,nk->nij", self._dB[k], d), self._dB[k]
 
     def _node(self, X: Any) -> tuple[Int, Any]:
-        known = np.isfinite(X).all(axis=1)
-        node = np.round(np.where(known[:, None], X.real, 0.0) / NET_M) * NET_M
+        finite = np.isfinite(X).all(axis=1)
+        node = np.round(np.where(finite[:, None], X.real, 0.0) / NET_M) * NET_M
         nodes, number = np.unique(node, axis=0, return_inverse=True)
         new = np.array([n for n in nodes if tuple(n) not in self._place]).reshape(-1, 3)
         if len(new):

@@ -201,8 +201,8 @@ def log_rotation(rotation: npt.ArrayLike) -> npt.NDArray[Any]:
     -------
     (..., 3) float64 or complex, rad
     """
-    given = np.asarray(rotation)
-    R = given.reshape(-1, 3, 3)
+    matrices = np.asarray(rotation)
+    R = matrices.reshape(-1, 3, 3)
     trace = R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2]
     four = np.stack([1 + trace, *(1 + 2 * R[:, k, k] - trace for k in range(3))], axis=1)
     largest = np.argmax(four.real, axis=1)
@@ -226,7 +226,7 @@ def log_rotation(rotation: npt.ArrayLike) -> npt.NDArray[Any]:
         half = np.where(s.real > q[:, 0].real, np.pi / 2 - np.arctan(q[:, 0] / s), np.arctan(s / q[:, 0]))
         ratio = s2 / q[:, 0] ** 2
         factor = np.where(small, 2 / q[:, 0] * (1 - ratio / 3 + ratio**2 / 5), 2 * half / s)
-    return np.asarray(q[:, 1:] * factor[:, None]).reshape(given.shape[:-1])
+    return np.asarray(q[:, 1:] * factor[:, None]).reshape(matrices.shape[:-1])
 
 
 def angles_between(one: Float, other: Float) -> Float:
@@ -237,8 +237,8 @@ def angles_between(one: Float, other: Float) -> Float:
     one, other : (n, 3, 3) float64
     """
     angle = np.full(len(one), np.nan)
-    known = np.isfinite(one).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
-    angle[known] = np.linalg.norm(log_rotation(one[known] @ other[known].swapaxes(1, 2)), axis=1)
+    both = np.isfinite(one).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
+    angle[both] = np.linalg.norm(log_rotation(one[both] @ other[both].swapaxes(1, 2)), axis=1)
     return angle
 
 

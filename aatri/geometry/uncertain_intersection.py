@@ -101,10 +101,10 @@ def intersect_uncertain(
         xyz = np.where(solvable[:, None], xyz + step, np.nan)
         if np.sqrt(np.einsum("ni,nij,nj->n", step, N, step).max(initial=0.0)) < SETTLED:
             break
-    known = finite_rows(xyz)
+    intersected = finite_rows(xyz)
     covariance_m2 = np.full((n_points, 3, 3), np.nan)
-    covariance_m2[known] = np.linalg.inv(N[known])
-    use = use[known[point[use]]]
+    covariance_m2[intersected] = np.linalg.inv(N[intersected])
+    use = use[intersected[point[use]]]
     v, _, W = linearised(use)
     whitened, residual, sigma = (np.full((len(xy_mm), 2), np.nan) for _ in range(3))
     residual[use], whitened[use] = v, np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)

@@ -188,13 +188,13 @@ class MeasuredFolder:
         defaults, units = self.settings.sigma, self.settings.units
         default = defaults.image if kind == "point" else defaults.fiducial or defaults.image
         size = np.nan_to_num(self.cameras.pixel_size_mm[self.camera[row.image]], nan=1.0)
-        given = np.array(row.sigma) * [units.sigma_image_mm(float(s)) for s in size]
+        sigma_mm = np.array(row.sigma) * [units.sigma_image_mm(float(s)) for s in size]
         missing_mm = (
             CLICK_SIGMA_PX * size
             if default is None
             else default * np.array([units.sigma_image_mm(float(s)) for s in size])
         )
-        return np.where(np.isnan(given), missing_mm, given)
+        return np.where(np.isnan(sigma_mm), missing_mm, sigma_mm)
 
     def cells(self, kind: str, image: str, xy: Float, per_px: float, *, new: bool) -> dict[str, str]:
         """Cells of a click: coordinates, of a new row a standard deviation where block.yaml has none.

@@ -140,10 +140,10 @@ class RunOrientation:
         rows = rows[n[m.point[rows]] > 1]
         N = np.zeros((n_images, 6, 6))
         for first in range(0, len(rows), CHUNK):
-            some = rows[first : first + CHUNK]
-            i, p = m.image[some], m.point[some]
+            chunk = rows[first : first + CHUNK]
+            i, p = m.image[chunk], m.point[chunk]
             A = collinearity(self.position_m[i], self.ground_from_image[i], self.xyz_m[p], self.c_mm[i])[1]
-            A = A / m.sigma_mm[some][:, :, None] * np.sqrt(1.0 - 1.0 / n[p])[:, None, None]
+            A = A / m.sigma_mm[chunk][:, :, None] * np.sqrt(1.0 - 1.0 / n[p])[:, None, None]
             np.add.at(N, i, A.swapaxes(1, 2) @ A)
         Q = self.solution.images.covariance.copy()
         scale = np.sqrt(np.maximum(np.einsum("nii->ni", N), 1e-300))
@@ -221,10 +221,10 @@ class RunOrientation:
             Q,
             n + 1,
         )
-        known = finite_rows(met.xyz_m)
-        points = [GroundEstimate(met.xyz_m[k], met.covariance_m2[k]) if known[k] else None for k in range(n + 1)]
+        met_at = finite_rows(met.xyz_m)
+        points = [GroundEstimate(met.xyz_m[k], met.covariance_m2[k]) if met_at[k] else None for k in range(n + 1)]
         passing = met.whitened[:n]
-        parallax = float(np.sqrt((passing**2).sum())) if n == 2 and known[0] else None
+        parallax = float(np.sqrt((passing**2).sum())) if n == 2 and met_at[0] else None
         return points[0], points[1:], parallax
 
     def _of_run(self, name: str) -> GroundEstimate | None:
@@ -263,14 +263,14 @@ def _joined(clicked: GroundEstimate | None, control: GroundEstimate | None) -> G
     """A point by its clicks and its control coordinates; None where neither tells it whole."""
     if control is None or not np.isfinite(control.xyz_m).any():
         return clicked
-    known = np.isfinite(control.xyz_m)
-    P, value = np.zeros((3, 3)), np.where(known, control.xyz_m, 0.0)
-    of = np.ix_(known, known)
-    P[of] = np.linalg.inv(control.covariance_m2[of] + EXACT_M**2 * np.eye(int(known.sum())))
+    controlled = np.isfinite(control.xyz_m)
+    P, value = np.zeros((3, 3)), np.where(controlled, control.xyz_m, 0.0)
+    of = np.ix_(controlled, controlled)
+    P[of] = np.linalg.inv(control.covariance_m2[of] + EXACT_M**2 * np.eye(int(controlled.sum())))
     N, right = P, P @ value
     if clicked is not None:
         own = np.linalg.inv(clicked.covariance_m2)
         N, right = N + own, right + own @ clicked.xyz_m
-    elif not known.all():
+    elif not controlled.all():
         return None
     return GroundEstimate(np.asarray(np.linalg.solve(N, right), np.float64), np.asarray(np.linalg.inv(N), np.float64))

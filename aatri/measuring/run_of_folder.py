@@ -49,7 +49,7 @@ def orientation_of(run: Path, images: list[str]) -> RunOrientation:
     for stage, record in reversed(records.items()):
         if record is None or record["output"]["kind"] != Solution.kind:
             continue
-        made_of = {port: str(given["stage"]) for port, given in record["inputs"].items()}
+        made_of = {port: str(source["stage"]) for port, source in record["inputs"].items()}
         points = made_of.get("image_points") or next(
             (s for s, r in reversed(records.items()) if r and r["output"]["kind"] == ImagePoints.kind), None
         )

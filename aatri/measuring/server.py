@@ -133,14 +133,14 @@ class _Requests(BaseHTTPRequestHandler):
         if not 0 < length <= LARGEST_BODY or self.headers.get("Content-Type") != "application/json":
             self.close_connection = True
             raise InputError("a request that the page does not make", where="/".join(path))
-        given, session = json.loads(self.rfile.read(length)), self.server.session
+        arguments, session = json.loads(self.rfile.read(length)), self.server.session
         verbs: dict[str, Callable[..., Values]] = {
             "measure": session.measure,
             "remove": session.remove,
             "undo": session.undo,
             "centre": session.centre,
         }
-        self._send(verbs[path[0]](**given))
+        self._send(verbs[path[0]](**arguments))
 
     def _send(
         self,

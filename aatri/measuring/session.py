@@ -130,7 +130,7 @@ class Session:
         if not self.folder.path[image]:
             return None
         size = self.pictures.size(image)
-        told: Values = {
+        values: Values = {
             "image": image,
             "name": name,
             "row": None,
@@ -140,22 +140,22 @@ class Session:
             "t": None,
         }
         if row is not None:
-            told["row"] = self._shown(row, "point")
+            values["row"] = self._shown(row, "point")
         if there is None:
-            return told
+            return values
         x, y = self._on_page(image, there.xy).tolist()
         if row is None and not (0 <= x <= size[0] and 0 <= y <= size[1]):
             return None
         to_px = np.linalg.inv(self.folder.to_table(image, size)[:, :2])
         C = to_px @ there.covariance @ to_px.T
-        told |= {"x": x, "y": y, "wrong": there.wrong, "t": there.t}
+        values |= {"x": x, "y": y, "wrong": there.wrong, "t": there.t}
         if np.isfinite(C).all():
             variances, axes = np.linalg.eigh(C)
             a, b = (SHOWN_SIGMAS * np.sqrt(np.maximum(variances[::-1], 0.0))).tolist()
-            told |= {"ellipse": [a, b, float(np.arctan2(axes[1, 1], axes[0, 1]))], "sigma": a / SHOWN_SIGMAS}
+            values |= {"ellipse": [a, b, float(np.arctan2(axes[1, 1], axes[0, 1]))], "sigma": a / SHOWN_SIGMAS}
         if there.off is not None:
-            told["residual"] = (to_px @ there.off).tolist()
-        return told
+            values["residual"] = (to_px @ there.off).tolist()
+        return values
 
     def marks(self, image: str) -> Values:
         """Where the fiducial marks of an image are measured, and where they must be as far as two others tell."""
@@ -189,11 +189,11 @@ class Session:
 
     def centre(self, image: str, x: float, y: float, radius: float) -> Values:
         """The centre of a mark near a place."""
-        found = self.pictures.open(image).centre(np.array([x, y]) - CORNER_PX, int(np.clip(radius, 2, 100)))
-        if found is None:
+        centre = self.pictures.open(image).centre(np.array([x, y]) - CORNER_PX, int(np.clip(radius, 2, 100)))
+        if centre is None:
             what = f"no mark with a centre within {radius:.0f} px"
             raise InputError(what, where=f"image {image}", remedy="set it by hand")
-        xy, sigma = found[0] + CORNER_PX, float(found[1].max())
+        xy, sigma = centre[0] + CORNER_PX, float(centre[1].max())
         return {"x": float(xy[0]), "y": float(xy[1]), "sigma": sigma}
 
     def measure(self, kind: str, image: str, name: str, before: str, x: float, y: float) -> Values:

@@ -82,8 +82,8 @@ class TiledPicture:
         side = 2 * half + 1
         if min(x, y) < 0 or x + side > self.width or y + side > self.height:
             return None
-        found = centre_of_symmetry(self._samples(x, y, side, side).astype(float), xy_px - [x, y], radius_px)
-        return None if found is None else (found[0] + [x, y], found[1])
+        centre = centre_of_symmetry(self._samples(x, y, side, side).astype(float), xy_px - [x, y], radius_px)
+        return None if centre is None else (centre[0] + [x, y], centre[1])
 
     def _samples(self, x: int, y: int, width: int, height: int) -> Samples:
         width, height = min(width, self.width - x), min(height, self.height - y)

@@ -85,6 +85,6 @@ def partial_differences(predicted: Float, observed: ObservedAngles) -> tuple[Flo
     """The same of angles of which some are given; zero where they are not."""
     angles, turning = observed.predicted(predicted)
     away = angles - observed.angles_rad
-    given = np.isfinite(away)
-    v = np.where(given, (np.where(given, away, 0.0) + np.pi) % (2 * np.pi) - np.pi, 0.0)
-    return v, np.asarray(np.linalg.pinv(turning) * given[:, :, None])
+    observed_angle = np.isfinite(away)
+    v = np.where(observed_angle, (np.where(observed_angle, away, 0.0) + np.pi) % (2 * np.pi) - np.pi, 0.0)
+    return v, np.asarray(np.linalg.pinv(turning) * observed_angle[:, :, None])

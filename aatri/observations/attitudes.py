@@ -122,7 +122,7 @@ def attitudes(source: ObservationSource, options: AttitudeOptions) -> tuple[Obse
         terms.append(drift_term(group, time, given_angles, name=ATTITUDE_DRIFT, labels=LABELS[block.rotation]))
     boresights = BORESIGHTS.unknowns(block, np.unique(rows.camera))
     observed = observed_with_terms(
-        lambda some, exact, _: attitude_records(rows.take(some), exact=exact),
+        lambda chosen, exact, _: attitude_records(rows.take(chosen), exact=exact),
         rows.by_exactness(),
         terms,
         rows.row,
@@ -138,8 +138,8 @@ def attitudes(source: ObservationSource, options: AttitudeOptions) -> tuple[Obse
 def attitudes_of(source: ObservationSource) -> Attitudes:
     """Observed attitudes of a block, in the order of its exterior table."""
     block, e = source.block, source.block.exterior
-    known = np.isfinite(e.angles_rad).any(axis=1) & (e.angle_use == OBSERVED_VALUE) & block.images.active[e.image]
-    row = np.flatnonzero(known)
+    is_observed = np.isfinite(e.angles_rad).any(axis=1) & (e.angle_use == OBSERVED_VALUE) & block.images.active[e.image]
+    row = np.flatnonzero(is_observed)
     image = e.image[row]
     camera = block.images.camera[image]
     place = np.where(

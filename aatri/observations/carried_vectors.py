@@ -45,8 +45,8 @@ class CarriedVector:
         free, sigma = np.zeros((n, 3), dtype=bool), np.zeros((n, 3))
         for k, axis in enumerate("xyz"):
             rows = p.name == f"{self.name}.{axis}"
-            known = np.where(p.free[rows], 0.0, np.nan_to_num(p.sigma[rows]))
-            free[p.camera[rows], k], sigma[p.camera[rows], k] = p.free[rows] | (known > 0), known
+            prior_sigma = np.where(p.free[rows], 0.0, np.nan_to_num(p.sigma[rows]))
+            free[p.camera[rows], k], sigma[p.camera[rows], k] = p.free[rows] | (prior_sigma > 0), prior_sigma
         return free, sigma
 
     def unknowns(self, block: Block, cameras: Int | None = None) -> Unknowns:

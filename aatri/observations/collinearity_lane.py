@@ -97,18 +97,18 @@ def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
         (old, new) -> why the new state is refused, or an empty text. The sides of the last accepted state are kept.
     """
     image, point = (_int32(a if rows.active.all() else a[rows.active]) for a in (rows.image, rows.point))
-    known: list[tuple[State, Bool]] = []
+    seen_sides: list[tuple[State, Bool]] = []
 
     def sides(state: State) -> Bool:
-        for seen, found in known:
+        for seen, sides_there in seen_sides:
             if seen is state:
-                return found
+                return sides_there
         poses: Poses = state[POSE]
         X0, R, X = (_own(a) for a in (poses.position_m, poses.ground_from_image, state[POINT]))
-        found = np.empty(len(image), dtype=np.bool_)
-        in_threads(len(image), lambda first, last: in_front(first, last, image, point, X0, R, X, found))
-        known[:] = [*known[-1:], (state, found)]
-        return found
+        sides_there = np.empty(len(image), dtype=np.bool_)
+        in_threads(len(image), lambda first, last: in_front(first, last, image, point, X0, R, X, sides_there))
+        seen_sides[:] = [*seen_sides[-1:], (state, sides_there)]
+        return sides_there
 
     def veto(old: State, new: State) -> str:
         changed = int(np.count_nonzero(sides(old) != sides(new)))

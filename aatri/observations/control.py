@@ -100,16 +100,16 @@ def observed_control(
     """Control points, given their names and their coordinates in the adjustment; none if there is no point."""
     if not len(rows.row):
         return ()
-    given = in_own_axes(rows.xyz_m, origin_m, rows.given) if coordinates is None else coordinates
+    own_axes = in_own_axes(rows.xyz_m, origin_m, rows.given) if coordinates is None else coordinates
     # Exact coordinates of the block are coordinates of a turned adjustment only where all three of a point are exact.
-    held = rows.exact if given.expanded is None else rows.exact & rows.exact.all(axis=1, keepdims=True)
+    is_exact = rows.exact if own_axes.expanded is None else rows.exact & rows.exact.all(axis=1, keepdims=True)
 
     def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
-        v, D = given.residuals(state[POINT][rows.point[chosen]], chosen)
+        v, D = own_axes.residuals(state[POINT][rows.point[chosen]], chosen)
         return v, (D,)
 
-    whitener = whitener_of_covariances(rows.nearly_exact(held), rows.given & ~held)
+    whitener = whitener_of_covariances(rows.nearly_exact(is_exact), rows.given & ~is_exact)
     active = np.ones(len(rows.row), dtype=bool)
-    records = Records(kind, ((POINT, rows.point),), evaluate, whitener, active, linear=given.expanded is None)
-    holds = Holds(POINT, rows.point, held, given.place_m) if held.any() else None
+    records = Records(kind, ((POINT, rows.point),), evaluate, whitener, active, linear=own_axes.expanded is None)
+    holds = Holds(POINT, rows.point, is_exact, own_axes.place_m) if is_exact.any() else None
     return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=rows.given),)

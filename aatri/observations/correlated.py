@@ -70,9 +70,9 @@ def joined(
     for members in sets:
         for i, r in members:
             alone[i][r] = False
-    found = [o if keep.all() else o.take(np.flatnonzero(keep)) for o, keep in zip(observed, alone)]
-    found += [_joined(observed, of_build, value, scalar) for of_build in builds.values()]
-    return tuple(o for o in found if len(o) or o.unknowns)
+    records = [o if keep.all() else o.take(np.flatnonzero(keep)) for o, keep in zip(observed, alone)]
+    records += [_joined(observed, of_build, value, scalar) for of_build in builds.values()]
+    return tuple(o for o in records if len(o) or o.unknowns)
 
 
 def _sets(a: list[Member], b: list[Member]) -> list[list[Member]]:

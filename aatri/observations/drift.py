@@ -51,32 +51,32 @@ class SharedUnknowns:
 def drift_term(
     group: Text,
     time: Float,
-    given: Bool | None = None,
+    present: Bool | None = None,
     *,
     linear: bool = True,
     name: str = DRIFT,
     labels: tuple[str, ...] = XYZ,
 ) -> SharedUnknowns:
-    """Shift and drift of groups, along the coordinates that are `given` (n, 3); an empty name has none."""
+    """Shift and drift of groups, along the coordinates that are `present` (n, 3); an empty name has none."""
     ids = np.unique(group[group != ""])
     block = np.where(group != "", np.searchsorted(ids, group), -1)
     basis = np.concatenate([np.broadcast_to(np.eye(3), (len(group), 3, 3)), time[:, None, None] * np.eye(3)], axis=2)
-    free = _free(block, len(ids), time, np.ones((len(group), 3), bool) if given is None else given, linear=linear)
+    free = _free(block, len(ids), time, np.ones((len(group), 3), bool) if present is None else present, linear=linear)
     of_both = tuple(f"{word} {label}" for word in ("shift", "drift") for label in labels)
     return SharedUnknowns(Unknowns(name, free, of_both, ids, add_step), np.zeros((len(ids), 6)), block, basis)
 
 
-def _free(block: Int, n: int, time: Float, given: Bool, *, linear: bool) -> Bool:
+def _free(block: Int, n: int, time: Float, present: Bool, *, linear: bool) -> Bool:
     """Which shifts and drifts of n groups have something to be found from, (n, 6); rows of no group have block -1.
 
     A drift needs two times among the values of its coordinate.
     """
     free = np.zeros((n, 6), dtype=bool)
     for k in range(3):
-        some = np.flatnonzero((block >= 0) & given[:, k])
+        its = np.flatnonzero((block >= 0) & present[:, k])
         first, last = np.full(n, np.inf), np.full(n, -np.inf)
-        np.minimum.at(first, block[some], time[some])
-        np.maximum.at(last, block[some], time[some])
+        np.minimum.at(first, block[its], time[its])
+        np.maximum.at(last, block[its], time[its])
         free[:, k], free[:, 3 + k] = np.isfinite(first), linear & (last > first)
     return free
 
@@ -165,17 +165,17 @@ def observed_with_terms(
     stated = set[str]()
     for pattern in np.unique(touched, axis=0) if terms else touched[:1]:
         for exact, chosen in exactness:
-            some = chosen[(touched[chosen] == pattern).all(axis=1)]
-            if not len(some):
+            alike = chosen[(touched[chosen] == pattern).all(axis=1)]
+            if not len(alike):
                 continue
-            of_these = [t.take(some) for t, has in zip(terms, pattern) if has]
+            of_these = [t.take(alike) for t, has in zip(terms, pattern) if has]
             new |= {t.unknowns.name: (t.unknowns, t.start) for t in of_these if t.unknowns.name not in stated}
             stated |= set(new)
             made.append(
                 Observed(
-                    with_terms(records(some, exact, of_these), of_these),
-                    row[some],
-                    named(image=names[some]),
+                    with_terms(records(alike, exact, of_these), of_these),
+                    row[alike],
+                    named(image=names[alike]),
                     unit,
                     exact=exact,
                     unknowns=tuple(unknowns for unknowns, _ in new.values()),

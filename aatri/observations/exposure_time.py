@@ -45,7 +45,7 @@ def velocities(block: Block, image: Int, position_m: Float) -> Float:
         If an image has no time, or a given coordinate no other of another time beside it in the strip.
     """
     time, strip = block.images.time_s[image], block.images.strip[image]
-    found = np.full((len(image), 3), np.nan)
+    velocity = np.full((len(image), 3), np.nan)
     for s in np.unique(strip[strip >= 0]):
         rows = np.flatnonzero((strip == s) & np.isfinite(time))
         rows = rows[np.argsort(time[rows], kind="stable")]
@@ -55,12 +55,12 @@ def velocities(block: Block, image: Int, position_m: Float) -> Float:
         before, after = rows[np.maximum(place - 1, 0)], rows[np.minimum(place + 1, len(rows) - 1)]
         span = time[after] - time[before]
         moved = position_m[after] - position_m[before]
-        found[rows] = np.where(span[:, None] > 0, moved / np.where(span > 0, span, 1.0)[:, None], np.nan)
-    without = np.flatnonzero((~np.isfinite(found) & np.isfinite(position_m)).any(axis=1))
+        velocity[rows] = np.where(span[:, None] > 0, moved / np.where(span > 0, span, 1.0)[:, None], np.nan)
+    without = np.flatnonzero((~np.isfinite(velocity) & np.isfinite(position_m)).any(axis=1))
     if len(without):
         raise InputError(
             f"positions.time_offset: no velocity for {len(without)} observed positions, of images "
             f"{shown(block.images.id[image[without]].tolist())}: they need a time, a strip, and a neighbour in it",
             remedy="give `time` and `strip` in images.csv, or leave out time_offset",
         )
-    return np.where(np.isfinite(found), found, 0.0)
+    return np.where(np.isfinite(velocity), velocity, 0.0)

@@ -89,7 +89,7 @@ def observed_image_points(
             "mm",
             unknowns=tuple(parameter_unknowns(p) for p in parameters),
             start={p.group: p.start for p in parameters},
-            veto=lambda some: side_veto(rays if len(some) == len(rays.image) else rays.take(some)),
+            veto=lambda chosen: side_veto(rays if len(chosen) == len(rays.image) else rays.take(chosen)),
             group=group,
         ),
         *(prior for of_group in priors for prior in of_group),
@@ -109,9 +109,9 @@ def renumbered_records(rays: ImagePointRows, parameters: Sequence[ParameterRows]
     point : (k,) int
         Points in place of their own.
     """
-    some = [p.take(rows) for p in parameters]
-    corrections = [LinearCorrection(p.group, p.block, p.basis) for p in some if p.basis is not None]
-    chosen, cameras = _through_cameras(rays.take(rows), some)
+    taken = [p.take(rows) for p in parameters]
+    corrections = [LinearCorrection(p.group, p.block, p.basis) for p in taken if p.basis is not None]
+    chosen, cameras = _through_cameras(rays.take(rows), taken)
     return image_point_records(replace(chosen, point=point), corrections, cameras)
 
 

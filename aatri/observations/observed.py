@@ -89,8 +89,8 @@ class ObservationSource:
         """
         if self.frame is None:
             return xyz, np.broadcast_to(np.eye(3), (len(xyz), 3, 3))
-        found = self.frame.from_block(xyz)
-        return found, self.frame.derivatives_at(found)
+        placed = self.frame.from_block(xyz)
+        return placed, self.frame.derivatives_at(placed)
 
 
 @dataclass(frozen=True)
@@ -233,9 +233,9 @@ def full_whitener(whitener: Float) -> Float:
 
 def _nearly_exact(whitener: Float, exact: Bool) -> Float:
     row, component = np.nonzero(exact)
-    found = full_whitener(whitener).copy()
-    found[row, component, component] = 1.0 / NEARLY_EXACT
-    return found
+    root = full_whitener(whitener).copy()
+    root[row, component, component] = 1.0 / NEARLY_EXACT
+    return root
 
 
 def named(image: Text | None = None, point: Text | None = None) -> Names:

@@ -46,12 +46,12 @@ class Poses:
         """Images with a position and a rotation: a position alone, from GNSS, lets no point be intersected."""
         return finite_rows(self.position_m) & finite_rows(self.ground_from_image)
 
-    def where(self, some: Bool, others: Poses | None = None) -> Poses:
+    def where(self, these: Bool, others: Poses | None = None) -> Poses:
         """These for some of the images, (n,); for the rest the others, or NaN."""
         position, rotation = (np.nan, np.nan) if others is None else (others.position_m, others.ground_from_image)
         return Poses(
-            np.where(some[:, None], self.position_m, position),
-            np.where(some[:, None, None], self.ground_from_image, rotation),
+            np.where(these[:, None], self.position_m, position),
+            np.where(these[:, None, None], self.ground_from_image, rotation),
         )
 
     def shifted(self, by_m: Float) -> Poses:
@@ -61,8 +61,8 @@ class Poses:
 
 def position(state: State, group: str) -> Float:
     """Positions of points or projection centres."""
-    found: Any = state[group].position_m if group == POSE else state[group]
-    return np.asarray(found)
+    values: Any = state[group].position_m if group == POSE else state[group]
+    return np.asarray(values)
 
 
 def by_unknowns(group: str, by_position: Float) -> Float:
@@ -75,10 +75,10 @@ def by_unknowns(group: str, by_position: Float) -> Float:
 def pose_generator(state: State) -> Float:
     """Shifts, rotations about the origin and scale of all poses, (n, 6, 7)."""
     x: Float = state[POSE].position_m
-    found = np.zeros((len(x), 6, 7))
-    found[:, :3] = motions(x)
-    found[:, 3:, 3:6] = np.eye(3)
-    return found
+    moves = np.zeros((len(x), 6, 7))
+    moves[:, :3] = motions(x)
+    moves[:, 3:, 3:6] = np.eye(3)
+    return moves
 
 
 def point_generator(state: State) -> Float:

@@ -97,8 +97,8 @@ class Positions:
 def positions_of(block: Block) -> Positions:
     """Observed positions of a block, in the order of its exterior table."""
     exterior = block.exterior
-    known = np.isfinite(exterior.position_m).any(axis=1) & (exterior.position_use == OBSERVED_VALUE)
-    row = np.flatnonzero(known & block.images.active[exterior.image]).astype(np.int32)
+    is_observed = np.isfinite(exterior.position_m).any(axis=1) & (exterior.position_use == OBSERVED_VALUE)
+    row = np.flatnonzero(is_observed & block.images.active[exterior.image]).astype(np.int32)
     image = exterior.image[row]
     arm = block.cameras.lever_arm_m[block.images.camera[image]]
     arm = np.where((exterior.refers_to[row] == ANTENNA)[:, None], arm, 0.0)
@@ -180,11 +180,11 @@ def observed_positions(
     terms: Sequence[SharedUnknowns] = (),
 ) -> tuple[Observed, ...]:
     """Weighted and exact positions, given the names of their images, their coordinates in the adjustment, and terms."""
-    given = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
+    own_axes = in_own_axes(rows.position_m, origin_m, rows.given) if coordinates is None else coordinates
 
     def records(chosen: Int, exact: bool, touched: Sequence[SharedUnknowns]) -> Records:
         arm = next((t.block.astype(np.int32) for t in touched if t.basis is None), None)
-        return position_records(rows.take(chosen), given.take(chosen), arm, exact=exact)
+        return position_records(rows.take(chosen), own_axes.take(chosen), arm, exact=exact)
 
     return observed_with_terms(records, rows.by_exactness(), terms, rows.row, names, "m")
 

@@ -200,8 +200,8 @@ def poses_by_rigs(block: Block, poses: Poses) -> Poses:
         (pairs.first, pairs.second, pairs.first_mount, pairs.second_mount),
         (pairs.second, pairs.first, pairs.second_mount, pairs.first_mount),
     ):
-        known = finite_rows(position) & finite_rows(rotation)
-        rows = np.flatnonzero(known[source] & ~known[target])
+        complete = finite_rows(position) & finite_rows(rotation)
+        rows = np.flatnonzero(complete[source] & ~complete[target])
         F = rotation[source[rows]] @ pairs.mount[ms[rows]].swapaxes(1, 2)
         rotation[target[rows]] = F @ pairs.mount[mt[rows]]
         position[target[rows]] = position[source[rows]] + np.einsum("nij,nj->ni", F, t[mt[rows]] - t[ms[rows]])

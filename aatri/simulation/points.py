@@ -64,7 +64,7 @@ def ground_targets(
     ground: GroundSurface,
     flight: FlightOptions,
     ties: TieOptions,
-    known: ControlOptions,
+    options: ControlOptions,
     planned: list[Structure],
     streams: Streams,
 ) -> GroundTargets:
@@ -75,18 +75,18 @@ def ground_targets(
     GeometryError
         If the images overlap too little for the points asked for.
     """
-    if known.layout and planned:
+    if options.layout and planned:
         raise refused(
             "known.layout leaves no place for points of relative control",
             "leave out known.layout or the figures of `survey`",
         )
-    if known.layout:
-        return _laid_out(photography, targets.standard_rows(plan), ground, known.layout)
+    if options.layout:
+        return _laid_out(photography, targets.standard_rows(plan), ground, options.layout)
     low, high = targets.extent(plan)
     rng = streams["points"]
     inset = CHECK_INSET * (high - low)
-    control_role = _roles(CONTROL, known.full, known.plan, known.height)
-    check_role = _roles(CHECK, known.check_full, known.check_plan, known.check_height)
+    control_role = _roles(CONTROL, options.full, options.plan, options.height)
+    check_role = _roles(CHECK, options.check_full, options.check_plan, options.check_height)
     control = _within(photography, ground, targets.net(low, high, len(control_role)), "control points")
     check = _within(photography, ground, targets.net(low + inset, high - inset, len(check_role)), "check points")
     half_side_m = 1e-3 * ties.spread_mm * flight.scale_number

@@ -208,12 +208,12 @@ def _of_evaluation(block: Block, solution: Artifact | None, made: Evaluation) ->
     row = {point: k for k, point in enumerate(block.points.id.tolist())}
     d, figures = made.differences, dict(zip(made.figures.name.tolist(), made.figures.value.tolist()))
     if isinstance(solution, Solution):
-        given = np.full((len(block.points), 3), np.nan)
-        given[block.ground_points.point] = block.ground_points.xyz_m
+        control_m = np.full((len(block.points), 3), np.nan)
+        control_m[block.ground_points.point] = block.ground_points.xyz_m
         for kind in ("control", "check"):
             of_kind = d.kind == kind
             at = [row[point] for point in d.point[of_kind].tolist()]
-            own_m = solution.points.xyz_m[at] - given[at]
+            own_m = solution.points.xyz_m[at] - control_m[at]
             allowed_m = ROUNDING * np.linalg.norm(own_m, axis=1)
             yield Property("figures", f"differences of {kind} points", d.difference_m[of_kind], near(own_m, allowed_m))
             names = [f"{kind}_rmse_{axis}_m" for axis in "xyz"]

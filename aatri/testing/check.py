@@ -159,14 +159,14 @@ def _method(card: StageCard) -> str:
     return "" if (card.function.__doc__ or "").strip() else f"the function {card.variant} has no docstring"
 
 
-def _options(card: StageCard, given: Mapping[str, Any] | None) -> tuple[Options | None, str]:
+def _options(card: StageCard, values: Mapping[str, Any] | None) -> tuple[Options | None, str]:
     if card.options is None:
-        return None, "it takes no options, but some are given" if given else ""
+        return None, "it takes no options, but some are given" if values else ""
     needed = [name for name, declared in card.options.model_fields.items() if declared.is_required()]
-    if given is None and needed:
+    if values is None and needed:
         return None, f"{', '.join(needed)} must be given: check_stage({card.name!r}, options={{...}})"
     try:
-        return card.options.model_validate(dict(given or {}), context={"base": Path.cwd()}), ""
+        return card.options.model_validate(dict(values or {}), context={"base": Path.cwd()}), ""
     except ValidationError as error:
         return None, "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
 
@@ -280,8 +280,8 @@ def _compared(
 
 def _untold(artifact: Any) -> Any:
     """A Block without its truth; anything else as it is."""
-    told = isinstance(artifact, Block)
-    return replace(artifact, true_images=None, true_points=None, gross_errors=None) if told else artifact
+    has_truth = isinstance(artifact, Block)
+    return replace(artifact, true_images=None, true_points=None, gross_errors=None) if has_truth else artifact
 
 
 def _with_truth(example: str, blocks: Mapping[str, Block]) -> Block | None:

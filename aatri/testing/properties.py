@@ -63,13 +63,13 @@ def no_rotation(matrices: Float) -> Float:
 
 
 def no_covariance(matrices: Float) -> Float:
-    given = matrices * 1.0
-    given[~np.isfinite(matrices).all(axis=(1, 2))] = 0.0
-    variances = np.abs(np.einsum("nii->ni", given))
+    finite = matrices * 1.0
+    finite[~np.isfinite(matrices).all(axis=(1, 2))] = 0.0
+    variances = np.abs(np.einsum("nii->ni", finite))
     scale = np.where(variances > 0, variances, 1.0) ** 0.5
-    correlations = given / scale[:, :, None] / scale[:, None, :]
+    correlations = finite / scale[:, :, None] / scale[:, None, :]
     skew = np.abs(correlations - np.swapaxes(correlations, 1, 2)).max(axis=(1, 2), initial=0)
-    least = np.linalg.eigvalsh(correlations)[:, 0] if len(given) else skew
+    least = np.linalg.eigvalsh(correlations)[:, 0] if len(finite) else skew
     off: Float = np.maximum(skew, -least) / ROUNDING
     return off
 

@@ -159,7 +159,7 @@ def other_rows(block: Block, artifact: Artifact) -> str:
         and not np.array_equal(getattr(artifact, name).id, getattr(block, name).id)
     ]
     if artifact.kind == "ImagePoints":
-        given, made = block.image_points, getattr(artifact, "measurements")  # noqa: B009
-        if not (np.array_equal(given.image, made.image) and np.array_equal(given.point, made.point)):
+        of_block, made = block.image_points, getattr(artifact, "measurements")  # noqa: B009
+        if not (np.array_equal(of_block.image, made.image) and np.array_equal(of_block.point, made.point)):
             wrong.append("measurements")
     return f"{', '.join(wrong)} differ" if wrong else ""

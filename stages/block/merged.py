@@ -44,8 +44,8 @@ class SingleBlockOptions(Options):
 
     @model_validator(mode="before")
     @classmethod
-    def _path_alone(cls, given: Any) -> Any:
-        return {"path": given} if isinstance(given, str | Path) else given
+    def _path_alone(cls, value: Any) -> Any:
+        return {"path": value} if isinstance(value, str | Path) else value
 
 
 class MergedOptions(ReadingOptions):

@@ -50,10 +50,12 @@ def models(*, options: ModelsOptions, context: Context = SILENT) -> Block:
     block = edited(block, options.edits, context)
     report(wrong_values(block), context)
     assert block.model_coordinates is not None
-    given = block.model_coordinates
+    models_xyz = block.model_coordinates
     used = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
-    unseen = block.points.id[np.setdiff1d(used, given.point)]
+    unseen = block.points.id[np.setdiff1d(used, models_xyz.point)]
     if len(unseen):
         context.warn(f"control in no model: {shown(unseen.tolist())}; are the names of its points others there?")
-    context.log(f"{len(np.unique(given.model))} models, {len(given)} points in them, {len(used)} control points")
+    context.log(
+        f"{len(np.unique(models_xyz.model))} models, {len(models_xyz)} points in them, {len(used)} control points"
+    )
     return block

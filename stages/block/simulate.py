@@ -78,13 +78,13 @@ class SimulateOptions(Options):
 
     @model_validator(mode="before")
     @classmethod
-    def _lay_over_preset(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping):
-            return given
-        switch = given.get("noise")
-        given = {**given, "noise": {"factor": float(switch)}} if isinstance(switch, bool) else given
-        preset = given.get("preset")
-        return settings.over_preset(PRESETS.get(preset, {}) if isinstance(preset, str) else {}, given)
+    def _lay_over_preset(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        switch = values.get("noise")
+        values = {**values, "noise": {"factor": float(switch)}} if isinstance(switch, bool) else values
+        preset = values.get("preset")
+        return settings.over_preset(PRESETS.get(preset, {}) if isinstance(preset, str) else {}, values)
 
 
 @stage(version=1, uses=())

@@ -70,10 +70,10 @@ def adjusted_bundle(
     tangent = None if information is None else information.tangent_m
     source = observation_source(block, image_points, initial, parameters, tangent)
     source = with_row_times(source, options.readout_sigma)
-    given, share = _with_information(source, bundle_input(source, options, suspects), information, context)
-    notes = [*options_without_data(block, options), *source.notes, *(n for o in given.observed for n in o.notes)]
-    report([*notes, *findings_at_start(source, given, of_the_block=initial is None)], context)
-    done, groups, components = adjusted_block(source, given, options, context)
+    inputs, share = _with_information(source, bundle_input(source, options, suspects), information, context)
+    notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
+    report([*notes, *findings_at_start(source, inputs, of_the_block=initial is None)], context)
+    done, groups, components = adjusted_block(source, inputs, options, context)
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
             "the Information takes no part: an image or point of it is not adjusted in this block",

@@ -47,10 +47,10 @@ class Blunders(Options):
 
     @model_validator(mode="after")
     def _of_robust(self) -> Self:
-        given = self.model_fields_set
-        if self.method in ("data_snooping", "none") and given & {"weights", "bound"}:
+        stated = self.model_fields_set
+        if self.method in ("data_snooping", "none") and stated & {"weights", "bound"}:
             raise ValueError(f"weights and bound are those of a robust adjustment: method {self.method} has none")
-        if self.method == "none" and given & {"limit", "tau", "max_share", "sigmas"}:
+        if self.method == "none" and stated & {"limit", "tau", "max_share", "sigmas"}:
             raise ValueError("limit, tau, max_share and sigmas are those of a search: method none has none")
         return self
 

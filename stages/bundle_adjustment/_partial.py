@@ -56,13 +56,13 @@ def resected(
     """Images on known points; those without orientation start by the linear transformation or three points."""
     image_points = _corrected(block, image_points, context)
     source = observation_source(block, image_points, initial, linear_start=linear)
-    given = bundle_input(source, options, initial.suspects)
+    inputs = bundle_input(source, options, initial.suspects)
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
-    known = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
-    covariance = _covariances(known, initial.points.covariance_m2, block.points.id, "point") if weighted else None
-    as_given, given = given, with_known_points(given, known & finite_rows(given.xyz_m), covariance)
-    tell(switched_off(as_given, given), context)
-    made = _made(source, initial, given, options, context, "resection", tests=options.reliability)
+    fixed = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
+    covariance = _covariances(fixed, initial.points.covariance_m2, block.points.id, "point") if weighted else None
+    as_given, inputs = inputs, with_known_points(inputs, fixed & finite_rows(inputs.xyz_m), covariance)
+    tell(switched_off(as_given, inputs), context)
+    made = _made(source, initial, inputs, options, context, "resection", tests=options.reliability)
     if weighted:
         return made
     # Held is not known without error: what `initial` says of the points holds on.
@@ -80,12 +80,12 @@ def intersected(
     """Points from known images."""
     image_points = _corrected(block, image_points, context)
     source = observation_source(block, image_points, initial)
-    given = bundle_input(source, options, initial.suspects)
-    known = initial.images.oriented
-    covariance = _covariances(known, initial.images.covariance, block.images.id, "image") if weighted else None
-    as_given, given = given, with_known_images(given, known, covariance)
-    tell(switched_off(as_given, given), context)
-    made = _made(source, initial, given, options, context, "intersection", tests=options.reliability)
+    inputs = bundle_input(source, options, initial.suspects)
+    fixed = initial.images.oriented
+    covariance = _covariances(fixed, initial.images.covariance, block.images.id, "image") if weighted else None
+    as_given, inputs = inputs, with_known_images(inputs, fixed, covariance)
+    tell(switched_off(as_given, inputs), context)
+    made = _made(source, initial, inputs, options, context, "intersection", tests=options.reliability)
     return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
 
 
@@ -100,12 +100,12 @@ def alternated(
     """Resection and intersection in turn."""
     image_points = _corrected(block, image_points, context)
     source = observation_source(block, image_points, initial)
-    given = bundle_input(source, options, None if initial is None else initial.suspects)
+    block_input = bundle_input(source, options, None if initial is None else initial.suspects)
 
     def adjust(inputs: BundleInput, settings: BundleSettings) -> BundleResult:
         return adjust_alternating(inputs, replace(settings, covariances=False), max_rounds=rounds, reporter=context)
 
-    return _made(source, initial, given, options, context, "alternating", adjust)
+    return _made(source, initial, block_input, options, context, "alternating", adjust)
 
 
 def _corrected(block: Block, image_points: ImagePoints, context: Context) -> ImagePoints:
@@ -115,9 +115,9 @@ def _corrected(block: Block, image_points: ImagePoints, context: Context) -> Ima
     return corrected
 
 
-def _covariances(known: Bool, covariance: Float, ids: Text, what: str) -> Float:
+def _covariances(fixed: Bool, covariance: Float, ids: Text, what: str) -> Float:
     """The covariances of what is known; an error where they are missing."""
-    missing = known & ~np.isfinite(covariance).all(axis=(1, 2))
+    missing = fixed & ~np.isfinite(covariance).all(axis=(1, 2))
     if missing.any():
         raise GeometryError(
             f"`initial` has no covariance of {int(missing.sum())} {what}s, the first is {ids[missing][0]}",

@@ -144,9 +144,9 @@ def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> Cho
     parts = parts_of_set(chosen, calibration.per)
     if wanted is not None:
         same = _wanted_set(wanted).name == calibration.set
-        mine = names_of_parts(parts_of_set(chosen, wanted.per)) if same else ""
-        if mine != names_of_parts(parts):
-            per = mine or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
+        of_set = names_of_parts(parts_of_set(chosen, wanted.per)) if same else ""
+        if of_set != names_of_parts(parts):
+            per = of_set or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
             raise SpecError(
                 f"self_calibration is {wanted.set} {per}, the calibration {calibration.set} {names_of_parts(parts)}",
                 remedy="leave self_calibration out, or set it as in the block that calibrates",
@@ -191,9 +191,9 @@ def parameters_of(
             groups.append(
                 additional_parameters(block, image_points, part.parameters, part.per, chosen.sigma_mm, part.group)
             )
-    known = solution is not None and has_camera_models(solution)
-    camera = camera_parameters(block, image_points, calibrated=known)
-    if camera is not None and solution is not None and known:
+    calibrated = solution is not None and has_camera_models(solution)
+    camera = camera_parameters(block, image_points, calibrated=calibrated)
+    if camera is not None and solution is not None and calibrated:
         camera = calibrated_cameras(block, camera, solution)
     return (*groups, camera) if camera is not None else tuple(groups)
 

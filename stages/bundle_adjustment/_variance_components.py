@@ -40,8 +40,8 @@ def with_variance_components(
     if options is None:
         return done, None
     groups = variance_groups(block, done.inputs, options.groups)
-    found, given, result = variance_components(done.inputs, done.result, adjust, groups)
-    notes = (*done.notes, *variance_notes(groups.names, found, applied=options.apply))
-    done = replace(done, inputs=given, result=result) if options.apply else done
+    components, inputs, result = variance_components(done.inputs, done.result, adjust, groups)
+    notes = (*done.notes, *variance_notes(groups.names, components, applied=options.apply))
+    done = replace(done, inputs=inputs, result=result) if options.apply else done
     done = replace(done, notes=notes)
-    return done, variance_table(groups.names, found, applied=options.apply)
+    return done, variance_table(groups.names, components, applied=options.apply)

@@ -140,9 +140,9 @@ class BundleOptions(AdjustmentOptions):
     @model_validator(mode="before")
     @classmethod
     def _gone(cls, value: object) -> object:
-        given = value if isinstance(value, Mapping) else {}
+        options = value if isinstance(value, Mapping) else {}
         for name, remedy in GONE.items():
-            if name in given:
+            if name in options:
                 raise ValueError(remedy)
         return value
 

@@ -108,12 +108,12 @@ def _scale_notes(strips: Strips) -> list[Note]:
     if strips.scales is None:
         return []
     s, ids = strips.scales, strips.strips.id
-    known = np.isfinite(s.metres)
-    texts = [f"{ids[k]} 1 : {s.scale_number[k]:.0f} (base {s.metres[k]:.1f} m)" for k in np.flatnonzero(known)]
+    scaled = np.isfinite(s.metres)
+    texts = [f"{ids[k]} 1 : {s.scale_number[k]:.0f} (base {s.metres[k]:.1f} m)" for k in np.flatnonzero(scaled)]
     notes = [Note("note", "scales of strips by control", tuple(texts))] if texts else []
-    if not known.all():
+    if not scaled.all():
         text = "strips with fewer than two control points of three known coordinates have no scale"
-        notes.append(Note("warning", text, tuple(ids[~known].tolist())))
+        notes.append(Note("warning", text, tuple(ids[~scaled].tolist())))
     return notes
 
 

@@ -33,16 +33,18 @@ def chosen_pairs(block: Block, images: Int, features: Sequence[Kept], options: F
         return _listed(options.pairs_file, block, images, context)
     position_m = np.full((len(block.images), 3), np.nan)
     position_m[block.exterior.image] = block.exterior.position_m
-    known = np.isfinite(position_m[images, :2]).all(axis=1)
+    placed = np.isfinite(position_m[images, :2]).all(axis=1)
     how = options.pairs
     if how == "auto":
-        how = "positions" if known.all() and len(np.unique(position_m[images, :2], axis=0)) == len(images) else "coarse"
+        how = (
+            "positions" if placed.all() and len(np.unique(position_m[images, :2], axis=0)) == len(images) else "coarse"
+        )
     if how == "positions":
-        if not known.any():
+        if not placed.any():
             remedy = "pairs: coarse"
             raise InputError("no image has a position, by which pairs are chosen", where=block.name, remedy=remedy)
         pairs = near_pairs(position_m[images], options.neighbours)
-        return _and_coarse(pairs, np.flatnonzero(~known), features)
+        return _and_coarse(pairs, np.flatnonzero(~placed), features)
     if how == "strips":
         place = np.full(len(block.images), -1)
         place[images] = np.arange(len(images))

@@ -65,18 +65,18 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     images, of = np.unique(pair[other], axis=0, return_inverse=True)
     work, members = [], []
     for k, (a, b) in enumerate(images.tolist()):
-        some = other[of.ravel() == k]
-        affine = linear[some] @ np.linalg.inv(linear[reference[some]])
-        places = np.column_stack([xy_px[rows[reference[some]]], xy_px[rows[some]], affine.reshape(-1, 4)])
+        of_other = other[of.ravel() == k]
+        affine = linear[of_other] @ np.linalg.inv(linear[reference[of_other]])
+        places = np.column_stack([xy_px[rows[reference[of_other]]], xy_px[rows[of_other]], affine.reshape(-1, 4)])
         files = tuple(str(block.images.path[i]) for i in (a, b))
         contents = [str(block.images.content[i]) for i in (a, b)]
         name = f"{block.images.id[a]} and {block.images.id[b]}"
         work.append(Item(name, files, (contents, options.half_px, places.tolist())))
-        members.append(rows[some])
-    found = [kept.load().marks for kept in context.mapped(matched_rays, work, ScanMarks, "pairs")]
+        members.append(rows[of_other])
+    marks = [kept.load().marks for kept in context.mapped(matched_rays, work, ScanMarks, "pairs")]
     at = np.concatenate(members)
-    xy, like = (np.concatenate([getattr(f, n)[: len(f) // 2] for f in found]) for n in ("xy_px", "correlation"))
-    sigma, of_reference = (np.concatenate([np.split(f.sigma_px, 2)[k] for f in found]) for k in (0, 1))
+    xy, like = (np.concatenate([getattr(f, n)[: len(f) // 2] for f in marks]) for n in ("xy_px", "correlation"))
+    sigma, of_reference = (np.concatenate([np.split(f.sigma_px, 2)[k] for f in marks]) for k in (0, 1))
     moved = np.hypot(*(xy - xy_px[at]).T)
     good = (like >= options.min_correlation) & (moved <= options.max_shift_px)
     context.log(

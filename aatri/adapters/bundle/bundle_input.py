@@ -71,10 +71,10 @@ def observation_source(
     if image_points is not None:
         rays, offered = rays_of(block, image_points), poses_into(frame, *given_poses).shifted(-origin)
         poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
-    known = np.isfinite(xyz)
+    given_values = np.isfinite(xyz)
     xyz, notes = network_start(block, xyz)
     if rays is not None:
-        if (np.isfinite(xyz) & ~known).any():
+        if (np.isfinite(xyz) & ~given_values).any():
             poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
         if not poses.oriented.any():
             raise GeometryError(
@@ -169,9 +169,9 @@ def origin_of(poses: Poses, xyz_m: Float) -> Float:
     origin = np.zeros(3)
     for axis in range(3):
         for values in (xyz_m[:, axis], poses.position_m[:, axis]):
-            known = values[np.isfinite(values)]
-            if len(known):
-                origin[axis] = np.round(known.mean())
+            finite = values[np.isfinite(values)]
+            if len(finite):
+                origin[axis] = np.round(finite.mean())
                 break
     return origin
 

@@ -61,11 +61,11 @@ def bundle_solution(
     tests : bool
         Redundancy numbers, tests and detectable errors of all observations.
     """
-    given, result = done.inputs, done.result
+    stated, result = done.inputs, done.result
     adjusted, block = result.adjusted, source.block
     independent = independent_errors_table(block, result, tests=tests)
     result = without_absent(result_out_of(source.frame, result))
-    per_image, per_point, rms_sigma_um = _image_points(given, result)
+    per_image, per_point, rms_sigma_um = _image_points(stated, result)
     state = adjusted.state
     return Solution(
         method=f"bundle_adjustment/{variant}",
@@ -82,7 +82,7 @@ def bundle_solution(
         points=assemble.ground_points(block, result.xyz_m, per_point, result.point_covariance_m2),
         cameras=_cameras(block, of_cameras),
         transformations=StripTransformations.empty(),
-        parameters=assemble.stacked([Parameters.empty(), *of_cameras.parameters, *_own_unknowns(given, result)]),
+        parameters=assemble.stacked([Parameters.empty(), *of_cameras.parameters, *_own_unknowns(stated, result)]),
         residuals=assemble.stacked([Residuals.empty(), *(residual_table(o, state) for o in result.observations)]),
         history=Iterations(
             cost=np.array([s.cost for s in adjusted.history]),
@@ -128,11 +128,11 @@ def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
     sets = [] if tables.sets is None else tables.sets.set.tolist()
     ideal = any(is_ideal(name) for name in sets)
     cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *tables.parameters])
-    given = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
-    by_set = _by_camera(cameras.id, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(given), 3)))
-    values = given + by_set
-    for k, c0 in enumerate(given[:, 0] if not ideal else ()):
-        values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *given[k, 1:]]
+    calibrated = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
+    by_set = _by_camera(cameras.id, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(calibrated), 3)))
+    values = calibrated + by_set
+    for k, c0 in enumerate(calibrated[:, 0] if not ideal else ()):
+        values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *calibrated[k, 1:]]
     values = _by_camera(cameras.id, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
     return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
 

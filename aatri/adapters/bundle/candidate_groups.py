@@ -50,15 +50,15 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
     """What is to be tested of a block, kind by kind."""
     if block.images is None:
         return
-    for place, found in enumerate(result.observations):
-        rows, o = np.flatnonzero(found.used), found.observed
+    for place, adjusted in enumerate(result.observations):
+        rows, o = np.flatnonzero(adjusted.used), adjusted.observed
         if not len(rows) or o.exact or o.components:
             continue
         groups = [group for group, _ in o.records.touches]
         if o.kind == POSITION and groups[0] == POSE:
-            yield from _of_positions(block.images, result, place, found, rows)
+            yield from _of_positions(block.images, result, place, adjusted, rows)
         elif o.kind == ATTITUDE and groups[:2] == [POSE, BORESIGHT]:
-            yield from _of_attitudes(block.images, result, place, found, rows)
+            yield from _of_attitudes(block.images, result, place, adjusted, rows)
         elif o.kind == IMAGE_POINT and block.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
             carried = any(p.group != FILM and p.free.any() for p in block.parameters)
@@ -72,7 +72,7 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             a, b = (result.adjusted.state[POINT][ends[rows]] for _, ends in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
         elif o.kind == CONTROL and groups == [POINT] and o.records.rows == 3:
-            yield from _of_relief(result, place, found, rows)
+            yield from _of_relief(result, place, adjusted, rows)
 
 
 def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:
@@ -138,9 +138,9 @@ def _units(
     enough = (count >= FEWEST) & (ids != "")
     if not enough.any() or (per in ("strip", "flight") and (count > 0).sum() < 2):
         return
-    some, new = enough[number], np.cumsum(enough) - 1
-    if not some.all():
-        number, rows, H = number[some], rows[some], H[some]
+    large, new = enough[number], np.cumsum(enough) - 1
+    if not large.all():
+        number, rows, H = number[large], rows[large], H[large]
     yield Candidates(place, per, ids[enough], rows, new[number], H, causes, removable)
 
 

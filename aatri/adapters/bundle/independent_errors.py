@@ -68,15 +68,15 @@ def _control_left_out(result: BundleResult) -> Float | None:
     """Of control points predicted each without itself, (3,); None where there is none that others predict."""
     adjusted = result.adjusted
     of = [o for o in result.observations if o.observed.kind == CONTROL_KIND and not o.observed.exact]
-    found = next((o for o in of if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None)
-    rows = np.flatnonzero(found.used) if found is not None else np.zeros(0, dtype=np.int64)
-    if found is None or not len(rows) or not np.isfinite(found.covariance[rows]).all():
+    control = next((o for o in of if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None)
+    rows = np.flatnonzero(control.used) if control is not None else np.zeros(0, dtype=np.int64)
+    if control is None or not len(rows) or not np.isfinite(control.covariance[rows]).all():
         return None
-    records = found.observed.records
+    records = control.observed.records
     block, observed = records.touches[0][1][rows], records.observed_components()[rows]
     _, (J,) = whitened(records, adjusted.state, rows)
     both = observed[:, :, None] & observed[:, None, :]
-    R = np.where(both, np.eye(3) - found.covariance[rows], np.eye(3))
+    R = np.where(both, np.eye(3) - control.covariance[rows], np.eye(3))
     predicted = np.linalg.eigvalsh(0.5 * (R + R.swapaxes(1, 2)))[:, 0] > PREDICTED
     whitener = records.whitener[rows]
     L = whitener[:, :, None] * np.eye(3) if whitener.ndim == 2 else whitener

@@ -119,9 +119,12 @@ def information_share(information: Information, inputs: BundleInput) -> Informat
         if left.all():
             return observed
         if left.tobytes() not in made:
-            some, stays = [b for b, kept in zip(blocks, left) if kept], np.repeat(left, [len(b.column) for b in blocks])
+            left_of, stays = (
+                [b for b, kept in zip(blocks, left) if kept],
+                np.repeat(left, [len(b.column) for b in blocks]),
+            )
             reduced, of_some, _, _ = without(N, right, np.flatnonzero(stays), np.flatnonzero(~stays))
-            made[left.tobytes()] = _observed(information, some, sizes, reduced, of_some)[0]
+            made[left.tobytes()] = _observed(information, left_of, sizes, reduced, of_some)[0]
         return made[left.tobytes()]
 
     return InformationShare(

@@ -134,10 +134,10 @@ def _values(value: Any, u: Unknowns) -> Any:
 
 
 def _eliminated(done: AdjustedBlock, keep: Mapping[str, Bool]) -> EliminatedObjects:
-    given, result = done.inputs, done.result
+    stated, result = done.inputs, done.result
     gone = {
-        POSE: np.asarray(given.image_ids)[result.image_adjusted & ~keep[POSE]],
-        POINT: np.asarray(given.point_ids)[result.point_adjusted & ~keep[POINT]],
+        POSE: np.asarray(stated.image_ids)[result.image_adjusted & ~keep[POSE]],
+        POINT: np.asarray(stated.point_ids)[result.point_adjusted & ~keep[POINT]],
     }
     return EliminatedObjects(
         group=np.repeat(np.array(list(gone)), [len(ids) for ids in gone.values()]),

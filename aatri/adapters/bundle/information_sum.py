@@ -38,9 +38,9 @@ def added(own: Information, other: Information, stays: Callable[[str, str], bool
         If both have parameters of one object, but not the same.
     """
     other = _shifted(other, other.origin_m - own.origin_m)
-    mine, theirs = _keys(own.unknowns), _keys(other.unknowns)
-    place = {key: k for k, key in enumerate(mine)}
-    objects = {key[:2] for key in mine}
+    own_keys, theirs = _keys(own.unknowns), _keys(other.unknowns)
+    place = {key: k for k, key in enumerate(own_keys)}
+    objects = {key[:2] for key in own_keys}
     foreign = np.array([key not in place for key in theirs], dtype=bool)
     for key in (theirs[k] for k in np.flatnonzero(foreign)):
         if key[:2] in objects:
@@ -48,18 +48,18 @@ def added(own: Information, other: Information, stays: Callable[[str, str], bool
             raise ArtifactError(what, remedy="adjust both with the same set and camera model")
     column = np.empty(len(theirs), dtype=np.int64)
     column[~foreign] = [place[key] for key in theirs if key in place]
-    column[foreign] = len(mine) + np.arange(int(foreign.sum()))
+    column[foreign] = len(own_keys) + np.arange(int(foreign.sum()))
     d, T = _differences(own, other, column, foreign)
-    n, N2 = len(mine) + int(foreign.sum()), other.matrix
+    n, N2 = len(own_keys) + int(foreign.sum()), other.matrix
     N, g = np.zeros((n, n)), np.zeros(n)
-    N[: len(mine), : len(mine)], g[: len(mine)] = own.matrix, own.unknowns.right
+    N[: len(own_keys), : len(own_keys)], g[: len(own_keys)] = own.matrix, own.unknowns.right
     N[np.ix_(column, column)] += T.T @ N2 @ T
     g[column] += T.T @ (N2 @ d + other.unknowns.right)
     cost = own.cost + other.cost + float(d @ (N2 @ d) + 2 * d @ other.unknowns.right)
     unknowns: KeptUnknowns = stacked([own.unknowns, other.unknowns.take(np.flatnonzero(foreign))])
     kept = np.array(
         [
-            group not in (POSE, POINT) or k >= len(mine) or stays(group, name)
+            group not in (POSE, POINT) or k >= len(own_keys) or stays(group, name)
             for k, (group, name, _) in enumerate(_keys(unknowns))
         ],
         dtype=bool,

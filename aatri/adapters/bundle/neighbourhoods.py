@@ -50,29 +50,29 @@ def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Itera
         for k in np.flatnonzero(np.bincount(image[large], minlength=len(count)) >= FEWEST_LARGE)
         if _most(count[k]) >= SIZES[0]
     ]
-    bounds = [_largest(xy_mm[some], v[some], np.flatnonzero(large[some]))[0] for some in searched]
+    bounds = [_largest(xy_mm[those], v[those], np.flatnonzero(large[those]))[0] for those in searched]
     worst = []
     for k in np.argsort(bounds)[: -2 * MOST_IMAGES - 1 : -1].tolist():
-        some = searched[k]
-        bound, near = _largest(xy_mm[some], v[some], np.arange(len(some)))
-        worst.append((bound, some[near]))
+        those = searched[k]
+        bound, near = _largest(xy_mm[those], v[those], np.arange(len(those)))
+        worst.append((bound, those[near]))
     worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES]
     if not worst:
         return
-    seen = np.isin(np.arange(len(block.point_ids)), point[np.concatenate([some for _, some in worst])])[point]
+    seen = np.isin(np.arange(len(block.point_ids)), point[np.concatenate([those for _, those in worst])])[point]
     candidates = np.flatnonzero(seen)
     windows = [
         (j, there, size)
-        for _, some in worst
+        for _, those in worst
         for size in SIZES
-        if size <= len(some)
-        for j, there in _elsewhere(image, point, candidates, some[:size])
+        if size <= len(those)
+        for j, there in _elsewhere(image, point, candidates, those[:size])
     ]
-    chosen = rows[np.concatenate([some for _, some, _ in windows])]
-    names = [f"point {block.point_ids[point[some[0]]]} in image {block.image_ids[k]}" for k, some, _ in windows]
-    unit = np.repeat(np.arange(len(windows)), [len(some) for _, some, _ in windows])
+    chosen = rows[np.concatenate([those for _, those, _ in windows])]
+    names = [f"point {block.point_ids[point[those[0]]]} in image {block.image_ids[k]}" for k, those, _ in windows]
+    unit = np.repeat(np.arange(len(windows)), [len(those) for _, those, _ in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
-    tests = sum(len(some) * _most(len(some)) for some in searched)
+    tests = sum(len(those) * _most(len(those)) for those in searched)
     of_size = _dispersions(xy_mm, v, [order[last[k] - count[k] : last[k]] for k in np.flatnonzero(count)])
     yield Candidates(
         place,
@@ -89,13 +89,13 @@ def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Itera
     )
 
 
-def _elsewhere(image: Int, point: Int, candidates: Int, some: Int) -> Iterator[tuple[int, Int]]:
+def _elsewhere(image: Int, point: Int, candidates: Int, near: Int) -> Iterator[tuple[int, Int]]:
     """The points of a neighbourhood in each image that shows most of them: where few images do, any may be wrong."""
-    rows = candidates[np.isin(point[candidates], point[some])]
-    rows = rows[np.argsort(~np.isin(rows, some), kind="stable")]
+    rows = candidates[np.isin(point[candidates], point[near])]
+    rows = rows[np.argsort(~np.isin(rows, near), kind="stable")]
     for j in np.unique(image[rows]).tolist():
         there = rows[image[rows] == j]
-        if len(there) >= max(SIZES[0], MOST_OF_A_NEIGHBOURHOOD * len(some)):
+        if len(there) >= max(SIZES[0], MOST_OF_A_NEIGHBOURHOOD * len(near)):
             yield j, there
 
 
@@ -122,9 +122,9 @@ def _bounds(xy_mm: Float, v: Float, centres: Int) -> tuple[Int, Float]:
 
 def _dispersions(xy_mm: Float, v: Float, of_images: list[Int]) -> dict[int, float]:
     """What neighbourhoods of each size have in common over the block, in images that are chosen evenly of all."""
-    large = [some for some in of_images if _most(len(some)) >= SIZES[0]]
+    large = [one for one in of_images if _most(len(one)) >= SIZES[0]]
     chosen = [large[k] for k in np.unique(np.linspace(0, len(large) - 1, min(MOST_TYPICAL, len(large))).astype(int))]
-    bounds = [_bounds(xy_mm[some], v[some], np.arange(len(some)))[1] for some in chosen]
+    bounds = [_bounds(xy_mm[one], v[one], np.arange(len(one)))[1] for one in chosen]
     squares = {size: [b[:, size - 1] for b in bounds if b.shape[1] >= size] for size in SIZES}
-    variance = float(np.median(np.concatenate([v[some].ravel() for some in chosen]) ** 2)) / float(chdtri(1.0, 0.5))
+    variance = float(np.median(np.concatenate([v[one].ravel() for one in chosen]) ** 2)) / float(chdtri(1.0, 0.5))
     return {size: dispersion_of(np.concatenate(of), 2, variance) if of else 1.0 for size, of in squares.items()}

@@ -48,14 +48,14 @@ def shared_equations(
     at : Poses and (n_points, 3) float64, optional
         Where orientations and points are linearised, NaN and default: where they are adjusted.
     """
-    given, result = done.inputs, done.result
+    stated, result = done.inputs, done.result
     adjusted = {POSE: result.image_adjusted, POINT: result.point_adjusted}
-    poses = result.adjusted.state[POSE].where(adjusted[POSE], given.poses)
-    xyz_m = np.where(adjusted[POINT][:, None], result.adjusted.state[POINT], given.xyz_m)
+    poses = result.adjusted.state[POSE].where(adjusted[POSE], stated.poses)
+    xyz_m = np.where(adjusted[POINT][:, None], result.adjusted.state[POINT], stated.xyz_m)
     if at is not None:
         poses, xyz_m = at[0].where(at[0].oriented, poses), np.where(finite_rows(at[1])[:, None], at[1], xyz_m)
-    if given.rays is not None:
-        xyz_m = on_their_rays(given.rays, poses, xyz_m, wanted[POINT] & ~finite_rows(xyz_m))
+    if stated.rays is not None:
+        xyz_m = on_their_rays(stated.rays, poses, xyz_m, wanted[POINT] & ~finite_rows(xyz_m))
     state: dict[str, Any] = {**result.adjusted.state, POSE: poses, POINT: xyz_m}
     started = {POSE: poses.oriented, POINT: finite_rows(xyz_m)}
     more = {group: wanted[group] & ~adjusted[group] & started[group] for group in adjusted}
@@ -86,10 +86,10 @@ def _with_free(
     done: AdjustedBlock, unknowns: tuple[Unknowns, ...], state: State, more: Mapping[str, Bool]
 ) -> tuple[Unknowns, ...]:
     """The unknowns of an adjustment, those of more images and points free as they would be in it."""
-    given, of = done.inputs, {u.name: np.ones(len(u.free), dtype=bool) for u in unknowns}
-    absent = absent_coordinates(given.observed, len(given.point_ids))
-    poses = np.ones((len(given.image_ids), 6), dtype=bool)
-    declared = unknowns_of(given, Participants(state, of, (), absent), poses, given.poses.position_m)
+    stated, of = done.inputs, {u.name: np.ones(len(u.free), dtype=bool) for u in unknowns}
+    absent = absent_coordinates(stated.observed, len(stated.point_ids))
+    poses = np.ones((len(stated.image_ids), 6), dtype=bool)
+    declared = unknowns_of(stated, Participants(state, of, (), absent), poses, stated.poses.position_m)
     free = {u.name: u.free for u in declared}
     return tuple(
         replace(u, free=np.where(more[name][:, None], free[u.name], u.free))

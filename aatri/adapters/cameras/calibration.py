@@ -192,8 +192,8 @@ def calibrated_cameras(block: Block, rows: ParameterRows, solution: Solution) ->
         nominal = dict(zip(PRINCIPAL_POINT, nominal_point_mm(block.cameras, str(name)).tolist()))
         value[k, : len(at)] = p.value[at] - np.array([nominal.get(parameter, 0.0) for parameter in names])
         own = _among(at, solution.parameter_covariances, 0.0)
-        known = np.allclose(np.diag(own), p.sigma[at] ** 2, rtol=1e-6, atol=0.0)
-        C[k, : len(at), : len(at)] = own if known else np.nan
+        unchanged = np.allclose(np.diag(own), p.sigma[at] ** 2, rtol=1e-6, atol=0.0)
+        C[k, : len(at), : len(at)] = own if unchanged else np.nan
     return _weighted(rows, value, C)
 
 
@@ -235,16 +235,16 @@ def calibrated_correction(
         If the calibration is not of the cameras of the block.
     """
     xy = image_points.measurements.xy_mm
-    found = np.where(np.isfinite(xy), 0.0, np.nan)
-    for part, known in zip(parts_of_set(parameters, calibration.per), calibration.parts):
+    total = np.where(np.isfinite(xy), 0.0, np.nan)
+    for part, calibrated in zip(parts_of_set(parameters, calibration.per), calibration.parts):
         if part.per == "image":
             continue
-        units, rows = calibrated_units(block, known)
+        units, rows = calibrated_units(block, calibrated)
         unit = units.of_image[image_points.measurements.image]
         for k, row in enumerate(rows):
-            of_unit, scale, (value, _) = unit == k, known.scale[row], known.in_mm(part.parameters, int(row))
-            found[of_unit] += correction(part.parameters, scale, value, xy[of_unit])
-    return found
+            of_unit, scale, (value, _) = unit == k, calibrated.scale[row], calibrated.in_mm(part.parameters, int(row))
+            total[of_unit] += correction(part.parameters, scale, value, xy[of_unit])
+    return total
 
 
 def _numbers(values: Float) -> str:

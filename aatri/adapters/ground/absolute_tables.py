@@ -49,10 +49,10 @@ class OrientedPart:
 
     def adjusted(self) -> list[tuple[str, TiedResult]]:
         """Its adjustments: to the ground, and of its strips to each other if they are several."""
-        found: list[tuple[str, TiedResult]] = [(f"{self.what} to the ground", self.result.tied)]
+        results: list[tuple[str, TiedResult]] = [(f"{self.what} to the ground", self.result.tied)]
         if self.component.tied is not None:
-            found.append((f"{self.what}, strips to each other", self.component.tied))
-        return found
+            results.append((f"{self.what}, strips to each other", self.component.tied))
+        return results
 
 
 def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
@@ -81,7 +81,7 @@ def residual_tables(part: OrientedPart) -> Iterator[Residuals]:
     yield residuals_of(part.result.tied, part.result.state)
     if (ties := part.component.tied) is not None:
         to = part.result.ground_from_body
-        made = residuals_of(replace(ties, observations=tuple(_on_ground(found, to) for found in ties.observations)))
+        made = residuals_of(replace(ties, observations=tuple(_on_ground(one, to) for one in ties.observations)))
         yield replace(made, residual=to.scale * made.residual @ to.rotation.T)
 
 
@@ -115,13 +115,13 @@ def suspect_tables(strips: Strips, part: OrientedPart) -> Iterator[Suspects]:
 def uncontrolled_tables(block: Block, strips: Strips, parts: Sequence[OrientedPart]) -> Uncontrolled:
     """Image points that no second model, strip or control has seen; what nothing else controls."""
     table = strips.strip_points
-    held, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()
+    seen_twice, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()
     for part in parts:
         result, rows, ties = part.result, part.component.rows, part.component.tied
         active = np.ones(len(rows), dtype=bool) if ties is None else ties.active
-        held |= np.bincount(table.point[rows[active]], minlength=len(block.points)) > 1
-        held |= seen_points(result.tied)
+        seen_twice |= np.bincount(table.point[rows[active]], minlength=len(block.points)) > 1
+        seen_twice |= seen_points(result.tied)
         if ties is not None:
             tables.append(uncontrolled_kinds(ties, result.ground_from_body.rotation))
         tables.append(uncontrolled_kinds(result.tied))
-    return stacked([not_seen_since(strips.uncontrolled, block, held), *tables])
+    return stacked([not_seen_since(strips.uncontrolled, block, seen_twice), *tables])

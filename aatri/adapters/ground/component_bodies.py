@@ -72,22 +72,22 @@ def observed_by_neighbours(
     component : ImageComponent
         In a frame of its own.
     """
-    images, points, found = component.images, finite_rows(component.xyz), list[Observed]()
+    images, points, observed = component.images, finite_rows(component.xyz), list[Observed]()
     for other in neighbours:
         image, point = np.flatnonzero(images & other.images), np.flatnonzero(points & finite_rows(other.xyz))
         images, points = images & ~other.images, points & ~finite_rows(other.xyz)
         C, all_ = precision(other, rays) ** 2 * np.eye(3), np.ones((len(point), 3), dtype=bool)
         none, ids = np.full(len(point), -1, dtype=np.int32), block.images.id[image]
         control = Control(none, point.astype(np.int32), other.xyz[point], np.tile(C, (len(point), 1, 1)), all_, ~all_)
-        found += observed_control(control, np.zeros(3), block.points.id[point], kind=NEIGHBOUR)
+        observed += observed_control(control, np.zeros(3), block.points.id[point], kind=NEIGHBOUR)
         if len(image):
             arm, variances = np.zeros((len(image), 3)), np.tile(C, (len(image), 1, 1))
             none = np.full(len(image), -1, dtype=np.int32)
             centres = Positions(none, image.astype(np.int32), other.poses.position_m[image], variances, arm)
-            found += observed_positions(centres, np.zeros(3), ids)
+            observed += observed_positions(centres, np.zeros(3), ids)
             turned = other.poses.ground_from_image[image]
-            found.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
-    return tuple(found)
+            observed.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
+    return tuple(observed)
 
 
 def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:

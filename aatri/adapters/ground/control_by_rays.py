@@ -79,17 +79,17 @@ def control_by_rays(
     xyz, covariance = body.xyz.copy(), body.covariance.copy()
     meeting: list[Int] = [np.zeros(0, dtype=np.int64)]
     for point in np.unique(rays.point[rows]):
-        mine, met = _met(body, rays, rows[rays.point[rows] == point], limit)
-        if not len(mine):
+        meeting_rows, met = _met(body, rays, rows[rays.point[rows] == point], limit)
+        if not len(meeting_rows):
             continue
-        nearest = np.linalg.norm(body.poses.position_m[rays.image[mine]] - met.xyz_m[0], axis=1).min()
+        nearest = np.linalg.norm(body.poses.position_m[rays.image[meeting_rows]] - met.xyz_m[0], axis=1).min()
         if np.sqrt(np.trace(met.covariance_m2[0])) < UNCERTAIN * nearest:
             xyz[point], covariance[point] = met.xyz_m[0], met.covariance_m2[0]
-            meeting.append(mine)
-    known, met_rows = np.flatnonzero(finite_rows(xyz)), np.concatenate(meeting)
+            meeting.append(meeting_rows)
+    points, met_rows = np.flatnonzero(finite_rows(xyz)), np.concatenate(meeting)
     apart = np.setdiff1d(rows[np.isin(rays.point[rows], rays.point[met_rows])], met_rows)
     return ControlByRays(
-        replace(component, point=known, xyz=xyz[known], covariance=covariance[known]),
+        replace(component, point=points, xyz=xyz[points], covariance=covariance[points]),
         replace(body, xyz=xyz, covariance=covariance),
         met_rows,
         apart,

@@ -26,10 +26,10 @@ def height_notes(block: Block, body: OrientedBody, what: str) -> list[Note]:
     places = body.places
     places = places.take(places.kind == CONTROL)
     sigma_m, row = (np.concatenate(columns) for columns in zip(*((o.sigmas()[:, 2], o.row) for o in control)))
-    found = height_factor(places.xyz, places.observed_m, places.given, sigma_m)
-    if found is None:
+    factor = height_factor(places.xyz, places.observed_m, places.given, sigma_m)
+    if factor is None:
         return []
-    if not found.certain:
-        return [Note("warning", f"{what}: {found}; {found.remedy}")]
+    if not factor.certain:
+        return [Note("warning", f"{what}: {factor}; {factor.remedy}")]
     where = read_at(block, block.ground_points, int(row[np.argmax(places.given[:, 2])]))
-    raise InputError(f"{what}: {found}", where=where, remedy=found.remedy)
+    raise InputError(f"{what}: {factor}", where=where, remedy=factor.remedy)

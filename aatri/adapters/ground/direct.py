@@ -52,8 +52,8 @@ def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Sol
             where=f"block {block.name}",
             remedy="give X, Y, Z, a1, a2, a3 and their standard deviations in exterior.csv, use: observed",
         )
-    found = _intersected(block, image_points, poses)
-    solution = _solution(block, image_points, poses, found)
+    points = _intersected(block, image_points, poses)
+    solution = _solution(block, image_points, poses, points)
     return InTangentFrame(block, None, frame).back(solution), _notes(block, oriented)
 
 
@@ -61,7 +61,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     """X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight."""
     n, e = len(block.images), block.exterior
     position, rotation, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 6, 6), np.nan)
-    given = ObservationSource(
+    source = ObservationSource(
         block,
         None,
         np.zeros(3),
@@ -69,10 +69,10 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
         frame=frame,
         geodesy=geodesy_of(block, frame),
     )
-    rows = attitudes_of(given)
+    rows = attitudes_of(source)
     usable = rows.whole & (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
     row, image, camera = rows.row[usable], rows.image[usable], rows.camera[usable]
-    antenna, D = given.placed(e.position_m[row])
+    antenna, D = source.placed(e.position_m[row])
     inverse = np.linalg.inv(D)
     C_antenna = inverse @ e.position_covariance_m2[row] @ inverse.swapaxes(1, 2)
     R = rows.axes[usable] @ rows.observed[usable] @ exp_rotation(block.cameras.boresight_rad[camera])
@@ -94,8 +94,8 @@ def boresight_sigma(block: Block) -> Float:
     sigma = np.zeros((len(block.cameras), 3))
     p = block.camera_parameters
     for k, axis in enumerate("xyz"):
-        mine = (p.name == f"boresight.{axis}") & ~p.free
-        sigma[p.camera[mine], k] = np.nan_to_num(p.sigma[mine])
+        of_axis = (p.name == f"boresight.{axis}") & ~p.free
+        sigma[p.camera[of_axis], k] = np.nan_to_num(p.sigma[of_axis])
     return sigma
 
 

@@ -87,9 +87,9 @@ class GroundObserved:
 
         def observed(to: Similarity) -> tuple[Observed, ...]:
             start = body.on_ground(to)
-            given = ObservationSource(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
+            source = ObservationSource(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
             beside = tuple(o for o in self.beside if attitudes or o.kind != ATTITUDE)
-            return concerning([o for o in (*observe(given, options), *beside) if chosen(o)], body)
+            return concerning([o for o in (*observe(source, options), *beside) if chosen(o)], body)
 
         return observed
 
@@ -151,7 +151,7 @@ def oriented_by(
         try:
             # what is neglected bends the body: what does not fit it as it is need not be wrong
             how = replace(rules, weakest=weakest, stiff=rules.stiff and drift)
-            found = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
+            oriented = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
         except GeometryError as error:
             failed.append(error)
             continue
@@ -159,11 +159,11 @@ def oriented_by(
             if not failed:
                 raise
             continue  # what else is observed leads nowhere from here: it is open by what tells from afar
-        notes = [] if used == first else [_of_more(found, first, what, failed[0].what)]
+        notes = [] if used == first else [_of_more(oriented, first, what, failed[0].what)]
         if not drift:
             text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"
             notes.append(Note("note", text))
-        return replace(found, neglects=not drift), notes
+        return replace(oriented, neglects=not drift), notes
     raise failed[-1]
 
 

@@ -82,15 +82,15 @@ def to_ground(
     for number, component in enumerate(components, 1):
         what = f"component {number} ({int(component.images.sum())} images)"
         try:
-            part, told = _oriented(ground, component, rays, what, rules)
+            part, of_part = _oriented(ground, component, rays, what, rules)
         except (ConvergenceError, GeometryError) as error:
             failed.append((component, what, error))
             continue
         done.append(part)
-        notes += told
+        notes += of_part
     for component, what, alone in failed:
-        beside, told = _otherwise(ground, component, rays, done, what, rules, alone)
-        notes += told
+        beside, of_part = _otherwise(ground, component, rays, done, what, rules, alone)
+        notes += of_part
         done += [] if beside is None else [beside]
     if not done:
         raise failed[0][2]
@@ -110,8 +110,8 @@ def _otherwise(
     beside = observed_by_neighbours(ground.block, [part.component for part in done], component, rays)
     if beside:
         try:
-            found, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), rules, what)
-            to = found.ground_from_body
+            oriented, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), rules, what)
+            to = oriented.ground_from_body
             text = f"{what}: oriented by the images and points it shares with others; without them {alone.what}"
             return OnGround(component.moved(to), None, to), [Note("note", text)]
         except (ConvergenceError, GeometryError):
@@ -138,9 +138,9 @@ def _free(
     observed = seen(NOWHERE)
     scaled = sum(len(o) for o in observed if o.kind in DISTANCES)
     turned = sum(len(o) for o in observed if o.kind == ATTITUDE)
-    told = [f"its scale that of {scaled} distances" if scaled else "the first base is 1"]
-    told += [f"its rotation that of {turned} attitudes"] if turned else []
-    note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(told)}")
+    datum = [f"its scale that of {scaled} distances" if scaled else "the first base is 1"]
+    datum += [f"its rotation that of {turned} attitudes"] if turned else []
+    note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(datum)}")
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]
     images, points = ground.block.images.id, ground.block.points.id
@@ -156,7 +156,7 @@ def _oriented(
 ) -> tuple[OnGround, list[Note]]:
     """By all that is observed of it, without the one kind that contradicts all else."""
     body = body_of(component, rays)
-    found, notes = oriented_by(ground, body, rules, what)
+    seated, notes = oriented_by(ground, body, rules, what)
 
     def part(oriented: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
         to = oriented.ground_from_body
@@ -166,19 +166,19 @@ def _oriented(
         turned = [] if notes else attitude_notes(ground, body, oriented.ground_from_body, what)
         return [*height_notes(ground.block, oriented, what), *turned]
 
-    if notes or found.tied.tau_m == 0 or _fits_bent(ground.block, part(found).component, found, rays):
-        return part(found), [*notes, *told(found)]
-    for kind, others in _without_one(found.tied.problem.ground):
+    if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, part(seated).component, seated, rays):
+        return part(seated), [*notes, *told(seated)]
+    for kind, others in _without_one(seated.tied.problem.ground):
         try:
             alone, by_attitudes = oriented_by(ground, body, rules, what, chosen=others)
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
-        left = tuple(o for o in found.tied.problem.ground if not others(o))
+        left = tuple(o for o in seated.tied.problem.ground if not others(o))
         # they fit, and do so no more with what is left out
         if not by_attitudes and alone.tied.tau_m == 0 and contradicts(left, alone.state, rules.limit):
             note = contradiction_note(ground.block, left, alone.state, kind, what)
             return part(alone, left), [note, *told(alone)]
-    return part(found), [*deformation_notes(found, precision(component, rays), what), *told(found)]
+    return part(seated), [*deformation_notes(seated, precision(component, rays), what), *told(seated)]
 
 
 def _fits_bent(block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows) -> bool:

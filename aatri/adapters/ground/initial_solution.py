@@ -50,7 +50,7 @@ def initial_solution(
     position, rotation, xyz = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((m, 3), np.nan)
     reliability, components, uncontrolled = [Tests.empty()], [VarianceComponents.empty()], [Uncontrolled.empty()]
     tables, moves = [Residuals.empty()], [StripTransformations.empty()]
-    found = [suspects]
+    suspect_tables = [suspects]
     kept, own = np.zeros(len(rays.image), dtype=bool), np.zeros(len(rays.image), dtype=bool)
     free, member = parts[0].free, np.zeros(n, dtype=np.int64)
     origin = np.zeros(3) if free else origin_m
@@ -68,19 +68,19 @@ def initial_solution(
             tables.append(residuals_of(tied, part.oriented.state))
             reliability.append(tests_of(tied))
             components.append(components_of(tied))
-            found.append(suspects_of(tied, STAGE, part.oriented.began))
+            suspect_tables.append(suspects_of(tied, STAGE, part.oriented.began))
             uncontrolled.append(uncontrolled_kinds(tied))
             left_at = {**tied.problem.start, **part.oriented.state}
-            found += [left_out_table(o, residuals_at(left_at, o)) for o in part.left]
+            suspect_tables += [left_out_table(o, residuals_at(left_at, o)) for o in part.left]
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
     # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
     apart = np.flatnonzero(reached & own & ~kept)
     kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
-    found.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
+    suspect_tables.append(_trimmed(block, rays, poses, xyz, np.flatnonzero(reached & ~kept), "rejected"))
     spread = max(part.component.spread for part in parts)
     contrary = _of_one(rays, contradicting(rays, poses, xyz, spread), member)
-    found.append(_trimmed(block, rays, poses, xyz, contrary, "undecidable"))
+    suspect_tables.append(_trimmed(block, rays, poses, xyz, contrary, "undecidable"))
     used, solved = int(2 * kept.sum()), finite_rows(xyz)
     solution = pieces.solution_of(
         block,
@@ -93,7 +93,7 @@ def initial_solution(
         transformations=stacked(moves),
         parameters=Parameters.empty(),
         residuals=stacked(tables),
-        suspects=stacked(found),
+        suspects=stacked(suspect_tables),
         uncontrolled=stacked(uncontrolled),
         tests=stacked(reliability) if tests else None,
         components=stacked(components) if tests else None,

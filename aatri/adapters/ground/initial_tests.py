@@ -58,8 +58,8 @@ def contradicts(left: Sequence[Observed], state: State, limit: float) -> bool:
     """
     for o in _of_places(left):
         for v, sigma in zip(residuals_at(state, o).T, o.sigmas().T):
-            known = np.isfinite(v) & np.isfinite(sigma)
-            if known.any() and abs(float(np.median(v[known]))) > limit * float(np.median(sigma[known])):
+            testable = np.isfinite(v) & np.isfinite(sigma)
+            if testable.any() and abs(float(np.median(v[testable]))) > limit * float(np.median(sigma[testable])):
                 return True
     return False
 
@@ -154,13 +154,13 @@ def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what:
         lacking = np.einsum("nji,nj->ni", start[POSE].ground_from_image[image], turned)
         variance, camera = (o.sigmas()[whole] ** 2).mean(axis=1), block.images.camera[image]
         for k in np.unique(camera).tolist():
-            mine = np.flatnonzero(camera == k)
-            offset = np.median(lacking[mine], axis=0)
-            off = np.linalg.norm(lacking[mine] - offset, axis=1)
-            sigma = np.sqrt(variance[mine] + (SCATTER * np.median(off)) ** 2 / 3)
-            wrong = block.images.id[image[mine[off > OFF_SIGMAS * sigma]]]
+            of_camera = np.flatnonzero(camera == k)
+            offset = np.median(lacking[of_camera], axis=0)
+            off = np.linalg.norm(lacking[of_camera] - offset, axis=1)
+            sigma = np.sqrt(variance[of_camera] + (SCATTER * np.median(off)) ** 2 / 3)
+            wrong = block.images.id[image[of_camera[off > OFF_SIGMAS * sigma]]]
             text = (
-                f"{what}: {len(mine)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
+                f"{what}: {len(of_camera)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
                 f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
                 "(median) beyond that"
             )

@@ -24,8 +24,8 @@ def tp_rows(block: Block, strips: Strips, part: OrientedPart) -> StripTransforma
     component, control = part.component, control_of(block)
     _, rotations, _ = free_images(strips, component)
     level = component.xyz @ levelling(rotations[:, :, 2].mean(axis=0)).T
-    held = np.isin(control.point, component.point) & control.given.all(axis=1)
-    xyz_m, place = control.xyz_m[held], np.searchsorted(component.point, control.point[held])
+    in_full = np.isin(control.point, component.point) & control.given.all(axis=1)
+    xyz_m, place = control.xyz_m[in_full], np.searchsorted(component.point, control.point[in_full])
     if len(xyz_m) < 2:
         return StripTransformations.empty()
     ends = farthest_apart(xyz_m[:, :2])

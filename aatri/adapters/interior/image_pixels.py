@@ -31,14 +31,14 @@ def cells_of(block: Block, cells: int) -> Int:
     points, cameras, of_image = block.image_points, block.cameras, block.images.camera[block.image_points.image]
     share = np.zeros((len(points), 2))
     for camera in np.unique(of_image).tolist():
-        some = of_image == camera
+        of_format = of_image == camera
         if cameras.image_coordinates[camera] == "pixel":
             linear = mm_from_pixel(
                 np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]), cameras.format[camera]
             )
-            share[some] = (points.xy[some] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
+            share[of_format] = (points.xy[of_format] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
         else:
-            share[some] = points.xy[some] / cameras.format[camera] + 0.5
+            share[of_format] = points.xy[of_format] / cameras.format[camera] + 0.5
     column, row = np.clip(np.nan_to_num(share, nan=0.5) * cells, 0, cells - 1).astype(np.int64).T
     return np.asarray(row * cells + column)
 

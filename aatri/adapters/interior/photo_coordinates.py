@@ -83,8 +83,8 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
     for one in np.unique(camera):
         matrix[camera == one] = _calibrated_matrix(block, int(one))
     finite = np.isfinite(matrix).all(axis=(1, 2))
-    known = {"terms": 0.0, "covariance": 0.0, "redundancy": 0}
-    return Interior.of(image=images, model="calibrated", matrix=matrix, **known).take(finite)
+    exact = {"terms": 0.0, "covariance": 0.0, "redundancy": 0}
+    return Interior.of(image=images, model="calibrated", matrix=matrix, **exact).take(finite)
 
 
 def measured_to_photo(interior: Interior, row: Int, uv: Float) -> Float:

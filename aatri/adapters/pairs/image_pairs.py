@@ -56,18 +56,18 @@ def overlapping_images(block: Block, image_points: ImagePoints, least: int) -> t
 
 def strip_pairs(block: Block, image_points: ImagePoints) -> tuple[Int, tuple[Note, ...]]:
     """Consecutive images of all strips, (m, 2) rows in images; images without strip are put in order by overlap."""
-    given = neighbouring_images(block)
+    declared = neighbouring_images(block)
     loose = block.images.active & (block.images.strip < 0)
     if loose.sum() < 2:
-        return given, ()
+        return declared, ()
     m = image_points.measurements
     rows = np.flatnonzero(m.active & np.isfinite(m.xy_mm).all(axis=1) & loose[m.image])
     chains = strips_by_overlap(m.image[rows], m.point[rows], m.xy_mm[rows], len(block.images))
     pairs = [np.column_stack([chain[:-1], chain[1:]]) for chain in chains]
     ids = block.images.id
-    told = tuple(f"{ids[chain[0]]} ... {ids[chain[-1]]} ({len(chain)} images)" for chain in chains)
+    chain_names = tuple(f"{ids[chain[0]]} ... {ids[chain[-1]]} ({len(chain)} images)" for chain in chains)
     text = f"no strip given for {int(loose.sum())} images: {len(chains)} strips found from the overlaps"
-    return np.concatenate([given, *pairs]), (Note("warning", text, told),)
+    return np.concatenate([declared, *pairs]), (Note("warning", text, chain_names),)
 
 
 def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:

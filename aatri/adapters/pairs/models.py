@@ -66,8 +66,8 @@ def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orient
         ),
         suspects=stacked([image_points.suspects, _suspects(block, pairs, model, orientations)]),
     )
-    mine, m = model >= 0, image_points.measurements
-    in_models = np.concatenate([pairs.left_row[mine], pairs.right_row[mine]])
+    in_model, m = model >= 0, image_points.measurements
+    in_models = np.concatenate([pairs.left_row[in_model], pairs.right_row[in_model]])
     alone = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
     return replace(made, uncontrolled=stacked([alone, _uncontrolled(block, made, parallax)]))
 

@@ -75,14 +75,14 @@ def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None)
 def _level_by_angles(block: Block, tangent: bool) -> Float:
     """Of the rows of the exterior; NaN where an angle is not given."""
     exterior = block.exterior
-    known = finite_rows(exterior.angles_rad) & block.images.active[exterior.image]
-    angles = np.where(known[:, None], exterior.angles_rad, 0.0)
+    complete = finite_rows(exterior.angles_rad) & block.images.active[exterior.image]
+    angles = np.where(complete[:, None], exterior.angles_rad, 0.0)
     level: Float = angle_axes(angles, block.rotation)[0]
     if block.rotation == "roll-pitch-heading":
         level = UP_FROM_NED @ level @ body_from_mount(block.cameras.mount_deg[block.images.camera[exterior.image]])
     elif tangent:
         level = _level_axes(np.nan_to_num(exterior.position_m)) @ level
-    return np.where(known[:, None, None], level, np.nan)
+    return np.where(complete[:, None, None], level, np.nan)
 
 
 def _level_axes(place: Float) -> Float:
@@ -121,8 +121,8 @@ def _terrain_by_bases(block: Block, image_points: ImagePoints, place: Float, sta
     use = m.active & finite_rows(m.xy_mm)
     c = block.cameras.principal_distance_mm[images.camera]
     above = heights_by_bases_m(first, second, m.image[use], m.point[use], m.xy_mm[use], place[:, :2], c)
-    known = np.isfinite(above)
-    return float(np.median(station[first][known] - above[known])) if known.any() else float("nan")
+    has_height = np.isfinite(above)
+    return float(np.median(station[first][has_height] - above[has_height])) if has_height.any() else float("nan")
 
 
 def _estimated_by_strip(block: Block, image_points: ImagePoints, known_m: Float, tangent: bool) -> Float:

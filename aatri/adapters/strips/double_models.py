@@ -67,8 +67,8 @@ def merged(rows: ModelRows, unit: Int, to: Sequence[Similarity]) -> ModelRows:
     x, C = rows.x.copy(), rows.covariance.copy()
     for k, similarity in enumerate(to):
         if similarity is not IDENTITY:
-            mine = rows.model == k
-            x[mine], C[mine] = transform(similarity, x[mine]), transform_covariance(similarity, C[mine])
+            of_model = rows.model == k
+            x[of_model], C[of_model] = transform(similarity, x[of_model]), transform_covariance(similarity, C[of_model])
     key, group = np.unique(np.stack([unit[rows.model], rows.block], axis=1), axis=0, return_inverse=True)
     use = np.ones(len(x), dtype=bool)
     mean, covariance = weighted_means(group.ravel(), x, inverse_cholesky(C), use, len(key))

@@ -48,14 +48,14 @@ def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, li
     ConvergenceError
         If the adjustment does not converge.
     """
-    given, control = block.model_coordinates, control_of(block)
-    if given is None or not len(given):
+    coordinates, control = block.model_coordinates, control_of(block)
+    if coordinates is None or not len(coordinates):
         raise GeometryError("the block has no model coordinates", remedy="read them with block/models")
-    names, model = np.unique(given.model, return_inverse=True)
-    centre = np.stack([given.xyz[model == k].mean(axis=0) for k in range(len(names))])
-    x, variance = given.xyz - centre[model], given.sigma**2
+    names, model = np.unique(coordinates.model, return_inverse=True)
+    centre = np.stack([coordinates.xyz[model == k].mean(axis=0) for k in range(len(names))])
+    x, variance = coordinates.xyz - centre[model], coordinates.sigma**2
     covariance = variance[:, None, None] * np.eye(3)
-    body_points = BodyPoints(model.astype(np.int64), given.point.astype(np.int64), x, covariance)
+    body_points = BodyPoints(model.astype(np.int64), coordinates.point.astype(np.int64), x, covariance)
     origin = pieces.origin_of(control, positions_of(block))
     start, notes = _start(block, control, body_points, names, origin)
     chosen = np.flatnonzero([s is not None for s in start])
@@ -63,7 +63,7 @@ def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, li
     place[chosen] = np.arange(len(chosen))
     begin = ModelPoses(similarities_of([s for s in start if s is not None]), np.zeros((len(chosen), LATENT)))
     rows, ids = np.flatnonzero(place[model] >= 0), block.points.id
-    of, n = given.point[rows], len(rows)
+    of, n = coordinates.point[rows], len(rows)
     tied_rows = ModelRows(place[model[rows]], of, x[rows], covariance[rows], np.zeros((n, 3, LATENT)))
     ties = model_ties(tied_rows, names=names[chosen], latent=False)
     ground = observed_control(control, origin, ids[control.point])

@@ -216,8 +216,8 @@ def _of_units(single: ModelsAsBodies, units: dict[Unit, Similarity], names: Text
 def _loose(bodies: ModelsAsBodies, block: Block) -> Bool:
     """Models that share too few points, perspective centres among them, with others or with what is given."""
     model, of = bodies.shared(block)
-    known = np.isin(of, np.concatenate([objects for _, objects in bodies.known(block)]))
-    shared = known | (np.bincount(of)[of] > 1)
+    on_ground = np.isin(of, np.concatenate([objects for _, objects in bodies.known(block)]))
+    shared = on_ground | (np.bincount(of)[of] > 1)
     return np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
 
 
@@ -235,9 +235,9 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     """What control and positions leave open of some models that hang together; empty where they determine all."""
     s, names = bodies.start.similarity, bodies.names
     k, of = bodies.shared(block)
-    mine = np.isin(k, models)
-    x = np.concatenate([bodies.points.x, bodies.centres.x])[mine]
-    k, of = k[mine], of[mine]
+    of_these = np.isin(k, models)
+    x = np.concatenate([bodies.points.x, bodies.centres.x])[of_these]
+    k, of = k[of_these], of[of_these]
     xyz = s.translation[k] + s.scale[k][:, None] * np.einsum("nij,nj->ni", s.rotation[k], x)
     there, first = np.unique(of, return_index=True)
     place = np.full((len(block.points) + len(block.images), 3), np.nan)
@@ -247,5 +247,5 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     if not any(map(len, observed)):
         return f"{of_models}: they hold no control point and no observed position"
     poses = Poses(place[len(block.points) :], bodies.poses.ground_from_image)
-    found = analyse_datum(observed, {POINT: place[: len(block.points)], POSE: poses}, xyz[first], weakest=WEAKEST)
-    return f"{of_models}: not determined: {', '.join(found.open)}" if found.open else ""
+    datum = analyse_datum(observed, {POINT: place[: len(block.points)], POSE: poses}, xyz[first], weakest=WEAKEST)
+    return f"{of_models}: not determined: {', '.join(datum.open)}" if datum.open else ""

@@ -35,8 +35,8 @@ SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad"
 
 def origin_of(control: Control, positions: Positions) -> Float:
     """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    known = np.concatenate([np.where(control.given, control.xyz_m, np.nan), positions.position_m])
-    sums, counts = np.nansum(known, axis=0), np.isfinite(known).sum(axis=0)
+    observed_m = np.concatenate([np.where(control.given, control.xyz_m, np.nan), positions.position_m])
+    sums, counts = np.nansum(observed_m, axis=0), np.isfinite(observed_m).sum(axis=0)
     return np.asarray(np.round(sums / np.maximum(counts, 1)))
 
 

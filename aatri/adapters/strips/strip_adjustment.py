@@ -77,20 +77,20 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
         if len(rows) < 2:
             continue
         image = images.image[rows]
-        found = _strip_similarity(
+        to_ground = _strip_similarity(
             images.position[rows],
             images.strip_from_image[rows],
             initial.images.position_m[image] - origin,
             initial.images.ground_from_image[image],
         )
-        mine = np.flatnonzero(table.strip == strip)
-        xyz = transform(found, table.xyz[mine])
-        covariance = transform_covariance(found, table.covariance[mine])
-        parts.append(BodyPoints(np.full(len(mine), len(numbers)), table.point[mine], xyz, covariance))
-        axes.append(strip_axes(xyz, transform(found, images.position[rows])))
-        rows_of.append(mine)
+        of_strip = np.flatnonzero(table.strip == strip)
+        xyz = transform(to_ground, table.xyz[of_strip])
+        covariance = transform_covariance(to_ground, table.covariance[of_strip])
+        parts.append(BodyPoints(np.full(len(of_strip), len(numbers)), table.point[of_strip], xyz, covariance))
+        axes.append(strip_axes(xyz, transform(to_ground, images.position[rows])))
+        rows_of.append(of_strip)
         numbers.append(strip)
-        similarity.append(found)
+        similarity.append(to_ground)
     if not numbers:
         raise GeometryError("`initial` orients no strip", remedy="check `from`: initial wants the absolute orientation")
     names = ("strip", "point", "xyz", "covariance")
@@ -231,8 +231,8 @@ def rays_of_ties(image_points: ImagePoints, body: Int, image: Int, tied_body: In
     """
     measured, n = image_points.measurements, int(tied_point.max(initial=0)) + 1
     keys = [image[body == b].astype(np.int64) * n + p for b, p in zip(tied_body, tied_point)]
-    mine = np.where(measured.point < n, measured.image.astype(np.int64) * n + measured.point, -1)
-    return np.isin(mine, np.concatenate([np.zeros(0, dtype=np.int64), *keys]))
+    keys_of_rays = np.where(measured.point < n, measured.image.astype(np.int64) * n + measured.point, -1)
+    return np.isin(keys_of_rays, np.concatenate([np.zeros(0, dtype=np.int64), *keys]))
 
 
 def resected_on(
@@ -245,7 +245,7 @@ def resected_on(
     measured = image_points.measurements
     dropped = wrong | assemble.rejected_rows(initial.suspects, image_points)
     rows = measured.active & finite_rows(measured.xy_mm) & initial.images.oriented[measured.image] & ~dropped
-    found = resect_images(
+    resected = resect_images(
         measured.xy_mm[rows],
         measured.sigma_mm[rows],
         measured.image[rows],
@@ -256,9 +256,9 @@ def resected_on(
         initial.images.ground_from_image,
     )
     notes = []
-    failed = np.flatnonzero(initial.images.oriented & ~found.resected)
+    failed = np.flatnonzero(initial.images.oriented & ~resected.resected)
     if len(failed):
         text = f"resection failed, initial orientation kept ({len(failed)} of {len(block.images)} images)"
         notes.append(Note("warning", text, tuple(block.images.id[failed].tolist())))
     notes += pieces.left_out(block, initial.images.oriented)
-    return found.position_m, found.ground_from_image, notes
+    return resected.position_m, resected.ground_from_image, notes

@@ -30,16 +30,16 @@ def degrees_of_strips(names: Text, degree: int, single: Mapping[str, int]) -> In
     InputError
         If an id is that of no strip.
     """
-    found = np.full(len(names), degree)
+    degrees = np.full(len(names), degree)
     ids = [str(name) for name in names]
     whole = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
     for wanted, value in single.items():
-        mine = [k for k, name in enumerate(ids) if name == wanted]
-        mine = mine or [k for k, name in enumerate(whole) if name == wanted]
-        if not mine:
+        of_name = [k for k, name in enumerate(ids) if name == wanted]
+        of_name = of_name or [k for k, name in enumerate(whole) if name == wanted]
+        if not of_name:
             raise InputError(
                 f"`degrees` names strip {wanted}, which is not among the strips {shown(ids)}",
                 remedy="give ids of free strips, as the log of strip formation lists them",
             )
-        found[mine] = value
-    return found
+        degrees[of_name] = value
+    return degrees

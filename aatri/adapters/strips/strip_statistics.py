@@ -32,14 +32,14 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
     often = np.bincount(points.point[active], minlength=len(block.points))[points.point] > 1
     v = result.point_m[points.point] - result.corrected_m
     local, _ = in_axes(points, ground.axes)
-    known = often.copy()
+    controlled_points = often.copy()
     control = np.zeros(len(block.points), dtype=bool)
     control[ground.control.point[tied.active[len(points.point) :]]] = True
-    known |= control[points.point]
+    controlled_points |= control[points.point]
     at_control = result.point_m[control & np.isfinite(result.point_m[:, 0])]
     for k, name in enumerate(names):
-        mine = (points.strip == k) & active
-        shared = mine & often
+        of_strip = (points.strip == k) & active
+        shared = of_strip & often
         if shared.any():
             x, y, z = np.sqrt((v[shared] ** 2).mean(axis=0))
             largest = np.abs(v[shared]).max()
@@ -48,8 +48,8 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
         bends = int(result.degree[k].max()) > 0
         axes = ground.axes[k]
         controlled = ((at_control - axes.origin_m) @ axes.ground_from_axes)[:, :2] / axes.half_range_m
-        off = _beyond(local[mine], local[mine & known] if bends else local[:0])
-        far = _beyond(local[mine], controlled if bends else local[:0])
+        off = _beyond(local[of_strip], local[of_strip & controlled_points] if bends else local[:0])
+        far = _beyond(local[of_strip], controlled if bends else local[:0])
         own, of_block = off > BEYOND, far > BEYOND_ALL
         for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
             if rows.any():
@@ -57,7 +57,7 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
                     f"strip {name}: {int(rows.sum())} points lie beyond {what}, by up to "
                     f"{by[rows].max() / 2:.0%} of its length or width: extrapolated"
                 )
-                yield Note("warning", text, tuple(block.points.id[points.point[mine][rows]].tolist()))
+                yield Note("warning", text, tuple(block.points.id[points.point[of_strip][rows]].tolist()))
 
 
 def _beyond(local: Float, inside: Float) -> Float:

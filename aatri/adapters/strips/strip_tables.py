@@ -50,8 +50,8 @@ def transformation_tables(
             )
         )
         for part, degree in enumerate((plan, height)):
-            mine = np.flatnonzero((result.basis.part == part) & (result.basis.degree <= degree))
-            names = tuple(result.basis.labels[c] for c in mine)
-            values, sigma = result.coefficients_m[k, mine], sigma_m[k, mine]
+            of_part = np.flatnonzero((result.basis.part == part) & (result.basis.degree <= degree))
+            names = tuple(result.basis.labels[c] for c in of_part)
+            values, sigma = result.coefficients_m[k, of_part], sigma_m[k, of_part]
             tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
     return tables

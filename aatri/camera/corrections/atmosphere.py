@@ -106,8 +106,8 @@ def layered_constant(station_height_m: npt.ArrayLike, terrain_height_m: npt.Arra
     apart = np.abs(H - h) > 1.0
     mean = (p_h - p_H) / (GRAVITY * np.where(apart, _geopotential(H) - _geopotential(h), 1.0))
     K = KAPPA * np.where(apart, mean - rho_H, 0.5 * (rho_h - rho_H))
-    known = (np.minimum(H, h) >= LOWEST_M) & (np.maximum(H, h) <= HIGHEST_M)
-    return np.where(known, K, np.nan)
+    in_layers = (np.minimum(H, h) >= LOWEST_M) & (np.maximum(H, h) <= HIGHEST_M)
+    return np.where(in_layers, K, np.nan)
 
 
 def _geopotential(h: Float) -> Float:

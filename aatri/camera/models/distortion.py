@@ -97,14 +97,14 @@ def corner_points(half_format_mm: Float) -> Float:
 
 
 def _check_names(distortion: Distortion) -> None:
-    known: dict[str, tuple[str, ...]] = {"none": (), "table": (), "brown": BROWN_PARAMETERS}
-    known |= forward_models.PARAMETERS | {"dbat3": (ASPECT, *BROWN_PARAMETERS[:5])}
-    if distortion.model not in known:
+    parameters_of: dict[str, tuple[str, ...]] = {"none": (), "table": (), "brown": BROWN_PARAMETERS}
+    parameters_of |= forward_models.PARAMETERS | {"dbat3": (ASPECT, *BROWN_PARAMETERS[:5])}
+    if distortion.model not in parameters_of:
         raise InputError(
             f"distortion model {distortion.model!r} is unknown{did_you_mean(distortion.model, MODELS)}",
             remedy=f"one of {', '.join(MODELS)}",
         )
-    names = known[distortion.model]
+    names = parameters_of[distortion.model]
     for name, value in distortion.parameters.items():
         if name not in names:
             raise InputError(

@@ -28,13 +28,13 @@ def error_budget(block: Block, result: BundleResult) -> list[Finding]:
     control = control_of(block)
     if result.free is not None or POINT not in result.covariances or not control.observed.any():
         return []
-    given = np.where(control.observed, np.einsum("nii->ni", control.covariance_m2), np.nan)
+    variance = np.where(control.observed, np.einsum("nii->ni", control.covariance_m2), np.nan)
     points = np.einsum("nii->ni", result.point_covariance_m2)
     new = np.ones(len(points), dtype=bool)
     new[control.point] = False
     findings = []
     for part, axes in PARTS:
-        m_c, m = _rms(given[:, axes]), _rms(points[new][:, axes])
+        m_c, m = _rms(variance[:, axes]), _rms(points[new][:, axes])
         if not (np.isfinite(m_c) and np.isfinite(m) and m > 0):
             continue
         if m_c <= m * CONTROL_SHARE / np.hypot(1.0, CONTROL_SHARE):

@@ -44,23 +44,23 @@ def findings_after(
     tests : bool
         Observations are tested too.
     """
-    given, result = done.inputs, done.result
+    inputs, result = done.inputs, done.result
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     named = wrong_groups(groups)
     return [
         *named,
-        *attitude_conventions(source, given, result.adjusted.state, before=False),
+        *attitude_conventions(source, inputs, result.adjusted.state, before=False),
         *done.notes,
         *result.notes,
-        *left_out(given, result),
+        *left_out(inputs, result),
         *points_of_few_rays(result),
         *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
         *([] if explained else sigmas_that_do_not_fit(result)),
-        *weak_datum(given, result),
+        *weak_datum(inputs, result),
         *error_budget(source.block, result),
-        *hinge_images(given),
-        *points_off_the_terrain(given, result),
+        *hinge_images(inputs),
+        *points_off_the_terrain(inputs, result),
         *hidden_distortion(source, result, tests=tests),
-        *parameter_findings(given, result),
-        *high_correlations(result, column_kinds(given)),
+        *parameter_findings(inputs, result),
+        *high_correlations(result, column_kinds(inputs)),
     ]

@@ -18,10 +18,10 @@ def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Fi
     if inputs.rays is None or not result.image_adjusted.any():
         return []
     rays = np.bincount(inputs.rays.point[result.ray_used], minlength=len(inputs.point_ids))
-    for found in result.observations:  # what is tied to other points is no matter of the terrain: of spheres, facades
-        touches = found.observed.records.touches
+    for rows in result.observations:  # what is tied to other points is no matter of the terrain: of spheres, facades
+        touches = rows.observed.records.touches
         for group, block in touches if len(touches) > 1 and POSE not in dict(touches) else ():
-            rays[block[found.used] if group == POINT else []] = 0
+            rays[block[rows.used] if group == POINT else []] = 0
     xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
     height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
     variance = np.maximum(np.nan_to_num(result.point_covariance_m2[:, 2, 2]), 0.0)

@@ -111,6 +111,6 @@ def distances_by_scale(block: Block, xy_mm: Float, usable: Bool) -> tuple[Int, F
     apart = np.linalg.norm(xy_mm[second] - xy_mm[first], axis=1)
     use = (points.image[first] == points.image[second]) & (apart > 0)
     first, second, apart = first[use], second[use], apart[use]
-    X = [control.xyz_m[number[points.point[some]]] for some in (first, second)]
+    X = [control.xyz_m[number[points.point[end]]] for end in (first, second)]
     camera = block.images.camera[points.image[first]]
     return camera, c.principal_distance_mm[camera] * np.linalg.norm(X[1] - X[0], axis=1) / apart

@@ -151,10 +151,10 @@ def _outside_format(block: Block) -> Bool:
     return np.asarray(((xy < low[camera]) | (xy > high[camera])).any(axis=1))
 
 
-def _reject_round(block: Block, images: Rows, points: Rows, known: Bool) -> bool:
+def _reject_round(block: Block, images: Rows, points: Rows, has_coordinates: Bool) -> bool:
     """Apply rules 2 and 3 once; whether anything was rejected. Of known points one image is enough."""
     rows = block.image_points
-    once = points.active & (_images_per_point(block, points.active) < 2)[rows.point] & ~known[rows.point]
+    once = points.active & (_images_per_point(block, points.active) < 2)[rows.point] & ~has_coordinates[rows.point]
     points.reject(np.flatnonzero(once), SEEN_ONCE)
     count = np.bincount(rows.image[of_image_and_point(block, points.active)], minlength=len(block.images))
     few = images.active & (count < FEWEST_IMAGE_POINTS) & ~_has_position(block)

@@ -76,7 +76,7 @@ class NotebookBars(Live):
         )
         share = (self._weight_made + under_way) / max(sum(self._weight_of.values()), 1e-9) if self._weight_of else 1.0
         lines = [f"{self._heads[s]}  {now - began:.0f} s  {self._said[s]}" for s, began in self._begun.items()]
-        told = "<br>".join([*self._lines, *map(escape, lines)])
+        text = "<br>".join([*self._lines, *map(escape, lines)])
         count = f"{share:.0%}, {self._made}/{self._of} stages {escape(note)}"
         bar = f'<progress max="1" value="{share:.3f}"></progress> {count}'
-        return self._shown.HTML(f'<div style="font-family:monospace;white-space:pre-wrap">{told}<br>{bar}</div>')
+        return self._shown.HTML(f'<div style="font-family:monospace;white-space:pre-wrap">{text}<br>{bar}</div>')

@@ -60,9 +60,9 @@ def by_surface(source: ObservationSource, rows: Sights) -> Iterator[tuple[Sights
     """Sights in the horizon of their stations, and those in the map, with the lines that they measure."""
     in_a_map = (rows.reduced == "map") & np.bool_(source.frame is not None)
     check_map(source, rows.take(in_a_map))
-    for some, between in ((~in_a_map, line_between), (in_a_map, in_map)):
-        if some.any():
-            yield rows.take(some), between
+    for there, between in ((~in_a_map, line_between), (in_a_map, in_map)):
+        if there.any():
+            yield rows.take(there), between
 
 
 def _oriented(source: ObservationSource, rows: Sights) -> Iterator[Observed]:
@@ -77,7 +77,7 @@ def _oriented(source: ObservationSource, rows: Sights) -> Iterator[Observed]:
     start: State = {ORIENTATION: orientation_start(rows, source.start, block, len(ids), source.level)[:, None]}
     number = dict(zip(ids.tolist(), range(len(ids))))
     notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
-    parts = [(part, exact, between) for some, between in by_surface(source, rows) for part, exact in alike(some)]
+    parts = [(part, exact, between) for sights, between in by_surface(source, rows) for part, exact in alike(sights)]
     for part, exact, between in parts:
         of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
         own_set = Calibrated(ORIENTATION, of, _shown)
@@ -109,18 +109,18 @@ def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Lev
         np.where(image[:, None], _places(start, POSE, at), _places(start, POINT, at))
         for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target))
     ]
-    known: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
+    has_line: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
     zero = np.zeros(len(rows))
     line = line_between(level, np.nan_to_num(ends[0]), np.nan_to_num(ends[1]), zero, zero)[0]
-    known &= (line[:, :2] != 0).any(axis=1)
-    o = np.where(known, bearing(np.where(known[:, None], line, 1.0))[0] - rows.value, 0.0)
-    east, north = (np.bincount(block[known], f(o[known]), n) for f in (np.sin, np.cos))
+    has_line &= (line[:, :2] != 0).any(axis=1)
+    o = np.where(has_line, bearing(np.where(has_line[:, None], line, 1.0))[0] - rows.value, 0.0)
+    east, north = (np.bincount(block[has_line], f(o[has_line]), n) for f in (np.sin, np.cos))
     return np.asarray(np.arctan2(east, north))
 
 
 def _places(start: State, group: str, at: Int) -> Float:
-    known = position(start, group)
-    return known[np.where(at < len(known), at, 0)] if len(known) else np.full((len(at), 3), np.nan)
+    placed = position(start, group)
+    return placed[np.where(at < len(placed), at, 0)] if len(placed) else np.full((len(at), 3), np.nan)
 
 
 def _shown(t: Float, unknowns: Float) -> tuple[Float, Float, Float]:
@@ -151,11 +151,11 @@ def _angles(source: ObservationSource) -> Iterator[Observed]:
     surfaces: tuple[Between, ...] = (line_between, in_map)
     for back, fore, between in itertools.product((False, True), (False, True), surfaces):
         of_ends = ((g.start_kind[row] == "image") == back) & ((g.end_kind[row] == "image") == fore)
-        some = np.flatnonzero(of_ends & (reduced == (between is in_map)))
-        if len(some):
+        rows = np.flatnonzero(of_ends & (reduced == (between is in_map)))
+        if len(rows):
             groups = (POINT, *(POSE if image else POINT for image in (back, fore)))
-            blocks = (vertex[some], *(end[some] for end in ends))
-            yield _observed_angles(source, row[some], groups, blocks, names[some], between)
+            blocks = (vertex[rows], *(end[rows] for end in ends))
+            yield _observed_angles(source, row[rows], groups, blocks, names[rows], between)
 
 
 def _observed_angles(

@@ -91,7 +91,7 @@ def _ways(source: ObservationSource, rows: Sights) -> list[tuple[str, list[_Way]
     check_map(source, to_map)
     plane = [_Way(rows.take(level_with), horizontal, PLAN)]
     if source.frame is None:
-        plane += [_Way(some, horizontal, PLAN) for some in (to_map, in_the_plane(source, to_ellipsoid))]
+        plane += [_Way(sights, horizontal, PLAN) for sights in (to_map, in_the_plane(source, to_ellipsoid))]
     else:
         between, arc = on_ellipsoid(source.frame, source.origin_m)
         plane += [_Way(to_map, slope, PLAN, in_map), _Way(to_ellipsoid, arc, PLAN, between)]

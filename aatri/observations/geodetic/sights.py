@@ -91,9 +91,9 @@ def rows_of_ends(block: Block, names: Text, kinds: Text) -> Int:
 def alike(sights: Sights) -> Iterator[tuple[Sights, bool]]:
     """Sights between ends of the same groups of unknowns, observed and exact ones apart; and whether they are exact."""
     for exact, at, to in itertools.product((False, True), repeat=3):
-        some = ((sights.sigma == 0) == exact) & (sights.station_is_image == at) & (sights.target_is_image == to)
-        if some.any():
-            yield sights.take(some), exact
+        alike_ones = ((sights.sigma == 0) == exact) & (sights.station_is_image == at) & (sights.target_is_image == to)
+        if alike_ones.any():
+            yield sights.take(alike_ones), exact
 
 
 def groups_of(sights: Sights) -> tuple[str, str]:

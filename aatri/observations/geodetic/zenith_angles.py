@@ -59,10 +59,10 @@ def measured_with(level: Level, refraction: float) -> Measured:
 def _neglected(source: ObservationSource, rows: Sights, refraction: float) -> tuple[Note, ...]:
     """What curvature and refraction would do to the longest sights, where it matters."""
     points = position(source.start, POINT)
-    some = ~(rows.station_is_image | rows.target_is_image)
-    away = np.hypot(*(points[rows.target[some]] - points[rows.station[some]])[:, :2].T)
+    on_ground = ~(rows.station_is_image | rows.target_is_image)
+    away = np.hypot(*(points[rows.target[on_ground]] - points[rows.station[on_ground]])[:, :2].T)
     effect = away * (1 - refraction) / (2 * EARTH_RADIUS_M)
-    large = effect > NOTED * rows.sigma[some]
+    large = effect > NOTED * rows.sigma[on_ground]
     if not np.isfinite(effect).any() or not large.any():
         return ()
     text = (

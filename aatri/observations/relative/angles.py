@@ -36,16 +36,16 @@ def relative_angles(source: ObservationSource) -> tuple[Observed, ...]:
     observed: list[Observed] = []
     control, xyz = source.block.relative_control, source.start[POINT]
     for type_, kind in (("angle", ANGLE), ("parallel", PARALLEL), ("perpendicular", PERPENDICULAR)):
-        for some, exact in by_exactness(source.block, type_):
-            members = [members_of(source.block, int(k)) for k in some]
+        for rows, exact in by_exactness(source.block, type_):
+            members = [members_of(source.block, int(k)) for k in rows]
             point = np.array([m[0] for m in members])
             if type_ == "angle":
                 point = point[:, [0, 1, 0, 2]]
             names = np.array(["-".join(m[1].tolist()) for m in members], dtype=np.str_)
             pair = _pair(type_, xyz, point)
-            value = control.value[some] if type_ == "angle" else np.zeros(len(some))
-            records = _records(kind, point, value, control.sigma[some], pair, 2 if type_ == "parallel" else 1)
-            observed.append(Observed(records, some, named(point=names), "rad", exact=exact))
+            value = control.value[rows] if type_ == "angle" else np.zeros(len(rows))
+            records = _records(kind, point, value, control.sigma[rows], pair, 2 if type_ == "parallel" else 1)
+            observed.append(Observed(records, rows, named(point=names), "rad", exact=exact))
     return tuple(observed)
 
 

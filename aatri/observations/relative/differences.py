@@ -57,5 +57,5 @@ def _equal(source: ObservationSource, made: Conditions) -> Observed:
 
     x = source.start[POINT]
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
-    known = np.flatnonzero(np.isfinite(length))
-    return made.observed(evaluate, means(length[known, None], of[known], n), ("length",), generator, seeing(NOTHING))
+    placed = np.flatnonzero(np.isfinite(length))
+    return made.observed(evaluate, means(length[placed, None], of[placed], n), ("length",), generator, seeing(NOTHING))

@@ -158,7 +158,7 @@ def observed_conditions(
             row,
             point.astype(np.int32),
             of,
-            np.array(["-".join(some) for some in ids], dtype=np.str_),
+            np.array(["-".join(names) for names in ids], dtype=np.str_),
             np.flatnonzero(np.isin(block.relative_control_members.condition, row))[::at_once],
             np.array([shown(m[1].tolist(), MOST_NAMED) for m in members], dtype=np.str_),
             block.relative_control.sigma[row][of],

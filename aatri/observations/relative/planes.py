@@ -68,12 +68,12 @@ def _level(source: ObservationSource, made: Conditions) -> Observed:
         return v[:, None], (by_point[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
-        known = np.flatnonzero(finite_rows(state[POINT][point]))
-        _, by_point = level.height(state[POINT][point[known]])
-        moves = (by_point[:, None, :] @ point_generator(state)[point[known]])[:, 0]
-        return means(moves, of[known], n)[:, None, :]
+        placed = np.flatnonzero(finite_rows(state[POINT][point]))
+        _, by_point = level.height(state[POINT][point[placed]])
+        moves = (by_point[:, None, :] @ point_generator(state)[point[placed]])[:, 0]
+        return means(moves, of[placed], n)[:, None, :]
 
-    known = np.flatnonzero(finite_rows(source.start[POINT][point]))
-    start = means(level.height(source.start[POINT][point[known]])[0][:, None], of[known], n)
+    placed = np.flatnonzero(finite_rows(source.start[POINT][point]))
+    start = means(level.height(source.start[POINT][point[placed]])[0][:, None], of[placed], n)
     sees = ALL if level.curved else HEIGHT
     return made.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)

@@ -69,8 +69,8 @@ def _fit_sphere(points: Float, _axes: Float, radius_m: float = np.nan) -> tuple[
 def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tuple[Float, Float, Float]:
     """The best of many axes: those of the extent of the points, and the middles between them."""
     centre, main = points.mean(axis=0), main_axes(points)
-    best, found = np.inf, (main, np.zeros(5))
-    known, first = np.isfinite(radius_m), main[:, 0]
+    best, cylinder = np.inf, (main, np.zeros(5))
+    fixed_radius, first = np.isfinite(radius_m), main[:, 0]
     for direction in DIRECTIONS:
         along = direction @ main
         across_it = np.cross(along, first if abs(along @ first) < 0.9 else main[:, 1])
@@ -80,17 +80,17 @@ def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tupl
         plan = x[:, :2]
         m = np.linalg.lstsq(np.column_stack([2 * plan, np.ones(len(x))]), (plan**2).sum(axis=1), rcond=None)[0]
         own = np.sqrt(max(m[2] + m[:2] @ m[:2], 1e-12))
-        start = np.array([0.0, 0.0, m[0], m[1], radius_m if known else own])
+        start = np.array([0.0, 0.0, m[0], m[1], radius_m if fixed_radius else own])
 
         def residuals(t: Float, x: Float = x, start: Float = start) -> Float:
             return _cylinder(x, np.tile([*t, *start[len(t) :]], (len(x), 1)))[0][:, 0]
 
         from scipy.optimize import least_squares  # takes a tenth of a second to import
 
-        fitted = least_squares(residuals, start[: 4 if known else 5])
+        fitted = least_squares(residuals, start[: 4 if fixed_radius else 5])
         if fitted.cost < best:
-            best, found = fitted.cost, (F, np.array([*fitted.x, *start[len(fitted.x) :]]))
-    return found[0], centre, found[1]
+            best, cylinder = fitted.cost, (F, np.array([*fitted.x, *start[len(fitted.x) :]]))
+    return cylinder[0], centre, cylinder[1]
 
 
 SPHERE = Shape("sphere", ("centre 1", "centre 2", "centre 3", "radius"), 1, _sphere, _fit_sphere, radius=True)

@@ -83,14 +83,14 @@ def _observed(source: ObservationSource, shape: Shape, made: Conditions) -> Obse
 
     def generator(state: State) -> Float:
         """How the shapes go with their points, (n, k, 7): by least squares over the points of each."""
-        known = np.flatnonzero(finite_rows(state[POINT][point]))
-        _, (by_point, by_shape) = evaluate(state, known)
-        along = by_point @ point_generator(state)[point[known]]
+        placed = np.flatnonzero(finite_rows(state[POINT][point]))
+        _, (by_point, by_shape) = evaluate(state, placed)
+        along = by_point @ point_generator(state)[point[placed]]
         moves = np.zeros((n, t.shape[1], 7))
         for k in range(n):
-            of_shape, some = of[known] == k, np.flatnonzero(free[k])
-            A = by_shape[of_shape].reshape(-1, t.shape[1])[:, some]
-            moves[k, some] = -np.linalg.lstsq(A, along[of_shape].reshape(-1, 7), rcond=None)[0]
+            of_shape, free_ones = of[placed] == k, np.flatnonzero(free[k])
+            A = by_shape[of_shape].reshape(-1, t.shape[1])[:, free_ones]
+            moves[k, free_ones] = -np.linalg.lstsq(A, along[of_shape].reshape(-1, 7), rcond=None)[0]
         return moves
 
     def tilt_across(state: State, rows: Int) -> Float:
@@ -110,10 +110,10 @@ def _started(source: ObservationSource, shape: Shape, points: list[Int], radius_
     xyz = source.start[POINT]
     fitted = []
     for rows, radius in zip(points, radius_m.tolist()):
-        known = xyz[rows][finite_rows(xyz[rows])]
-        known = known if len(known) else np.zeros((1, 3))
-        axes = source.level.axes(known.mean(axis=0)[None])[0][0]
-        fitted.append(shape.fit(known, axes, radius) if shape.radius else shape.fit(known, axes))
+        placed = xyz[rows][finite_rows(xyz[rows])]
+        placed = placed if len(placed) else np.zeros((1, 3))
+        axes = source.level.axes(placed.mean(axis=0)[None])[0][0]
+        fitted.append(shape.fit(placed, axes, radius) if shape.radius else shape.fit(placed, axes))
     F, c, t = (np.array(part) for part in zip(*fitted))
     return F, c, t
 

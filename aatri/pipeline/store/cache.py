@@ -29,8 +29,8 @@ _GRAIN_NS = 2_000_000_000
 
 def cache_folder() -> Path:
     """The user's cache folder of aatri: `$XDG_CACHE_HOME/aatri`, else `~/.cache/aatri`, or the system's counterpart."""
-    if given := os.environ.get("XDG_CACHE_HOME"):
-        return Path(given) / "aatri"
+    if folder := os.environ.get("XDG_CACHE_HOME"):
+        return Path(folder) / "aatri"
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "aatri" / "cache"
     if sys.platform == "darwin":
