@@ -112,10 +112,14 @@ def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
 
 
 def wrong_observations(solution: Solution) -> dict[str, str]:
-    """A sentence for each kind of observation that is left out, the worst by name; no image points and ties."""
+    """A sentence for each kind of observation that is left out, the worst by name.
+
+    Image points have a sentence of their own, and so have the ties that are made of them.
+    """
     s, out = solution.suspects, staying_out(solution.suspects)
     sentences = {}
-    for kind in np.unique(s.kind[out & ~np.isin(s.kind, ("image_point", "model_tie", "strip_tie"))]).tolist():
+    of_images = ("image_point", "model_tie", "strip_tie") if len(solution.images) else ("image_point",)
+    for kind in np.unique(s.kind[out & ~np.isin(s.kind, of_images)]).tolist():
         rows = np.flatnonzero(out & (s.kind == kind))
         rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
         what = _NOUNS.get(kind, kind.replace("_", " "))
@@ -133,7 +137,7 @@ def _image_points_left_out(solution: Solution) -> str:
     return f"{number(out)} of {number(out + used)} image points {'is' if out == 1 else 'are'} left out." if out else ""
 
 
-_NOUNS = {"control": "control point", "position": "position", "attitude": "attitude"}
+_NOUNS = {"control": "control point", "position": "position", "attitude": "attitude", "model_tie": "model point"}
 
 
 def _named(s: Suspects, k: int) -> str:

@@ -12,6 +12,7 @@ import pytest
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.facts import accuracy_statement
+from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
 from aatri.report.view.numbers import angles_in, small_angle, together
 from tests.made_solutions import made_block, made_solution
@@ -62,6 +63,16 @@ def test_one_wrong_control_point_is_named_with_its_size_and_direction(tmp_path: 
     page = _page(tmp_path, suspects=_suspects("control", "rejected", ("GCP27", 1.03, (0.05, 0.0, -1.02))))
     assert "One control point is left out: GCP27, 1.03 m in height." in page["judgement"]
     assert page["problems"][0]["text"] == "One control point is left out: GCP27, 1.03 m in height."
+
+
+def test_a_point_that_models_without_images_leave_out_is_named(tmp_path: Path) -> None:
+    """Ties of models made of images are not: their image points are counted."""
+    suspects = _suspects("model_tie", "rejected", ("302", 1.03, (0.05, 0.0, -1.02)))
+    told = "One model point is left out: 302, 1.03 m."
+    block = made_block()
+    assert wrong_observations(replace(made_solution(block), suspects=suspects)) == {}
+    none = made_solution(block).images.take(np.zeros(0, dtype=np.int64))
+    assert wrong_observations(replace(made_solution(block), suspects=suspects, images=none)) == {"model_tie": told}
 
 
 def test_an_error_along_no_axis_is_in_none_and_what_is_undecidable_is_said_so(tmp_path: Path) -> None:

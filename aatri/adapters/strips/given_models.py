@@ -93,9 +93,15 @@ def _start(
 ) -> tuple[list[Similarity | None], list[Note]]:
     """Every model on the ground, reduced to the origin, about; None where its component has too little control."""
     free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
-    start, failed = list[Similarity | None]([None] * len(names)), list[GeometryError]()
-    for component in free.components:
+    start, failed, oriented = list[Similarity | None]([None] * len(names)), list[GeometryError](), list[Component]()
+    for component in free.components:  # the largest first
         what = strip_names(component, names.tolist(), "model")
+        first = int(component.strips[0])
+        against = [c for c in oriented if frozenset((first, int(c.strips[0]))) in free.contradicting]
+        if against:
+            than = strip_names(against[0], names.tolist(), "model")
+            failed.append(GeometryError(f"{what}: its points common with {than} do not fit"))
+            continue
         body = _body(component, len(block.points))
 
         def seen(_: Similarity, body: FreeBody = body) -> tuple[Observed, ...]:
@@ -113,6 +119,7 @@ def _start(
         except GeometryError as error:
             failed.append(error)
             continue
+        oriented.append(component)
         for k, pose in zip(component.strips.tolist(), component.component_from_strip):
             start[k] = compose(to, pose)
     apart = [f"not joined: {text}" for text in free.unjoined]

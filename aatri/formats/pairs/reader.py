@@ -14,6 +14,7 @@ Ground points: `point X Y Z` (east, north, up, m), one file of control and one o
 Source: lecture notes A113, A309.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,9 @@ import numpy as np
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.formats.text.text_file import missing
+from aatri.formats.text.text_file import missing, read_lines
 from aatri.formats.text.text_line import TextLine, word_lines
-from aatri.ids import is_valid
+from aatri.ids import clipped, is_valid
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
@@ -116,6 +117,10 @@ def read_pairs(
 def rows_of_list(path: Path, reporter: Reporter = SILENT) -> list[TextLine]:
     """The lines of a file before its end mark, where it has one; an error if rows follow that."""
     rows = word_lines(path, reporter, **WORDS)
+    for row, comma in zip(rows, _decimal_commas(path, rows)):
+        if comma:
+            what = f"{clipped(comma)!r} between blanks may be two numbers or one with a decimal comma"
+            raise row.error(what, "write a decimal point; a blank after a comma that parts numbers")
     end = next((k for k, row in enumerate(rows) if row.words[0].lower() in END), len(rows))
     after = [row for row in rows[end:] if row.words[0].lower() not in END]
     if after:
@@ -123,6 +128,16 @@ def rows_of_list(path: Path, reporter: Reporter = SILENT) -> list[TextLine]:
     if not end:
         raise InputError("no rows before the end mark", where=str(path), remedy="put the data in")
     return rows[:end]
+
+
+def _decimal_commas(path: Path, rows: list[TextLine]) -> list[str]:
+    """For each row the first word `1,2`, where blanks part other words of the row."""
+    texts = read_lines(path)
+    words = [texts[row.line - 1].split() for row in rows]
+    return [next((word for word in of if len(of) > 1 and _TWO.fullmatch(word)), "") for of in words]
+
+
+_TWO = re.compile(r"[+-]?[0-9]+,[0-9]+")
 
 
 def _photos(path: Path, number: int) -> tuple[str, str]:

@@ -179,11 +179,10 @@ def _image_coordinates(
     photo, last = "", True
     for entry in entries:
         try:
-            if photo and len(entry.words) == 3:
-                if ends(entry):
-                    photo = ""
-                else:
-                    measured.append(MeasuredPoint(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
+            if photo and ends(entry) and len(entry.words) < 4:
+                photo = ""
+            elif photo and len(entry.words) == 3:
+                measured.append(MeasuredPoint(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
             elif photo:
                 raise entry.error(f"{len(entry.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
             elif len(entry.words) == 4:
@@ -241,7 +240,9 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
     problems: list[AatriError] = []
     for k, entry in enumerate(named):
         name = entry.words[0]
-        if name not in ground:
+        if len(entry.words) > 1:
+            problems.append(entry.error(f"{len(entry.words)} words where an id should stand", "write one id a line"))
+        elif name not in ground:
             what = f"point {clipped(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
             problems.append(entry.error(what, "add it to PRECKI, or mend the id"))
         elif name in roles:

@@ -27,8 +27,9 @@ def compare_strips(files: WucapsFiles, reporter: Reporter) -> None:
         scale = np.median([s for photo in photos for s in _scales(seen.get(photo.id, []))] or [np.nan])
         stated = strip.scale_times_10 / 10.0
         if stated > 0 and not 1 / LARGEST_RATIO <= np.nan_to_num(stated / scale, nan=1.0) <= LARGEST_RATIO:
-            what = f"a scale of 1 : {stated:.0f}, but between known points it is 1 : {scale:.0f}"
-            reporter.warn(f"{strip.entry.path}:{strip.entry.line}: {what}; check the unit of both")
+            what = f"a scale of {strip.scale_times_10:.10g}, but between known points it is 1 : {scale:.0f}"
+            remedy = f"write {10 * scale:.0f}, ten times the scale number, or check both units"
+            reporter.warn(f"{strip.entry.path}:{strip.entry.line}: {what}; {remedy}")
     if others:
         path = files.stated[0].entry.path
         reporter.warn(f"{path}: other numbers of photos in strips than stated: {'; '.join(others)}: is it complete?")

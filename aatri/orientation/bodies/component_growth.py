@@ -20,11 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, sums_of
-from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose
+from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose, robust_closed_form
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
 
 WEAKEST_RAD = 0.05
 """A tie whose weakest rotation is known worse than this joins nothing."""
+
+FEWEST_MIRRORED, CLEARLY = 5, 0.2
+"""Fewer common points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
+
+MIRRORED = "fit only mirrored: an axis of one has the wrong sign"
 
 LONGEST_LEVER = 20.0
 """How many times the errors of common points may grow at the edge of the smaller component."""
@@ -52,17 +57,19 @@ class BodyPoints:
 class Tie:
     """Similarity from one component to another, how well it is determined, and the number of common points.
 
-    `lever` is how many times errors of these grow at the edge of the smaller component.
+    `lever` is how many times errors of these grow at the edge of the smaller component; `misfit` says what speaks
+    against points that would tie well if they agreed.
     """
 
     similarity: Similarity
     sigma_rad: float
     common: int
     lever: float
+    misfit: str = ""
 
     def joins(self, *, weakly: bool) -> bool:
         """Whether it is good enough."""
-        return self.sigma_rad <= WEAKEST_RAD and (weakly or self.lever <= LONGEST_LEVER)
+        return not self.misfit and self.sigma_rad <= WEAKEST_RAD and (weakly or self.lever <= LONGEST_LEVER)
 
 
 @dataclass(frozen=True)
@@ -153,8 +160,18 @@ def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict
     found = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
     for k, s, d in zip(enough, similarity, distance):
         a, b = (bodies[label] for label in pairs[k])
-        found[pairs[k]] = Tie(s, *_weakest_rotation(common[k], s, d, (a, b)))
+        sigma, n, lever, by_noise = _weakest_rotation(common[k], s, d, (a, b))
+        far = n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
+        misfit = MIRRORED if far and _is_mirrored(common[k], d) else ""
+        misfit = "do not fit each other" if not misfit and by_noise <= WEAKEST_RAD < sigma else misfit
+        found[pairs[k]] = Tie(s, sigma, n, lever, misfit)
     return found
+
+
+def _is_mirrored(common: _Common, distance: Float) -> bool:
+    """Whether common points fit much better if one of the components is mirrored."""
+    mirrored = robust_closed_form(common.source * [1.0, 1.0, -1.0], common.target)[1]
+    return bool(np.median(mirrored) < CLEARLY * np.median(distance))
 
 
 def _common(a: _Body, b: _Body) -> _Common:
@@ -186,8 +203,11 @@ def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
 
 def _weakest_rotation(
     common: _Common, similarity: Similarity, distance: Float, bodies: tuple[_Body, _Body]
-) -> tuple[float, int, float]:
-    """Standard deviation of the rotation about the line along which the common points lie, rad; their number; lever."""
+) -> tuple[float, int, float, float]:
+    """Standard deviation of the rotation about the line along which the common points lie, rad; their number; lever.
+
+    Last the standard deviation that it would have by those of the points alone.
+    """
     X, n = common.target, len(distance)
     noise = float(np.sqrt(np.median(common.target_variance + similarity.scale**2 * common.source_variance)))
     middle = float(np.median(distance))
@@ -195,15 +215,16 @@ def _weakest_rotation(
     sigma = max(noise, middle / 1.5 if n > 3 else float(np.linalg.norm(distance)) / 1.5)
     fitting = distance <= 10 * max(sigma, middle)
     if np.count_nonzero(fitting) < 3:  # most common points are wrong ones
-        return np.inf, n, np.inf
+        return np.inf, n, np.inf, 0.0
     centre = X[fitting].mean(0)
     _, spread, directions = np.linalg.svd(np.linalg.qr(X[fitting] - centre, mode="r"))
     across = float(np.hypot(*spread[1:3]))
     if across <= 1e-9 * spread[0]:
-        return np.inf, n, np.inf
+        return np.inf, n, np.inf, np.inf
     first, second = (body.xyz / body.count[:, None] for body in bodies)
     second = similarity.translation + similarity.scale * second @ similarity.rotation.T
-    return sigma / across, n, min(_reach(xyz - centre, directions[0]) for xyz in (first, second)) / across
+    reach = min(_reach(xyz - centre, directions[0]) for xyz in (first, second))
+    return sigma / across, n, reach / across, noise / across
 
 
 def _reach(xyz: Float, direction: Float) -> float:

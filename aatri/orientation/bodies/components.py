@@ -62,6 +62,8 @@ class FreeBlock:
     """For each pair of components with few or bad ties: what is missing."""
     weak: tuple[bool, ...] = ()
     """For each of these: it could be joined weakly, by points nearly on a line."""
+    contradicting: frozenset[frozenset[int]] = frozenset()
+    """Pairs of components, by their first strips, whose common points do not fit."""
 
 
 def join_strips(
@@ -117,7 +119,11 @@ def join_strips(
     components.sort(key=lambda c: (-len(c.point), int(c.strips[0])))
     tied = [c for c in components if not np.isin(c.strips, loose_strips).any()]
     reasons = {**_reasons(tied, weak, member, names, word), **open_}
-    return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()))
+    first = {int(member[c.strips[0]]): int(c.strips[0]) for c in tied}
+    misfits = [
+        frozenset(first[k] for k in pair) for pair, tie in weak.items() if tie.misfit and first.keys() >= set(pair)
+    ]
+    return FreeBlock(tuple(components), use, tuple(reasons), tuple(reasons.values()), frozenset(misfits))
 
 
 def _adjusted(
@@ -235,8 +241,8 @@ def _reasons(
                 texts[f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed"] = False
             else:
                 weakly = tie.joins(weakly=True)
-                line = "nearly on a line" if weakly else "on a line"
-                texts[f"{between} have {tie.common} common points that lie {line}"] = weakly
+                why = tie.misfit or ("lie nearly on a line" if weakly else "lie on a line")
+                texts[f"{between} have {tie.common} common points that {why}"] = weakly
     return texts
 
 

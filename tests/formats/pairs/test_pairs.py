@@ -63,6 +63,7 @@ def test_models_of_a_strip_share_their_photos(tmp_path: Path) -> None:
         ("153.033 0.01 -0.02\n13 1 2 3\n", "4 words"),
         ("153.033 0.01\n", "interior elements should be"),
         ("153.033 0.01 -0.02\n13 1 2 3 4\n13 1 2 3 4\n", "twice, first in line 2"),
+        ("153.033 0.01 -0.02\n13 1 2,5 3\n", "'2,5' between blanks may be two numbers or one with a decimal comma"),
     ],
 )
 def test_what_contradicts_is_named_with_its_line(tmp_path: Path, second: str, told: str) -> None:

@@ -15,6 +15,7 @@ from aatri.errors import GeometryError, InputError
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.model_adjustment._options import ModelAdjustmentOptions
 from aatri.stages.model_adjustment.given_models import given_models
+from tests.small_blocks import Told
 
 
 def example(shared_data: Path, name: str) -> dict[str, object]:
@@ -180,3 +181,29 @@ def test_plan_only_and_height_only_control_orient_a_model(tmp_path: Path) -> Non
     (tmp_path / "control.txt").write_text("\n".join([*known[:2], "P11 5 - 3"]) + "\n")
     with pytest.raises(InputError, match=r"control\.txt:3: a point known in neither plan nor height"):
         models(options=options)
+
+
+def test_a_model_with_heights_downwards_is_told_to_be_mirrored(tmp_path: Path) -> None:
+    """Its common points do not lie on a line: they fit with the sign of an axis changed. The rest is adjusted."""
+    rng = np.random.default_rng(11)
+    truth = {f"P{k}": rng.uniform([0, 0, 0], [600, 800, 90]) for k in range(24)}
+    of = {"a": range(16), "b": range(4, 20), "c": range(8, 24)}
+    lines = [
+        " ".join([model, f"P{k}", *map(repr, (truth[f"P{k}"] / 500 * [1, 1, -1 if model == "c" else 1]).tolist())])
+        for model, numbers in of.items()
+        for k in numbers
+    ]
+    (tmp_path / "models.txt").write_text("\n".join(lines) + "\n")
+    rows = [" ".join([point, *map(repr, xyz.tolist())]) for point, xyz in truth.items()]
+    (tmp_path / "control.txt").write_text("\n".join(rows) + "\n")
+    told = Told()
+    options = ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA)
+    solution = given_models(models(options=options), context=told)
+    assert told.warnings[:2] == [
+        "not joined: models a, b and model c have 12 common points that fit only mirrored: an axis of one has "
+        "the wrong sign",
+        "left out: model c: its points common with models a, b do not fit",
+    ]
+    assert np.isnan(solution.points.xyz_m[solution.points.id.tolist().index("P23")]).all()
+    at = solution.points.id.tolist().index("P9")
+    np.testing.assert_allclose(solution.points.xyz_m[at], truth["P9"], atol=1e-6)
