@@ -140,22 +140,22 @@ def orient_body(
     observed = observe(start)
     analysis = _analysed(observed, use, body, start, rules, what)
     ties, centre = ties_of(body, observed, start, what, image_ids, point_ids)
-    held = [_held(analysis.motions, body, start, centre)] if analysis.open else []
+    fixed = [_held(analysis.motions, body, start, centre)] if analysis.open else []
     state, ids = body.on_ground(start), {POINT: point_ids, POSE: image_ids}
-    problem = tied_problem([*ties, *observed, *held], state, ids, f"absolute orientation of {what}")
+    problem = tied_problem([*ties, *observed, *fixed], state, ids, f"absolute orientation of {what}")
     n, first = len(problem.components), problem.n_ties
     began = np.append(np.ones(first, dtype=bool), use[: n - first])
     tied = _adjusted(problem, began, rules)
     to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
-    found = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
+    oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
     if rules.free:
-        return found
+        return oriented
     if not any(o.kind == ATTITUDE for o in observed):
-        places = found.places
+        places = oriented.places
         refuse_mirrored(places, tied.active[places.row], to, body.up, what)
     # What remains must still determine the body: what is rejected does not count.
     use[: n - first] = tied.active[first:]
-    return replace(found, analysis=_analysed(observed, use, body, to, rules, what))
+    return replace(oriented, analysis=_analysed(observed, use, body, to, rules, what))
 
 
 def _start(
@@ -231,12 +231,12 @@ def _analysed(
     places = given_places(observed, state)
     if not len(places.row):
         raise GeometryError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
-    used, given = use[places.row], places.given.any(axis=1)
+    used, is_given = use[places.row], places.given.any(axis=1)
     counted = places.given[used]
     full, plan = int(counted.all(axis=1).sum()), int((counted[:, :2].all(axis=1) & ~counted[:, 2]).sum())
     height = int((counted[:, 2] & ~counted[:, :2].any(axis=1)).sum())
     counts = f"{full} known in X, Y and Z, {plan} in plan only, {height} in height only"
-    out = places.name[~used & given].tolist()
+    out = places.name[~used & is_given].tolist()
     rejected = f"; rejected: {shown(out)}" if out else ""
     raise GeometryError(
         f"{what}: not determined: {', '.join(analysis.open)} (control and observed positions: {counts}{rejected})",

@@ -111,9 +111,9 @@ def grow_components(
         member = np.where(member == b, a, member)
         bodies[a] = _merged(bodies[a], bodies.pop(b), joined)
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
-        held = np.zeros(int(points.point.max()) + 1, dtype=bool)
-        held[bodies[a].point] = True
-        near = np.flatnonzero(np.bincount(member[points.strip[held[points.point]]])).tolist()
+        in_first = np.zeros(int(points.point.max()) + 1, dtype=bool)
+        in_first[bodies[a].point] = True
+        near = np.flatnonzero(np.bincount(member[points.strip[in_first[points.point]]])).tolist()
         ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
 
 
@@ -157,15 +157,15 @@ def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict
     common = [_common(bodies[a], bodies[b]) for a, b in pairs]
     enough = [k for k, c in enumerate(common) if len(c.target) >= 3]
     similarity, distance = _robust([common[k] for k in enough])
-    found = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
+    ties = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
     for k, s, d in zip(enough, similarity, distance):
         a, b = (bodies[label] for label in pairs[k])
         sigma, n, lever, by_noise = _weakest_rotation(common[k], s, d, (a, b))
         far = n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
         misfit = MIRRORED if far and _is_mirrored(common[k], d) else ""
         misfit = "do not fit each other" if not misfit and by_noise <= WEAKEST_RAD < sigma else misfit
-        found[pairs[k]] = Tie(s, sigma, n, lever, misfit)
-    return found
+        ties[pairs[k]] = Tie(s, sigma, n, lever, misfit)
+    return ties
 
 
 def _is_mirrored(common: _Common, distance: Float) -> bool:
@@ -197,8 +197,8 @@ def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
     shift, scale, rotation = np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
     source, target = np.concatenate([c.source for c in pairs]), np.concatenate([c.target for c in pairs])
     robust_similarities(start, source, target, ITERATIONS, shift, scale, rotation, distance)
-    found = [Similarity(shift[k], float(scale[k]), rotation[k]) for k in range(n)]
-    return found, np.split(distance, start[1:-1])
+    similarities = [Similarity(shift[k], float(scale[k]), rotation[k]) for k in range(n)]
+    return similarities, np.split(distance, start[1:-1])
 
 
 def _weakest_rotation(

@@ -137,24 +137,24 @@ def _adjusted(
     word: str,
 ) -> Component:
     rows = np.flatnonzero(np.isin(points.strip, strips))
-    mine = points.take(rows)
-    number, point = np.unique(mine.point, return_inverse=True)
+    own_points = points.take(rows)
+    number, point = np.unique(own_points.point, return_inverse=True)
     if len(strips) == 1:
         # An identity pose, so that the component is the strip itself.
         order = np.argsort(point)
-        return Component(strips, (IDENTITY,), rows, number, mine.xyz[order], mine.covariance[order], None)
-    local = np.searchsorted(strips, mine.strip)
-    held = int(np.argmax(np.bincount(local, minlength=len(strips))))
-    to_held = inverse(pose[held])
-    centre = _means(mine.xyz, local, len(strips))
+        return Component(strips, (IDENTITY,), rows, number, own_points.xyz[order], own_points.covariance[order], None)
+    local = np.searchsorted(strips, own_points.strip)
+    reference = int(np.argmax(np.bincount(local, minlength=len(strips))))
+    to_held = inverse(pose[reference])
+    centre = _means(own_points.xyz, local, len(strips))
     start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
     ties = similarity_ties(
         local,
         point,
-        mine.xyz - centre[local],
-        mine.covariance,
+        own_points.xyz - centre[local],
+        own_points.covariance,
         names=[names[k] for k in strips],
-        free=np.arange(len(strips)) != held,
+        free=np.arange(len(strips)) != reference,
     )
     begin = similarities_of(start)
     active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
@@ -214,14 +214,14 @@ def _medians(point: Int, value: Float, count: Int) -> Float:
     """Median of the values of each point; points ascending, each `count` times, at least once."""
     start = np.cumsum(count) - count
     total, least, most = (f.reduceat(value, start) for f in (np.add, np.minimum, np.maximum))
-    found = np.where(count > 2, total - least - most, total / count)
+    median = np.where(count > 2, total - least - most, total / count)
     many = np.flatnonzero((count > 3)[point])  # few points lie in more than three strips
     if len(many):
         ranked = value[many][np.lexsort((value[many], point[many]))]
         of = count[count > 3]
         first = np.cumsum(of) - of
-        found[count > 3] = 0.5 * (ranked[first + (of - 1) // 2] + ranked[first + of // 2])
-    return found
+        median[count > 3] = 0.5 * (ranked[first + (of - 1) // 2] + ranked[first + of // 2])
+    return median
 
 
 def _reasons(

@@ -70,11 +70,13 @@ def given_places(observed: Sequence[Observed], state: State) -> GivenPlaces:
     for o in observed:
         ((group, block), *others) = o.records.touches
         if is_coordinates(o) and group in (POINT, POSE) and not any(g in (POINT, POSE) for g, _ in others):
-            place, given = position(state, group)[block], observed_components(o)
+            place, observed_here = position(state, group)[block], observed_components(o)
             v, (J, *_) = o.records.evaluate(state, np.arange(len(o)))
             target = place - np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :, :3]), v)
             names = [f"image {i}" if i else f"point {p}" for i, p in zip(*o.names(np.arange(len(o))))]
-            parts.append((np.full(len(o), o.kind), np.array(names), place, target, given, first + np.arange(len(o))))
+            parts.append(
+                (np.full(len(o), o.kind), np.array(names), place, target, observed_here, first + np.arange(len(o)))
+            )
         first += len(o)
     return GivenPlaces(*(np.concatenate(columns) for columns in zip(*parts)))
 
@@ -112,10 +114,10 @@ def analyse_datum(
     places = given_places(observed, state)
     places = places if use is None else places.take(use[places.row])
     # Where heights are known is what the body can still turn about.
-    some: Bool = places.given[:, 2] if places.given[:, 2].any() else np.asarray(places.given.any(axis=1))
-    centre = places.xyz[some].mean(axis=0) if some.any() else body.mean(axis=0)
+    is_placed: Bool = places.given[:, 2] if places.given[:, 2].any() else np.asarray(places.given.any(axis=1))
+    centre = places.xyz[is_placed].mean(axis=0) if is_placed.any() else body.mean(axis=0)
     extent = float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    axes, line = _axes(places.xyz[some] - centre, extent)
+    axes, line = _axes(places.xyz[is_placed] - centre, extent)
     about_centre = motions_about(centre)
     about_centre[:, :3] *= extent
     about_centre[:, 3:6] = about_centre[:, 3:6] @ axes
@@ -128,7 +130,7 @@ def analyse_datum(
     smallest = max(float(values[0]), 0.0)
     # Parameters refer to the centre of control, so that a rotation about the line of control is one of them.
     share = np.linalg.norm(np.linalg.qr(missing)[0], axis=1)
-    labels = _labels(line, places, centre, axes, some)
+    labels = _labels(line, places, centre, axes, is_placed)
     names = tuple(label for label, s in zip(labels, share) if s > NAMED)
     if missing.shape[1] and not names:
         names = (f"{missing.shape[1]} of the seven parameters",)
@@ -176,10 +178,10 @@ def _axes(reduced: Float, extent: float) -> tuple[Float, bool]:
     return np.stack([along, across, np.cross(along, across)], 1), True
 
 
-def _labels(line: bool, places: GivenPlaces, centre: Float, axes: Float, some: Bool) -> list[str]:
+def _labels(line: bool, places: GivenPlaces, centre: Float, axes: Float, is_placed: Bool) -> list[str]:
     first, second = "rotation about X", "rotation about Y"
     if line:
-        along = np.where(some, (places.xyz - centre) @ axes[:, 0], np.nan)
+        along = np.where(is_placed, (places.xyz - centre) @ axes[:, 0], np.nan)
         a, b = places.name[int(np.nanargmin(along))], places.name[int(np.nanargmax(along))]
         first, second = f"rotation about the line through {a} and {b}", "tilt along that line"
     return ["shift X", "shift Y", "shift Z", first, second, "rotation about Z", "scale"]

@@ -103,16 +103,16 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similar
     for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
         rotation = exp_rotation(np.array([0.0, 0.0, turn])) @ levelling(body.up)
         try:
-            found, cost = _adjusted(observe, body, use, Similarity(np.zeros(3), 1.0, rotation))
+            to_ground, cost = _adjusted(observe, body, use, Similarity(np.zeros(3), 1.0, rotation))
         except (ConvergenceError, GeometryError) as error:
             failure = failure or error
             continue
-        upwards = float((found.rotation @ body.up)[2]) < -UPWARDS * float(np.linalg.norm(body.up))
-        ends.append((upwards, cost, found))
+        upwards = float((to_ground.rotation @ body.up)[2]) < -UPWARDS * float(np.linalg.norm(body.up))
+        ends.append((upwards, cost, to_ground))
     if not ends:
         raise failure or GeometryError("nothing is observed of it", remedy="give control or observed positions")
-    _, cost, found = min(ends, key=lambda end: end[:2])
-    return found, cost
+    _, cost, to_ground = min(ends, key=lambda end: end[:2])
+    return to_ground, cost
 
 
 def _adjusted(
@@ -131,7 +131,7 @@ def _adjusted(
 def _used(observed: Sequence[Observed], use: Bool) -> list[Observed]:
     """Those that count, exact ones nearly so."""
     edges = np.cumsum([len(o) for o in observed])[:-1]
-    used = [o.take(np.flatnonzero(some)) for o, some in zip(observed, np.split(use, edges))]
+    used = [o.take(np.flatnonzero(part)) for o, part in zip(observed, np.split(use, edges))]
     weights = [whitener_beside(o, o.covariances(), ROUGH_M**2) for o in used]
     return [replace(o, records=replace(o.records, whitener=T)) for o, T in zip(used, weights)]
 
@@ -162,16 +162,16 @@ def _retracted(value: Similarity, step: Float) -> Similarity:
 
 def _of_body(records: Records, body: FreeBody) -> Records:
     """The same records, as observations of the body."""
-    mine = [group in (POSE, POINT) for group, _ in records.touches]
-    others = tuple(touch for touch, of_body in zip(records.touches, mine) if not of_body)
+    is_of_body = [group in (POSE, POINT) for group, _ in records.touches]
+    others = tuple(touch for touch, of_body in zip(records.touches, is_of_body) if not of_body)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         now = {**state, **body.on_ground(state[BODY])}
         v, jacobians = records.evaluate(now, rows)
         J = times(records, rows, jacobians, generators(now))
-        return v, (J, *(by_block for by_block, of_body in zip(jacobians, mine) if not of_body))
+        return v, (J, *(by_block for by_block, of_body in zip(jacobians, is_of_body) if not of_body))
 
-    if not any(mine):  # what is known beforehand of unknowns of their own
+    if not any(is_of_body):  # what is known beforehand of unknowns of their own
         return records
     touches = ((BODY, np.zeros(len(records.active), dtype=np.int32)), *others)
     return Records(records.name, touches, evaluate, records.whitener, records.active, label=records.label)

@@ -89,10 +89,10 @@ def deformation_components(
             continue
         L_inverse = dtrtri(L, lower=True, overwrite_c=True)[0]
         z = root * (L_inverse.T @ (L_inverse @ (root * g)))
-        told, share = 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), z**2 / d
-        r = np.bincount(component, told, minlength=n).astype(np.float64)
+        local_redundancy, share = 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), z**2 / d
+        r = np.bincount(component, local_redundancy, minlength=n).astype(np.float64)
         theta = theta * np.bincount(component, share, minlength=n) / np.maximum(r, 1e-12)
-        size = size * (np.bincount(body, share) + ESTIMABLE) / (np.bincount(body, told) + ESTIMABLE)
+        size = size * (np.bincount(body, share) + ESTIMABLE) / (np.bincount(body, local_redundancy) + ESTIMABLE)
         size /= size.mean()
         last, white = deviance, squares - float(z @ g)
         deviance = white / phi + redundancy * float(np.log(phi)) - 2.0 * float(np.log(L_inverse.diagonal()).sum())

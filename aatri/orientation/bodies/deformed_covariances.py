@@ -128,16 +128,16 @@ def _deformed_covariances(
     controlled = np.bincount(control.point, minlength=n_points) > 0
     inverse = _inverses(total + _sums(T, control.point, n_points))
     made = by_functions(axes, models, result.basis)
-    held = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
-    S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :held]
+    width = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
+    S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :width]
     made = np.concatenate([made[:, :, :K], S, made[:, :, K:]], axis=2)
     N_ties = normals(ties, made, inverse, (strips_of_point > 1) & ~controlled)
     N = N_ties + normals(ties, made, inverse, controlled)
     place = np.tile(np.arange(made.shape[2]), n_strips)
     c = np.flatnonzero(np.pad(kept, ((0, 0), (0, made.shape[2] - K))).ravel())
-    s, z = np.flatnonzero((place >= K) & (place < K + held)), np.flatnonzero(place >= K + held)
+    s, z = np.flatnonzero((place >= K) & (place < K + width)), np.flatnonzero(place >= K + width)
     err = np.zeros((len(s), len(z)))  # of the similarities, for deformations of one
-    if held:
+    if width:
         N_ties = N_ties + normals(ties, made, _inverses(total), (strips_of_point > 1) & controlled)
         moved = N if T.any() else normals(ties, made, 0.0 * inverse, np.ones(n_points, dtype=bool))
         err = taken_up(N_ties, moved, s, z, axes)
@@ -155,29 +155,29 @@ def _deformed_covariances(
     strip = np.repeat(np.arange(n_strips), len(COMPONENT))[left]
     for names, of in TOGETHER:
         component, lasting = of[kind], of[BESIDE]
-        found = deformation_components(S, g, component, strip, squares, redundancy, least)
+        estimated = deformation_components(S, g, component, strip, squares, redundancy, least)
         present = np.unique(component).tolist()
-        r = np.bincount(lasting[present], found.redundancy[present])
+        r = np.bincount(lasting[present], estimated.redundancy[present])
         few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE]
         if not few:
             break
-    sigma = {names[k]: float(np.sqrt(found.variance[k])) for k in present}
-    of_component = {names[k]: float(found.redundancy[k]) for k in present}
+    sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
+    of_component = {names[k]: float(estimated.redundancy[k]) for k in present}
     if few or not present:
         why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
         why = f"the deformation of the strips is not estimable ({why})"
         return DeformedCovariances(*nothing, sigma, of_component, why)
     by_control = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
     noise = Q @ by_control.reshape(N.shape[0], 3 * len(control.point))[c]
-    theta, C = found.variance[component] * found.size[strip], np.zeros(N.shape)
+    theta, C = estimated.variance[component] * estimated.size[strip], np.zeros(N.shape)
     r, R = np.concatenate([c, s]), np.concatenate([-A, err])
     root = R * np.sqrt(theta)
     C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = root @ root.T, R * theta, (R * theta).T
     C[z, z] = theta
-    C[np.ix_(c, c)] += found.phi * Q + (1 - found.phi) * noise @ noise.T
+    C[np.ix_(c, c)] += estimated.phi * Q + (1 - estimated.phi) * noise @ noise.T
     sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
     return DeformedCovariances(
-        _of_points(ties, C, made, total, found.phi), np.where(kept, sigmas, np.nan), sigma, of_component
+        _of_points(ties, C, made, total, estimated.phi), np.where(kept, sigmas, np.nan), sigma, of_component
     )
 
 
@@ -208,12 +208,12 @@ def _of_points(ties: DeformedTies, C: Float, made: Float, weights: Float, phi: f
     blocks = C.reshape(n, size, n, size).swapaxes(1, 2)
     m = functions // 3
     inverse = _inverses(weights)
-    B, found = inverse[ties.point] @ ties.weight, phi * inverse
+    B, covariance = inverse[ties.point] @ ties.weight, phi * inverse
     for j, k, first, second in pairs_of_strips(ties.strip, ties.point):
         # Of the functions: for each pair of axes f_j' C f_k.
         of = (made[j] @ blocks[j, k] @ made[k].T).reshape(3, m, 3, m).transpose(1, 0, 2, 3).reshape(m, 9 * m)
         spread = ((ties.f[first] @ of).reshape(-1, 9, m) @ ties.f[second][:, :, None]).reshape(-1, 3, 3)
         of_pair = B[first] @ spread @ B[second].swapaxes(1, 2)
-        found[ties.point[first]] += of_pair if j == k else of_pair + of_pair.swapaxes(1, 2)
-    found[~weights.any(axis=(1, 2))] = np.nan
-    return found
+        covariance[ties.point[first]] += of_pair if j == k else of_pair + of_pair.swapaxes(1, 2)
+    covariance[~weights.any(axis=(1, 2))] = np.nan
+    return covariance

@@ -59,11 +59,11 @@ def deformed_ties(
     """
     row = np.flatnonzero(active)
     row = row[np.lexsort((points.strip[row], points.point[row]))]
-    mine, T = points.take(row), whitener[row]
-    local, _ = in_axes(mine, axes)
-    G = np.stack([a.ground_from_axes for a in axes])[mine.strip]
+    active_points, T = points.take(row), whitener[row]
+    local, _ = in_axes(active_points, axes)
+    G = np.stack([a.ground_from_axes for a in axes])[active_points.strip]
     f = functions(local[:, 0], local[:, 1], wide=wide)
-    return DeformedTies(row, mine.strip, mine.point, T.swapaxes(1, 2) @ (T @ G), G, f)
+    return DeformedTies(row, active_points.strip, active_points.point, T.swapaxes(1, 2) @ (T @ G), G, f)
 
 
 def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> Float:
@@ -114,11 +114,11 @@ def normals(ties: DeformedTies, made: Float, inverse: Float, points: Bool) -> cs
 def misfit(ties: DeformedTies, residual_m: Float, n_strips: int) -> Float:
     """Of the functions to the residuals of all strip points: sum of f (G'W v), (n_strips, 3 m)."""
     turned = np.einsum("nji,nj->ni", ties.weight, np.nan_to_num(residual_m[ties.row]))
-    found = np.zeros((n_strips, 3, ties.f.shape[1]))
+    sums = np.zeros((n_strips, 3, ties.f.shape[1]))
     for k in range(n_strips):
         of = ties.strip == k
-        found[k] = turned[of].T @ ties.f[of]
-    return found.reshape(n_strips, -1)
+        sums[k] = turned[of].T @ ties.f[of]
+    return sums.reshape(n_strips, -1)
 
 
 def of_control(ties: DeformedTies, n_strips: int, inverse: Float, control: Int, whitener: Float) -> Float:
@@ -150,6 +150,6 @@ def pairs_of_strips(strip: Int, point: Int) -> Iterator[tuple[int, int, Int, Int
     a, b = np.concatenate(first), np.concatenate(second)
     code = strip[a].astype(np.int64) * (int(strip.max(initial=0)) + 1) + strip[b]
     order = np.argsort(code, kind="stable")
-    for mine in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
-        if len(mine):
-            yield int(strip[a[mine[0]]]), int(strip[b[mine[0]]]), a[mine], b[mine]
+    for of_pair in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+        if len(of_pair):
+            yield int(strip[a[of_pair[0]]]), int(strip[b[of_pair[0]]]), a[of_pair], b[of_pair]

@@ -96,8 +96,8 @@ def _determined_degrees(
 def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
     """N of all coefficients, the ground points eliminated."""
     ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
-    held = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
-    weights = problem.weights(use & problem.taking_part(use), [*ties, *held])
+    fixing = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
+    weights = problem.weights(use & problem.taking_part(use), [*ties, *fixing])
     return reduced_normals(with_weights(problem.index, weights), problem.start).N
 
 
@@ -115,8 +115,8 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     involved = np.bincount(strip, weight)
     reasons = {}
     for k in np.flatnonzero(involved > 0.1 * max(involved.max(), 1e-9)):
-        mine = np.flatnonzero(strip == k)
-        largest = mine[np.argsort(-np.round(weight[mine], 6), kind="stable")][:4]
+        of_strip = np.flatnonzero(strip == k)
+        largest = of_strip[np.argsort(-np.round(weight[of_strip], 6), kind="stable")][:4]
         named = [basis.labels[c] for c in coefficient[largest[weight[largest] > 0.05]]]
         reasons[int(k)] = f"rank {len(N) - null.shape[1]} of {len(N)}, not determined: {', '.join(named)}"
     return reasons
@@ -147,10 +147,10 @@ def _extrapolating(N: Float, kept: Int, part: int, products: Float, count: Int) 
     strip, coefficient = np.divmod(kept, products.shape[1])
     factor = np.zeros(int(strip.max()) + 1)
     for k in np.unique(strip):
-        mine = np.flatnonzero(strip == k)
+        of_strip = np.flatnonzero(strip == k)
         # The axes are orthogonal, so that the variances along them add up to those on the ground.
-        mean = products[k][np.ix_(coefficient[mine], coefficient[mine])] / max(count[k], 1)
-        spread = float((Q[np.ix_(mine, mine)] * mean).sum())
+        mean = products[k][np.ix_(coefficient[of_strip], coefficient[of_strip])] / max(count[k], 1)
+        spread = float((Q[np.ix_(of_strip, of_strip)] * mean).sum())
         factor[k] = np.sqrt(spread / (2 - part)) if count[k] else np.inf
     # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
     lower = (factor > WORST / 2) & (factor.max() > WORST)

@@ -95,16 +95,18 @@ def concerning(observed: Iterable[Observed], body: FreeBody) -> tuple[Observed, 
             inside &= has[group][block] if group in has else True
         kept.append(replace(o.take(np.flatnonzero(inside)), unknowns=(), start={}))
     while True:
-        known = {name: _determined(u, kept) for name, u in unknowns.items()}
-        drop = [_touching(o, {name: ~use for name, use in known.items()}) for o in kept]
-        if not any(some.any() for some in drop):
+        determined = {name: _determined(u, kept) for name, u in unknowns.items()}
+        drop = [_touching(o, {name: ~use for name, use in determined.items()}) for o in kept]
+        if not any(rows.any() for rows in drop):
             break
-        kept = [o.take(np.flatnonzero(~some)) for o, some in zip(kept, drop)]
-    found = sorted((o for o in kept if len(o)), key=lambda o: bool(o.components))
-    own = tuple(replace(u, free=u.free & known[name][:, None]) for name, u in unknowns.items() if known[name].any())
-    if found and own:
-        found[0] = replace(found[0], unknowns=own, start={u.name: start[u.name] for u in own})
-    return tuple(found)
+        kept = [o.take(np.flatnonzero(~rows)) for o, rows in zip(kept, drop)]
+    of_body = sorted((o for o in kept if len(o)), key=lambda o: bool(o.components))
+    own = tuple(
+        replace(u, free=u.free & determined[name][:, None]) for name, u in unknowns.items() if determined[name].any()
+    )
+    if of_body and own:
+        of_body[0] = replace(of_body[0], unknowns=own, start={u.name: start[u.name] for u in own})
+    return tuple(of_body)
 
 
 def _determined(u: Unknowns, observed: Sequence[Observed]) -> Bool:
@@ -119,13 +121,13 @@ def _determined(u: Unknowns, observed: Sequence[Observed]) -> Bool:
     return np.asarray(others & (count >= u.free.sum(axis=1)))
 
 
-def _touching(o: Observed, some: dict[str, Bool]) -> Bool:
+def _touching(o: Observed, blocks: dict[str, Bool]) -> Bool:
     """Rows that touch some blocks, (n,)."""
-    found = np.zeros(len(o), dtype=bool)
+    touches = np.zeros(len(o), dtype=bool)
     for group, block in o.records.touches:
-        if group in some:
-            found |= some[group][block]
-    return found
+        if group in blocks:
+            touches |= blocks[group][block]
+    return touches
 
 
 def state_of(observed: Iterable[Observed], body: FreeBody, to: Similarity) -> State:
@@ -162,16 +164,18 @@ def ties_of(
         (COMPONENT_POINT, POINT, points, body.xyz[points], body.covariance[points], point_ids),
         (COMPONENT_CENTRE, POSE, images, body.poses.position_m[images], body.centre_covariance[images], image_ids),
     )
-    found = list[Observed]()
+    ties_observed = list[Observed]()
     for kind, group, block, x, covariance, ids in parts:
         if len(block):
             ties = similarity_ties(
                 np.zeros(len(block), dtype=np.int32), block, x - centre, covariance, names=[what], group=group
             )
-            found.append(ties.observed(kind, np.full(len(block), what), ids[block], begin))
+            ties_observed.append(ties.observed(kind, np.full(len(block), what), ids[block], begin))
     if len(images):
-        found.append(_rotation_ties(images, body.poses.ground_from_image[images], body.turn_rad, image_ids[images]))
-    return found, centre
+        ties_observed.append(
+            _rotation_ties(images, body.poses.ground_from_image[images], body.turn_rad, image_ids[images])
+        )
+    return ties_observed, centre
 
 
 def _rotation_ties(image: Int, rotation: Float, sigma_rad: float, names: Text) -> Observed:

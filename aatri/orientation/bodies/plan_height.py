@@ -137,12 +137,12 @@ def _in_turn(N: Any, plan: Any, height: Any, what: str) -> Callable[[Float], Flo
     (of_plan, s), (of_height, t) = factors
 
     def steps(r: Float) -> Float:
-        found = np.zeros_like(r)
+        x = np.zeros_like(r)
         p = s @ of_plan.solve(s @ r[plan])
         h = t @ of_height.solve(t @ (r[height] - C.T @ p))
-        found[height] = h
-        found[plan] = p - s @ of_plan.solve(s @ (C @ h))
-        return found
+        x[height] = h
+        x[plan] = p - s @ of_plan.solve(s @ (C @ h))
+        return x
 
     return steps
 

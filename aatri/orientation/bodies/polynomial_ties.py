@@ -68,8 +68,8 @@ def polynomial_ties(
         def weigh(T: Float) -> Bind:
             def bind(state: State) -> Fill:
                 X, coefficients = np.ascontiguousarray(state[POINT]), np.ascontiguousarray(state[BODY])
-                given = (k, q, np.ascontiguousarray(T), X, x, terms, G, coefficients)
-                return lambda first, last, v, J: kernels.polynomial(first, last, *given, v, *J)
+                arguments = (k, q, np.ascontiguousarray(T), X, x, terms, G, coefficients)
+                return lambda first, last, v, J: kernels.polynomial(first, last, *arguments, v, *J)
 
             return bind
 

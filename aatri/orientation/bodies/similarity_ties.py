@@ -120,8 +120,8 @@ def similarity_ties(
                 poses: Similarities = state[BODY]
                 moved_by = (np.ascontiguousarray(poses.translation), np.ascontiguousarray(poses.scale))
                 R, X = np.ascontiguousarray(poses.rotation), np.ascontiguousarray(state[POINT])
-                given = (k, q, np.ascontiguousarray(T), X, own, *moved_by, R)
-                return lambda first, last, v, J: kernels.similarity(first, last, *given, v, *J)
+                arguments = (k, q, np.ascontiguousarray(T), X, own, *moved_by, R)
+                return lambda first, last, v, J: kernels.similarity(first, last, *arguments, v, *J)
 
             return bind
 

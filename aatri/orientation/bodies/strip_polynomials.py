@@ -92,8 +92,8 @@ def adjust_strip_polynomials(
     at = {POINT: ties.places(start, n_points)}
 
     def with_free(free: Bool) -> TiedProblem:
-        some = replace(of_ties, unknowns=(replace(ties.unknowns, free=free),))
-        return tied_problem([some, *of_control], at, {POINT: ids}, "strip block adjustment")
+        ties_there = replace(of_ties, unknowns=(replace(ties.unknowns, free=free),))
+        return tied_problem([ties_there, *of_control], at, {POINT: ids}, "strip block adjustment")
 
     whole = with_free(ties.unknowns.free)
     use = np.ones(whole.edges[-1], dtype=bool) if begin is None else begin(whole.observed)
@@ -150,8 +150,8 @@ def textbook_counts(result: StripPolynomials, points: BodyPoints, control: Contr
     n = int(max(points.point.max(initial=0), control.point.max(initial=0))) + 1
     used = result.tied.active[: len(points.point)]
     strips = np.bincount(points.point[used], minlength=n)
-    known = np.zeros((n, 3), dtype=bool)
+    has_control = np.zeros((n, 3), dtype=bool)
     of_control = result.tied.active[len(points.point) :]
-    np.logical_or.at(known, control.point[of_control], control.given[of_control])
-    equations = np.where(known, strips[:, None], np.maximum(strips[:, None] - 1, 0)).sum()
+    np.logical_or.at(has_control, control.point[of_control], control.given[of_control])
+    equations = np.where(has_control, strips[:, None], np.maximum(strips[:, None] - 1, 0)).sum()
     return int(equations), int(kept_coefficients(result.degree, result.basis).sum())

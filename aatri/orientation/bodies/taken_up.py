@@ -60,15 +60,15 @@ def motions(axes: Sequence[StripAxes], component: Int) -> Float:
     """
     n, largest = len(axes), max(float(a.half_range_m.max()) for a in axes)
     origin = np.stack([a.origin_m for a in axes])
-    found = np.zeros((n, SIZE, int(component.max()) + 1, SIZE))
+    moved = np.zeros((n, SIZE, int(component.max()) + 1, SIZE))
     for j, k in enumerate(component.tolist()):
-        R, (along, across), M = axes[j].ground_from_axes, axes[j].half_range_m / largest, found[j, :, k]
+        R, (along, across), M = axes[j].ground_from_axes, axes[j].half_range_m / largest, moved[j, :, k]
         x, y = (origin[j] - origin[component == k].mean(axis=0))[:2] / largest
         M[:3, :3] = R.T
         M[:2, 3], M[3, 3] = (x, y) @ R[:2, :2], along
         M[:2, 4], M[4, 4] = (-y, x) @ R[:2, :2], along
         M[2, 5:], M[5, 5:], M[6, 5:] = (x, y), R[:2, 0] * along, R[:2, 1] * across
-    return found.reshape(n * SIZE, -1)
+    return moved.reshape(n * SIZE, -1)
 
 
 def taken_up(N_ties: csr_array, N: csr_array, s: Int, z: Int, axes: Sequence[StripAxes]) -> Float:

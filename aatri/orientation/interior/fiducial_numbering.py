@@ -40,8 +40,8 @@ def scale_problem(matrix_from_nominal: Float) -> str:
     scale = float(np.sqrt(abs(np.linalg.det(matrix_from_nominal))))
     if abs(scale - 1.0) <= SCALE_TOLERANCE:
         return ""
-    for known, meaning in KNOWN_SCALES.items():
-        if abs(scale / known - 1.0) <= SCALE_TOLERANCE:
+    for usual, meaning in KNOWN_SCALES.items():
+        if abs(scale / usual - 1.0) <= SCALE_TOLERANCE:
             return f"the scale is {scale:.6g} instead of 1: {meaning}?"
     return f"the scale is {scale:.6g} instead of 1"
 

@@ -62,11 +62,11 @@ def approximate_coordinates(network: Network, xyz_m: Float) -> tuple[Float, set[
         Points whose mirror image fits their observations about as well.
     """
     doubtful: set[int] = set()
-    found = _by_differences(network, xyz_m)
-    found[:, 2] = _heights(network, found)
-    found[:, :2] = _plan(_with_horizontal(network, found), found[:, :2], doubtful)
-    found[:, 2] = _above(network, found)
-    return found, doubtful
+    xyz = _by_differences(network, xyz_m)
+    xyz[:, 2] = _heights(network, xyz)
+    xyz[:, :2] = _plan(_with_horizontal(network, xyz), xyz[:, :2], doubtful)
+    xyz[:, 2] = _above(network, xyz)
+    return xyz, doubtful
 
 
 def _above(network: Network, xyz: Float) -> Float:
@@ -78,34 +78,34 @@ def _above(network: Network, xyz: Float) -> Float:
     plan = np.linalg.norm(xyz[m.end, :2] - xyz[m.start, :2], axis=1)
     rise = np.sqrt(np.maximum(m.value**2 - np.nan_to_num(plan) ** 2, 0.0))
     for ends in ((m.start, m.end), (m.end, m.start)):
-        some = np.isfinite(z[ends[0]]) & ~np.isfinite(z[ends[1]]) & np.isfinite(plan)
-        for point in np.unique(ends[1][some]):
-            z[point] = np.mean((z[ends[0]] + rise)[some & (ends[1] == point)])
+        has_rise = np.isfinite(z[ends[0]]) & ~np.isfinite(z[ends[1]]) & np.isfinite(plan)
+        for point in np.unique(ends[1][has_rise]):
+            z[point] = np.mean((z[ends[0]] + rise)[has_rise & (ends[1] == point)])
     return z
 
 
 def _by_differences(network: Network, xyz: Float) -> Float:
     """Coordinates along coordinate differences."""
-    found = xyz.copy()
+    values = xyz.copy()
     for axis, name in enumerate(("dX", "dY", "dZ")):
         if name in network:
             m = network[name]
-            found[:, axis] = _along(found[:, axis], m.start, m.end, m.value)
-    return found
+            values[:, axis] = _along(values[:, axis], m.start, m.end, m.value)
+    return values
 
 
 def _along(values: Float, start: Int, end: Int, difference: Float) -> Float:
     """Values known from others by differences, repeated while anything is found; the first is 0 if none is known."""
-    found = values.copy()
-    if len(start) and not np.isfinite(found[np.r_[start, end]]).any():
-        found[start[0]] = 0.0
+    filled = values.copy()
+    if len(start) and not np.isfinite(filled[np.r_[start, end]]).any():
+        filled[start[0]] = 0.0
     while True:
-        forward = np.isfinite(found[start]) & ~np.isfinite(found[end]) & np.isfinite(difference)
-        back = ~np.isfinite(found[start]) & np.isfinite(found[end]) & np.isfinite(difference)
+        forward = np.isfinite(filled[start]) & ~np.isfinite(filled[end]) & np.isfinite(difference)
+        back = ~np.isfinite(filled[start]) & np.isfinite(filled[end]) & np.isfinite(difference)
         if not forward.any() and not back.any():
-            return found
-        found[end[forward]] = found[start[forward]] + difference[forward]
-        found[start[back]] = found[end[back]] - difference[back]
+            return filled
+        filled[end[forward]] = filled[start[forward]] + difference[forward]
+        filled[start[back]] = filled[end[back]] - difference[back]
 
 
 def _heights(network: Network, xyz: Float) -> Float:
@@ -149,43 +149,43 @@ def _with_horizontal(network: Network, xyz: Float) -> Network:
 
 def _plan(network: Network, xy: Float, doubtful: set[int]) -> Float:
     """Places in plan."""
-    found = _grown(network, xy, doubtful)
+    placed = _grown(network, xy, doubtful)
     for _ in range(len(xy)):
-        seed = next(_seeds(network, found), None)
+        seed = next(_seeds(network, placed), None)
         if seed is None:
             break
         own = np.full_like(xy, np.nan)
         (a, b), length = seed
         own[a], own[b] = 0.0, (0.0, length)
         own = _grown(network, own, doubtful)
-        laid = _laid(own, found, "horizontal_distance" in network)
+        laid = _laid(own, placed, "horizontal_distance" in network)
         if laid is None:
-            if np.isfinite(found).any():
+            if np.isfinite(placed).any():
                 break
             return own
-        found = _grown(network, np.where(np.isfinite(found), found, laid), doubtful)
-    return found
+        placed = _grown(network, np.where(np.isfinite(placed), placed, laid), doubtful)
+    return placed
 
 
-def _seeds(network: Network, found: Float) -> Iterator[tuple[tuple[int, int], float]]:
+def _seeds(network: Network, placed: Float) -> Iterator[tuple[tuple[int, int], float]]:
     """Measured distances with an end that is unknown; without any, lines of an arbitrary length."""
     if "horizontal_distance" not in network:
         for vertex, a, _, _ in _angles(network):
-            if not (np.isfinite(found[vertex]).all() and np.isfinite(found[a]).all()):
+            if not (np.isfinite(placed[vertex]).all() and np.isfinite(placed[a]).all()):
                 yield (vertex, a), ARBITRARY_M
     m = network.get("horizontal_distance")
     if m is not None:
         for a, b, value in zip(m.start.tolist(), m.end.tolist(), m.value.tolist()):
-            if not (np.isfinite(found[a]).all() and np.isfinite(found[b]).all()):
+            if not (np.isfinite(placed[a]).all() and np.isfinite(placed[b]).all()):
                 yield (a, b), value
 
 
-def _laid(own: Float, known: Float, sized: bool) -> Float | None:
+def _laid(own: Float, placed: Float, sized: bool) -> Float | None:
     """A part in its own axes turned, shifted, and scaled if its size is arbitrary, onto its known points, if two."""
-    both: Bool = np.asarray(np.isfinite(np.hstack([own, known])).all(axis=1))
+    both: Bool = np.asarray(np.isfinite(np.hstack([own, placed])).all(axis=1))
     if both.sum() < 2:
         return None
-    p, q = (a[both] @ np.array([1, 1j]) for a in (own, known))
+    p, q = (a[both] @ np.array([1, 1j]) for a in (own, placed))
     turn = ((q - q.mean()) * np.conj(p - p.mean())).sum()
     turn = turn / (abs(turn) if sized else (np.abs(p - p.mean()) ** 2).sum())
     z = (own @ np.array([1, 1j]) - p.mean()) * turn + q.mean()
@@ -194,44 +194,44 @@ def _laid(own: Float, known: Float, sized: bool) -> Float | None:
 
 def _grown(network: Network, xy: Float, doubtful: set[int]) -> Float:
     """Points found from those that are known: all that are sure, else one that is not, again and again."""
-    found = xy.copy()
+    placed = xy.copy()
     for _ in range(MOST_ROUNDS):
-        loci = _loci(network, found)
+        loci = _loci(network, placed)
         places = {point: fitting_point(own, True) for point, own in loci.items()}
         sure = {point: place for point, place in places.items() if place is not None}
         if not sure:
             guesses = ((point, fitting_point(own, False)) for point, own in loci.items())
             point, place = next(((p, x) for p, x in guesses if x is not None), (-1, None))
             if place is None:
-                return found
+                return placed
             sure = {point: place}
             doubtful.add(point)
         for point, place in sure.items():
-            found[point] = place
-    return found
+            placed[point] = place
+    return placed
 
 
 def _loci(network: Network, xy: Float) -> dict[int, list[Locus]]:
     """Rays and circles on which the unknown points lie."""
-    known: Bool = np.asarray(np.isfinite(xy).all(axis=1))
-    found: dict[int, list[Locus]] = {}
+    placed: Bool = np.asarray(np.isfinite(xy).all(axis=1))
+    loci: dict[int, list[Locus]] = {}
     m = network.get("horizontal_distance")
     for a, b, value in [] if m is None else zip(m.start.tolist(), m.end.tolist(), m.value.tolist()):
         for p, q in ((a, b), (b, a)):
-            if known[p] and not known[q]:
-                found.setdefault(q, []).append(Locus.circle(xy[p], value))
-    for station, target, bearing in _bearings(network, xy, known):
-        if known[station] and not known[target]:
-            found.setdefault(target, []).append(Locus.ray(xy[station], bearing))
-        if known[target] and not known[station]:
-            found.setdefault(station, []).append(Locus.ray(xy[target], bearing + np.pi))
+            if placed[p] and not placed[q]:
+                loci.setdefault(q, []).append(Locus.circle(xy[p], value))
+    for station, target, bearing in _bearings(network, xy, placed):
+        if placed[station] and not placed[target]:
+            loci.setdefault(target, []).append(Locus.ray(xy[station], bearing))
+        if placed[target] and not placed[station]:
+            loci.setdefault(station, []).append(Locus.ray(xy[target], bearing + np.pi))
     for vertex, a, b, angle in _angles(network):
-        if not known[vertex] and known[a] and known[b]:
-            found.setdefault(vertex, []).append(Locus.seeing(xy[a], xy[b], angle))
-    return found
+        if not placed[vertex] and placed[a] and placed[b]:
+            loci.setdefault(vertex, []).append(Locus.seeing(xy[a], xy[b], angle))
+    return loci
 
 
-def _bearings(network: Network, xy: Float, known: Bool) -> Iterator[tuple[int, int, float]]:
+def _bearings(network: Network, xy: Float, placed: Bool) -> Iterator[tuple[int, int, float]]:
     """Bearings from azimuths, oriented sets and angles with one known side."""
     if "azimuth" in network:
         m = network["azimuth"]
@@ -239,7 +239,7 @@ def _bearings(network: Network, xy: Float, known: Bool) -> Iterator[tuple[int, i
     oriented = _both_ways(network.get("azimuth"), np.pi)
 
     def side(station: int, target: int) -> float | None:
-        if known[station] and known[target]:
+        if placed[station] and placed[target]:
             return float(np.arctan2(*(xy[target] - xy[station])))
         return oriented.get((station, target))
 

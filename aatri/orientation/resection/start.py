@@ -85,14 +85,14 @@ def start_orientation(
     origin = xyz_m.mean(axis=0)
     ground = xyz_m - origin
     rays = unit(np.column_stack([xy_mm, np.full(len(xy_mm), -c_mm)]))
-    given = [(s, (position - origin, rotation)) for s, (position, rotation) in others]
+    offers = [(s, (position - origin, rotation)) for s, (position, rotation) in others]
     if offered is not None and np.isfinite(offered[0]).all():
         centre = offered[0] - origin
         if np.isfinite(offered[1]).all():
-            given.append((0, (centre, offered[1])))
-        given += [(2, (centre, R)) for R in _turned(rays, ground - centre)]
-    tried = [*given, *((3, found) for triple in _triples(xy_mm) for found in three_point(rays[triple], ground[triple]))]
-    judged = [(*_false_alarms(xy_mm, c_mm, ground, found, s, len(tried), area), found) for s, found in tried]
+            offers.append((0, (centre, offered[1])))
+        offers += [(2, (centre, R)) for R in _turned(rays, ground - centre)]
+    tried = [*offers, *((3, pose) for triple in _triples(xy_mm) for pose in three_point(rays[triple], ground[triple]))]
+    judged = [(*_false_alarms(xy_mm, c_mm, ground, pose, s, len(tried), area), pose) for s, pose in tried]
     accepted = sorted((one for one in judged if one[0] < np.log(EXPECTED)), key=lambda one: one[:2])
     if not accepted:
         return None
@@ -103,10 +103,10 @@ def start_orientation(
 
 
 def _false_alarms(
-    xy: Float, c: float, ground: Float, found: Orientation, s: int, tried: int, area: float
+    xy: Float, c: float, ground: Float, pose: Orientation, s: int, tried: int, area: float
 ) -> tuple[float, float]:
     """Logarithm of the orientations expected to fit as well by chance, and how far off the fitting points are, mm."""
-    u = in_image_axes(found[0][None], found[1][None], ground)
+    u = in_image_axes(pose[0][None], pose[1][None], ground)
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.linalg.norm(project(u, np.full(len(u), c)) - xy, axis=1)
     n = len(off)
@@ -170,7 +170,7 @@ def three_point(rays: Float, ground: Float) -> list[tuple[Float, Float]]:
         4 * (-p * (1 + p) * cb + 2 * a**2 / b**2 * cg**2 * cb - (1 - q) * ca * cg),
         (1 + p) ** 2 - 4 * a**2 / b**2 * cg**2,
     ]
-    found = []
+    poses = []
     for root in np.roots(quartic):
         v = float(root.real)
         denominator = 2 * (cg - v * ca)
@@ -180,8 +180,8 @@ def three_point(rays: Float, ground: Float) -> list[tuple[Float, Float]]:
         s1_squared = b**2 / (1 + v**2 - 2 * v * cb)
         if u > 0 and s1_squared > 0:
             s1 = np.sqrt(s1_squared)
-            found.append(_aligned(rays * np.array([s1, u * s1, v * s1])[:, None], ground))
-    return found
+            poses.append(_aligned(rays * np.array([s1, u * s1, v * s1])[:, None], ground))
+    return poses
 
 
 def _aligned(image: Float, ground: Float) -> tuple[Float, Float]:
