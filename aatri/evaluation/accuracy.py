@@ -19,6 +19,7 @@ Sources: ASPRS Positional Accuracy Standards, Edition 2 (30 check points); Foers
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.adjustment.statistics.limits import LEAST_LIMIT
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
@@ -93,17 +94,13 @@ def evaluate(
     )
 
 
-BEYOND = 4.0
-"""Standard deviations beyond which a check difference is an error of that point: 1 in 16,000 comes so far by chance."""
-
-
 def beyond_every_bound(block: Block, check: PointDifferences, sigma0: float) -> tuple[str, ...]:
     """Check points whose difference no standard deviation explains, also not one larger by sigma0: id, axis, size."""
     sigma = check.sigma_m * max(1.0, sigma0 if np.isfinite(sigma0) else 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sigma > 0, np.abs(check.difference_m) / sigma, 0.0)
     worst = ratio.argmax(axis=1) if len(ratio) else np.zeros(0, dtype=int)
-    rows = np.flatnonzero(ratio.max(axis=1, initial=0.0) > BEYOND)
+    rows = np.flatnonzero(ratio.max(axis=1, initial=0.0) > LEAST_LIMIT)
     return tuple(
         f"{block.points.id[check.point[k]]} ({'XYZ'[worst[k]]} {check.difference_m[k, worst[k]]:.3f} m, "
         f"{ratio[k, worst[k]]:.1f} sigma)"

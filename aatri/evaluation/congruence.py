@@ -33,11 +33,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtrc, chdtri, chndtrinc, fdtrc, fdtri, ncfdtrinc
 
+from aatri.adjustment.statistics.limits import POWER
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
-
-POWER = 0.8
-"""A detectable displacement is found with this probability."""
 
 DETERMINED = 1e-10
 """A displacement that the other points determine by less of its own weight is not tested: rounding takes 1e-12."""

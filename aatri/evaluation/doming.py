@@ -13,6 +13,7 @@ Source: James and Robson 2014 (systematic errors of vertical blocks: doming).
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import ALARM, WRONG_SIGMAS
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
@@ -21,10 +22,6 @@ from aatri.ids import rows_of
 from aatri.notes import Note
 
 FEWEST = 6
-LEVEL = 0.001
-FAR_SIGMAS = 6.0
-"""Check points farther off than this, in standard deviations of the difference, are named."""
-
 NOTHING_M = 1e-6
 """Smaller bends are rounding."""
 
@@ -47,8 +44,8 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
     bent = doming(xy, d.difference_m[is_reference, 2])
     notes = _far(evaluation)
     determined = np.isfinite(d.difference_m[is_reference, 2])
-    by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(determined.sum() - 2, 1 - LEVEL / 2))
-    allowed = float(np.nan_to_num(d.sigma_m[is_reference, 2]).max(initial=0.0)) * float(ndtri(1 - LEVEL / 2))
+    by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(determined.sum() - 2, 1 - ALARM / 2))
+    allowed = float(np.nan_to_num(d.sigma_m[is_reference, 2]).max(initial=0.0)) * float(ndtri(1 - ALARM / 2))
     if bent is not None and abs(bent[0]) > max(by_chance, allowed, NOTHING_M):
         notes.append(
             Note(
@@ -96,7 +93,7 @@ def _far(evaluation: Evaluation) -> list[Note]:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(d.sigma_m[rows] > 0, np.abs(d.difference_m[rows]) / d.sigma_m[rows], 0.0)
     size = np.nan_to_num(ratio).max(axis=1, initial=0.0)
-    far = np.argsort(-size, kind="stable")[: int((size > FAR_SIGMAS).sum())]
+    far = np.argsort(-size, kind="stable")[: int((size > WRONG_SIGMAS).sum())]
     if not len(far):
         return []
     off = np.nan_to_num(np.abs(d.difference_m[rows])).max(axis=1)

@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.evaluation import Differences, Displacements, Evaluation, Figures
@@ -239,10 +240,6 @@ def _size(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if metres < 1 else f"{metres:.4g} m"
 
 
-CHANCE = 0.001
-"""The stable points together: below this probability the warning that their differences are larger than stated."""
-
-
 def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[str, ...]:
     from scipy.special import chdtrc
 
@@ -253,7 +250,7 @@ def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[st
     if not result.tested.all():
         names = shown(table.point[~result.tested].tolist(), 5)
         warnings.append(f"points that the others do not check, as they are needed to lay the epochs together: {names}")
-    if result.stable_degrees > 0 and chdtrc(result.stable_degrees, result.stable_statistic) < CHANCE:
+    if result.stable_degrees > 0 and chdtrc(result.stable_degrees, result.stable_statistic) < ALARM:
         warnings.append(
             f"the points that have not moved differ by more than their standard deviations say: chi2 "
             f"{result.stable_statistic:.1f} of {result.stable_degrees}; all may have moved a little, or standard "

@@ -11,10 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.artifacts.solution import IndependentErrors
-
-TOLD = 0.999
-"""Probability of the limits beyond which a ratio is told: there are nine of them."""
 
 RATIOS = {
     "new": ("truth", "truth_over_theory"),
@@ -53,7 +51,7 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
         value, n = figures.get(f"{ratio}_{axis}", np.nan), figures.get(f"{what}_independent_{axis}", np.nan)
         if not np.isfinite(n):
             continue
-        low, high = _limits(n, TOLD)
+        low, high = _limits(n, 1.0 - ALARM)
         if not low <= value <= high:
             beyond.append(f"{axis.upper()} {value:.2f} (expected {low:.2f} to {high:.2f}, {n:.0f} independent errors)")
     names = {

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
 from aatri.adapters.interior.photo_coordinates import half_format_of
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -28,8 +29,6 @@ from aatri.geometry.uncertain_intersection import intersect_uncertain
 from aatri.geometry.vectors import finite_rows
 from aatri.measuring.measured_rays import SETTLED_MM, STEPS, MeasuredRays
 
-LEVEL = 0.001
-"""Of the test of a click: Baarda's, one good click of a thousand is called wrong."""
 MARGIN = 1.2
 """Points are looked for in an image up to this multiple of its format."""
 CHUNK, LOOSE = 100_000, 1e10
@@ -121,7 +120,7 @@ class RunOrientation:
                 t, limit = float(np.sqrt(off @ np.linalg.solve(C, off))), 2.0
             of = None if t is None or not np.isfinite(t) else t
             shown[click.image] = replace(
-                there, off=off, t=of, wrong=of is not None and bool(chi2.sf(of**2, limit) < LEVEL)
+                there, off=off, t=of, wrong=of is not None and bool(chi2.sf(of**2, limit) < ALARM)
             )
         return shown
 

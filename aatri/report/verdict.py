@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.adjustment.statistics.limits import WRONG_SIGMAS
 from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
-from aatri.evaluation.doming import FAR_SIGMAS
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
@@ -150,7 +150,7 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
         size = np.fmax.reduce(
             np.where(d.sigma_m[checks] > 0, np.abs(d.difference_m[checks]) / d.sigma_m[checks], np.nan), axis=1
         )
-    far = checks[np.nan_to_num(size) > FAR_SIGMAS]
+    far = checks[np.nan_to_num(size) > WRONG_SIGMAS]
     if not len(far):
         return []
     size = dict(zip(checks.tolist(), size.tolist()))

@@ -135,3 +135,39 @@ def test_no_class_name_stands_for_two_things() -> None:
     paths = [path for top in ("aatri", "stages") for path in (ROOT / top).rglob("*.py")]
     names = [name for path in paths for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.M)]
     assert sorted(name for name, count in Counter(names).items() if count > 1 and not name.startswith("_")) == []
+
+
+_CHANCE = re.compile(r"ALARM|CHANCE|UNLIKELY|SIGNIFICAN|(^|_)SEPARABLE|(^|_)(LEVEL|POWER|SIGMAS)$")
+_OF_CHANCE = re.compile(r"probability|by chance|false alarm|chi-square|of normal errors", re.I)
+_NO_TESTS = {
+    "aatri/measuring/session.py: SHOWN_SIGMAS": "the size of a drawn ellipse",
+    "aatri/formats/tables/ground.py: SAME_PLACE_SIGMAS": "readers use no method",
+    "aatri/orientation/bodies/exchanged_control.py: (MOST_BY_ALL, MOST_SEARCHED, SPARE)": "counts of points",
+    "aatri/orientation/graph/triangulation.py: LIMIT": "trims a start, which the bundle tests",
+    "aatri/pixels/matching.py: COARSE_MATCHES": "a count of matches",
+}
+"""Numbers that speak of chance and are no limits of tests of an adjustment, with the reason."""
+
+
+def _numbers(path: Path) -> Iterator[tuple[str, str]]:
+    """Names of a module's numeric constants, with what is said of each."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for node, after in zip(body, [*body[1:], None]):
+        if isinstance(node, ast.Assign) and not any(isinstance(n, ast.Call | ast.Name) for n in ast.walk(node.value)):
+            values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+            told = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            if values and all(type(value) in (int, float) for value in values):
+                yield ast.unparse(node.targets[0]), " ".join(str(after.value.value).split()) if told else ""
+
+
+def test_chances_and_limits_of_tests_stand_in_limits_alone() -> None:
+    """Where a threshold stands for a test its chance of an alarm is chosen once (`limits.py` of a floor or room)."""
+    strays = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for top in ("aatri", "stages")
+        for path in sorted((ROOT / top).rglob("*.py"))
+        if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts)
+        for name, text in _numbers(path)
+        if _CHANCE.search(name) or _OF_CHANCE.search(text)
+    }
+    assert sorted(strays ^ set(_NO_TESTS)) == []

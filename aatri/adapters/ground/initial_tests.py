@@ -7,6 +7,7 @@ import numpy as np
 from aatri.adapters.ground.ground_observed import DISTANCES, GroundObserved
 from aatri.adapters.solution import suspect_rows
 from aatri.adjustment.records import times
+from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
@@ -26,10 +27,6 @@ LEAST_SIGMA = 1e-6
 
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
-
-OFF_SIGMAS = 5.0
-"""Attitudes that are off by more than this from the common offset of their camera are told: of normal errors one in
-65,000, chi-square of three."""
 
 SCATTER = 1.4826
 """Standard deviation of a normal variable over the median of its deviations."""

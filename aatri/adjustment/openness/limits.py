@@ -31,3 +31,6 @@ MOST_NAMED = 7
 BEYOND, WITHIN = 1e10, 1e9
 """Ratios of weights beyond the reach of double precision, and to which they are brought; at 1e12 the rank tolerance is
 met."""
+
+UNLIKELY = 1e-4
+"""Share of its mean below which the square of a random direction along another comes once in 1e15 times."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from aatri.adjustment.elimination.backsolve import solve_columns
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, WARNED
+from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, UNLIKELY, WARNED
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -35,8 +35,6 @@ COLUMNS = 8
 
 STEPS = 2
 """Multiplications by the covariance: the first brings out what is open by orders of magnitude."""
-
-UNLIKELY = 1e-4
 
 SAME = 0.5
 """Cosine from which on two directions are one."""

@@ -23,10 +23,8 @@ from itertools import combinations
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Bool, Float, Int
-
-SEPARABLE = 10.83
-"""Difference of e'e below which two explanations cannot be told apart: chi-square of one degree at 0.1 %."""
 
 CONTROLLED = 1e-3
 """Components with a smaller redundancy number are not tested."""

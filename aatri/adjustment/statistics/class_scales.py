@@ -9,7 +9,7 @@ from s = median |w_i| / 0.6745 on. Residuals beyond k s count for nothing, so th
 right for normal ones. Where s = 1 is right, s^2 f is distributed nearly as chi-square with f = EFFICIENCY sum r_i
 degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
-A scale counts as different from 1, or from another, where chance does not explain it (`FALSE_ALARM`, for all classes of
+A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of
 a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations. Only
 where they are so small that the other observations give way, a class of `TIGHT` redundancy numbers, is less enough to
 see that they are too small.
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, ndtr
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 
@@ -30,9 +31,6 @@ K = 2.5
 
 EFFICIENCY = 0.666
 """Of the M-estimate for K with normal residuals: var(ln s) = 1 / (2 EFFICIENCY r)."""
-
-FALSE_ALARM = 0.001
-"""Chance that a block with right standard deviations is told that some are wrong."""
 
 TIGHT, SEEN = 0.25, 3.0
 """Mean redundancy number of a class below which a redundancy of 3 shows that its standard deviations are too small."""
@@ -70,7 +68,7 @@ class ClassScales:
 
     def _by_chance(self, freedom: Float) -> tuple[Float, Float]:
         """Between what a scale of 1 lies with so many degrees of freedom."""
-        f, level = np.maximum(freedom, 1.0), 0.5 * FALSE_ALARM / max(len(self.scale), 1)
+        f, level = np.maximum(freedom, 1.0), 0.5 * ALARM / max(len(self.scale), 1)
         return np.sqrt(chdtri(f, 1.0 - level) / f), np.sqrt(chdtri(f, level) / f)
 
 

@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import ALARM, SHOWN
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
@@ -29,9 +30,6 @@ MAX_SIGMA0 = 20.0
 
 WARNED_BEYOND = (0.8, 1.25)
 FAR_BEYOND = (0.5, 2.0)
-
-SHOWN, LEVEL = 0.05, 0.001
-"""Probability outside the interval that is told, and of an alarm without cause."""
 
 Verdict = Literal["untested", "fits", "outside", "warned", "far"]
 
@@ -62,7 +60,7 @@ def global_test(sigma0: float, redundancy: int) -> GlobalTest:
     if redundancy < 1 or not np.isfinite(sigma0):
         return GlobalTest(float("nan"), max(redundancy, 0), float("nan"), float("nan"), "untested")
     low, high = sigma0_interval(redundancy)
-    least, most = sigma0_interval(redundancy, LEVEL)
+    least, most = sigma0_interval(redundancy, ALARM)
     verdict: Verdict = "outside"
     if least <= sigma0 <= most:
         verdict = "fits"
@@ -104,7 +102,7 @@ def single_misfits(sigma0: Float, redundancy: Int) -> Bool:
     from scipy.special import chdtrc  # upper tail
 
     testable = (redundancy > 0) & np.isfinite(sigma0)
-    level = LEVEL / max(int(testable.sum()), 1)
+    level = ALARM / max(int(testable.sum()), 1)
     r, s = np.where(testable, redundancy, 1), np.where(testable, sigma0, 0.0)
     return np.asarray(testable & (chdtrc(r, r * s**2) < level) & (s > WARNED_BEYOND[1]))
 

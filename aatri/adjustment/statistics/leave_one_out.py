@@ -13,7 +13,7 @@ Source: Baarda 1968; Foerstner 1983, Reliability and discernability of extended 
 
 import numpy as np
 
-from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Bool, Float
 
 CONTROLLED = 1e-9

@@ -15,10 +15,33 @@ from scipy.special import ndtr, ndtri
 FALSE_ALARM = 0.01
 """Chance that anything is rejected of a block in which nothing is wrong."""
 
+ALARM = 0.001
+"""Chance that a kind of test - of sigma0, of classes, groups, terrain, a click - tells anything where nothing is wrong,
+shared by all tests of that kind."""
+
+SHOWN = 0.05
+"""Probability outside an interval that is told beside a figure."""
+
+POWER = 0.8
+"""A detectable error or displacement is found with this probability."""
+
 LEAST_LIMIT = 4.0
+"""Of several tests together, and of check points: of normal errors one in 16,000 is beyond."""
 
 SINGLE_LIMIT = 3.29
 """Limit of a single test at the level 0.1 %."""
+
+SEPARABLE = 10.83
+"""Difference of e'e below which two explanations cannot be told apart: chi-square of one degree at `ALARM`."""
+
+CLEAR_SIGMAS = 3.0
+"""An effect larger than so many of its standard deviations is there: 0.3 % of normal errors are beyond."""
+
+OFF_SIGMAS = 5.0
+"""Rotations and attitudes so far off contradict the rest: of normal errors of three components one in 65,000."""
+
+WRONG_SIGMAS = 6.0
+"""What is so far off is wrong: single values once in 5e8, rotations (three components) once in 13 million by chance."""
 
 
 def limit_of_tests(tests: int, false_alarm: float = FALSE_ALARM) -> float:

@@ -7,7 +7,7 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
     z_k = u_k'v / sqrt(l_k)  ~  N(0, 1 + (s^2 - 1) l_k),      -2 ln L(s) = sum ln(1 + (s^2 - 1) l_k) + z_k^2 / (...)
 
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
-chi-square of one degree at `FALSE_ALARM`, and gross errors of up to `room.SMALL_ROOM` records do not explain as much:
+chi-square of one degree at `ALARM`, and gross errors of up to `room.SMALL_ROOM` records do not explain as much:
 each lets v'R^-v fall by v_j'R_jj^-1 v_j, and costs `SEPARABLE`.
 
 Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
@@ -17,12 +17,11 @@ Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (
 import numpy as np
 from scipy.special import chdtri
 
-from aatri.adjustment.statistics.attribution import SEPARABLE
-from aatri.adjustment.statistics.class_scales import FALSE_ALARM
+from aatri.adjustment.statistics.limits import ALARM, SEPARABLE
 from aatri.adjustment.statistics.room import SMALL_ROOM
 from aatri.arrays import Float, Int
 
-LIMIT = float(chdtri(1.0, 2.0 * FALSE_ALARM))
+LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 
 _SCALES = np.exp(np.linspace(0.0, np.log(50.0), 151))
 

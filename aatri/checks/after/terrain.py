@@ -6,11 +6,12 @@ Test: `orientation.bundle.terrain_test`, at 0.1 % for all points together.
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.checks.finding import Finding
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.terrain_test import ALARM, off_terrain
+from aatri.orientation.bundle.terrain_test import off_terrain
 
 
 def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Finding]:

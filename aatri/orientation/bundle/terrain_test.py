@@ -20,12 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.adjustment.statistics.limits import ALARM, limit_of_tests
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
-
-ALARM = 1e-3
-"""Probability that a block without errors is told a doubtful point, where terrain deviates normally from planes."""
 
 LONGER, FAR = 1.5, 0.2
 

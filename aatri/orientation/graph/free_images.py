@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import WRONG_SIGMAS
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
@@ -29,9 +30,6 @@ from aatri.progress import SILENT, Reporter
 
 WRONG_RAD = 0.05
 """A pair whose rotation is off by more than this, or `WRONG_SIGMAS` times its own standard deviation, is wrong."""
-
-WRONG_SIGMAS = 6.0
-"""Of normal errors one rotation in 13 million is beyond, chi-square of three: of 100,000 pairs none by chance."""
 
 OPEN = 0.1
 """Share of its triangles below which a pair is trusted this much."""

@@ -17,7 +17,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.global_test import LEVEL, sigma0_interval
+from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Float
 from aatri.errors import AatriError
@@ -53,7 +54,7 @@ def fits_bent(
         return False  # so far off that no adjustment reaches it
     further = held.redundancy - free.redundancy
     s2 = free.cost / free.redundancy if free.redundancy else 1.0
-    return further < 1 or (held.cost - free.cost) / further <= s2 * sigma0_interval(further, LEVEL)[1] ** 2
+    return further < 1 or (held.cost - free.cost) / further <= s2 * sigma0_interval(further, ALARM)[1] ** 2
 
 
 def rays_alone(component: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids) -> tuple[Float, Float]:

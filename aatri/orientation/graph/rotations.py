@@ -16,6 +16,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
+from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import exp_rotation, log_rotation
 from aatri.orientation.graph.differences import STEPS, fitted, robust_weights
@@ -23,10 +24,7 @@ from aatri.orientation.graph.differences import STEPS, fitted, robust_weights
 SETTLED_RAD = 1e-7
 
 CLOSED_RAD = 0.02
-"""A triangle closes within this, or within `CLOSED_SIGMAS` standard deviations where these are larger."""
-
-CLOSED_SIGMAS = 5.0
-"""Of normal errors one rotation in 65,000 is beyond, chi-square of three."""
+"""A triangle closes within this, or within `OFF_SIGMAS` standard deviations where these are larger."""
 
 
 def closing_triangles(n: int, left: Int, right: Int, left_from_right: Float, sigma_rad: Float) -> tuple[Int, Int]:
@@ -61,7 +59,7 @@ def closing_triangles(n: int, left: Int, right: Int, left_from_right: Float, sig
     trace = np.einsum("nij,njk,nik->n", turned[ab], turned[bc], turned[ac], optimize=True)
     error = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
     sigma = np.sqrt(sigma_rad[ab] ** 2 + sigma_rad[bc] ** 2 + sigma_rad[ac] ** 2)
-    closes = error <= np.maximum(CLOSED_RAD, CLOSED_SIGMAS * sigma)
+    closes = error <= np.maximum(CLOSED_RAD, OFF_SIGMAS * sigma)
     members = np.concatenate([ab, bc, ac])
     return np.bincount(members, minlength=m), np.bincount(members, np.tile(closes, 3), m).astype(np.int64)
 

@@ -7,7 +7,7 @@ common; the first class is that of different residuals within one cell. To the c
     C(d) = C0 exp(-d/L)    or    C0 exp(-(d/L)^2)
 
 is fitted by least squares, L by search, C0 in closed form. Without common signal the covariance of a class of N
-products in x and N in y has the variance s^4 / (2 N); a C0 below `SIGNIFICANT` of its standard deviations is no
+products in x and N in y has the variance s^4 / (2 N); a C0 below `CLEAR_SIGMAS` of its standard deviations is no
 signal.
 
 Source: Kraus & Mikhail 1972, Linear least-squares interpolation; Moritz 1980, Advanced Physical Geodesy.
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
+from aatri.adjustment.statistics.limits import CLEAR_SIGMAS
 from aatri.arrays import Float
 
 MODELS: dict[str, Callable[[Float], Float]] = {
@@ -26,9 +27,6 @@ MODELS: dict[str, Callable[[Float], Float]] = {
     "gaussian": lambda q: np.asarray(np.exp(-(q**2))),
 }
 """Correlation as a function of d/L."""
-
-SIGNIFICANT = 3.0
-"""Standard deviations by which C0 must exceed zero."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +158,7 @@ def fit_covariance(empirical: EmpiricalCovariance, model: str = "best") -> Covar
         variance = min(variance, 0.99 * empirical.total_mm2)
         f = shape(d / np.exp(length))
         spread = empirical.total_mm2 * np.sqrt(((w * f) ** 2 / (2 * empirical.weight)).sum()) / float((w * f) @ f)
-        if variance > SIGNIFICANT * spread and (best is None or cost < best[0]):
+        if variance > CLEAR_SIGMAS * spread and (best is None or cost < best[0]):
             noise = empirical.total_mm2 - variance
             best = cost, CovarianceFunction(name, variance, float(np.exp(length)), noise)
     return None if best is None else best[1]

@@ -9,7 +9,7 @@ anywhere into an image of area A would be expected to agree as well
 
     NFA = T (n - s) C(n - s, k - s) (pi e^2 / A)^(k - s)
 
-times in T hypotheses; the k with the least NFA counts, and that has to be below `EXPECTED`. So an image of points with
+times in T hypotheses; the k with the least NFA counts, and that has to be below `ALARM`. So an image of points with
 wrong numbers gets no orientation, however many they are, nor one of three points, which any triple fits.
 
 Symbols: a, b, c the sides opposite P1, P2, P3; alpha, beta, gamma the angles between the rays opposite them.
@@ -23,15 +23,13 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import gammaln
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Float
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 
 MAX_TRIPLES = 20
-
-EXPECTED = 1e-3
-"""Orientations accepted by chance, per image."""
 
 WIDE_RAD = 0.03
 """Points farther than this from where they are seen do not fit: a start may be off by as much."""
@@ -93,7 +91,7 @@ def start_orientation(
         offers += [(2, (centre, R)) for R in _turned(rays, ground - centre)]
     tried = [*offers, *((3, pose) for triple in _triples(xy_mm) for pose in three_point(rays[triple], ground[triple]))]
     judged = [(*_false_alarms(xy_mm, c_mm, ground, pose, s, len(tried), area), pose) for s, pose in tried]
-    accepted = sorted((one for one in judged if one[0] < np.log(EXPECTED)), key=lambda one: one[:2])
+    accepted = sorted((one for one in judged if one[0] < np.log(ALARM)), key=lambda one: one[:2])
     if not accepted:
         return None
     (_, size, best), rest = accepted[0], accepted[1:]

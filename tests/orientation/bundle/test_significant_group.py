@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from aatri.orientation.bundle.groups.score_tests import ALARM, is_significant
+from aatri.adjustment.statistics.limits import ALARM
+from aatri.orientation.bundle.groups.score_tests import is_significant
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.attribution import SEPARABLE
 from aatri.adjustment.statistics.leave_one_out import as_good
+from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note

@@ -6,14 +6,15 @@ With the measured coordinates of the ray, and the ground point q of the other in
 
 q is looked for among the points that are seen in images which share points with this one; those that the image has
 itself, in use, are no choice. Where points lie dense one of them may fit by chance: the number n of them that fall into
-an image of area A, and the box of the bound, give the chance n (4 bound_x bound_y) / A, which must be below `CHANCE`,
-and the fit must be the only one.
+an image of area A, and the box of the bound, give the chance n (4 bound_x bound_y) / A, which must be below
+`FALSE_ALARM`, and the fit must be the only one.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import FALSE_ALARM
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.collinearity import in_image_axes, project
@@ -26,8 +27,6 @@ from aatri.orientation.bundle.rounds import OtherNumber
 
 FITS = 2.0
 """Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
-
-CHANCE = 0.01
 
 COARSE = 0.01
 """Share of the principal distance within which a point is looked at: lens and film are left out at first."""
@@ -118,7 +117,7 @@ def _fitting(
     records = renumbered_records(rays, tuple(p.given for p in result.parameters), row, point)
     v = np.abs(records.evaluate(result.adjusted.state, np.arange(len(row)))[0])
     bound = limit * FITS * rays.sigma_mm[row]
-    fits = (v <= bound).all(axis=1) & (chance <= CHANCE)
+    fits = (v <= bound).all(axis=1) & (chance <= FALSE_ALARM)
     alone = fits & (np.bincount(row[fits], minlength=len(rays.image))[row] == 1)
     other = alone & (point != rays.point[row])
     return [OtherNumber(int(r), int(p)) for r, p in zip(row[other], point[other])]

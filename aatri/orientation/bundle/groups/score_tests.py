@@ -19,8 +19,9 @@ from scipy.special import chdtri
 
 from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
 from aatri.adjustment.records import whitened
-from aatri.adjustment.statistics.attribution import CONTROLLED, SEPARABLE
+from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import as_good
+from aatri.adjustment.statistics.limits import ALARM, SEPARABLE
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
@@ -29,9 +30,6 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
-
-ALARM = 1e-3
-"""Probability that a block without errors is told a group: shared by the candidates, and of each by all its tests."""
 
 MOST_TRIED, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.attribution import SEPARABLE
+from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
