@@ -8,7 +8,7 @@ from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#bingo"
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
-_HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NUMBER}\s+{_NUMBER}\s*")
+_HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NUMBER}\s+{_NUMBER}(?:\s+\S+)?\s*")
 
 
 def _image_coordinates(view: FileView) -> str:

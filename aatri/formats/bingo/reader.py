@@ -1,7 +1,7 @@
 """BINGO's image coordinates and `geoin.dat`, as Metashape and Pix4D write them too.
 
     image coordinates    image [camera]            of each image; a camera stands until the next one is named
-                         point x y                 mm from the image centre, x right, y up; a line a point
+                         point x y [more]          mm from the image centre, x right, y up; a line a point
                          -99                       ends an image
     geoin.dat            CAPA camera c [x0 y0]     mm
                          RADI camera step d1 d2 .. mm; radial distortion in um at step, 2 step, ...
@@ -67,7 +67,7 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
     camera, inside = "", False
     for line in word_lines(path, reporter, remark="*"):
         words = line.words
-        if words[0] == REMARK and not (inside and len(words) == 3):
+        if words[0] == REMARK and not (inside and len(words) in (3, 4)):
             continue
         if words == [END]:
             inside = False
@@ -76,7 +76,7 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
             images.append((line, camera))
             line.once(words[0], first, "image")
             inside = True
-        elif inside and len(words) == 3:
+        elif inside and len(words) in (3, 4):
             image_of_row.append(images[-1][0].words[0])
             rows.append(line)
         else:
@@ -87,10 +87,12 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
         raise InputError(f"the last image does not end with {END}", where=where, remedy="the file is incomplete")
     if not rows:
         raise InputError("no image point", where=str(path), remedy="export the image coordinates again")
+    more = sum(len(line.words) == 4 for line in rows)
     return BlockParts(
         "bingo",
         [path],
         name=path.stem,
+        notes=[f"a fourth column of {more} image points is not read"] if more else [],
         pixel_axes=PIXEL_AXES["bingo"],
         images={
             "id": [line.words[0] for line, _ in images],
@@ -100,7 +102,7 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
         image_points={
             "image": image_of_row,
             "point": [line.words[0] for line in rows],
-            "xy": [line.numbers(1) for line in rows],
+            "xy": [line.numbers(1, 3) for line in rows],
             **places(rows, [path]),
         },
     )

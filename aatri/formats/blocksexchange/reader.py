@@ -5,8 +5,8 @@ principal point count from the centre of the first pixel. The distortion is forw
 
     u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
 
-An image is called by its file name, by its whole path where that stands for two. Poses are start values. All of a block
-is in one system: control in another one is refused.
+An image is called by its file name, by its whole path where that stands for two. Poses are start values. Control in
+another system than the block's is converted to that.
 
 Source: Bentley, CC Orientations (BlocksExchange) format description.
 """
@@ -25,10 +25,11 @@ from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
-from aatri.ids import clipped
+from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
 
 VERSIONS = ("2.1", "3.0", "3.1", "3.2")
@@ -78,15 +79,20 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
             "ground_from_image": [_rotation(photo.one("Pose"), group) for _, photo, group in posed],
             **places([photo for _, photo, _ in posed], [path]),
         }
-    _give_points(parts, block, of_id)
+    _give_points(parts, block, of_id, root, reporter)
+    if unread := [name for (photo, _, _), name in zip(photos, names) if photo.all("Pose", "Metadata")]:
+        parts.notes.append(f"positions in the metadata of {len(unread)} photos are not read: {shown(unread)}")
     return parts
 
 
 def _frame(root: XmlElement, block: XmlElement) -> Frame:
     """The system of the block; a free one without."""
     number = block.optional("SRSId")
-    if number is None:
-        return LOCAL
+    return LOCAL if number is None else _system(root, number)
+
+
+def _system(root: XmlElement, number: XmlElement) -> Frame:
+    """The system of an SRSId."""
     systems = {srs.one("Id").text: srs.one("Definition") for srs in root.all("SpatialReferenceSystems", "SRS")}
     if number.text not in systems:
         raise number.error(f"SRSId {clipped(number.text)} is not among the systems", "export it again")
@@ -170,14 +176,18 @@ def _rotation(pose: XmlElement, group: XmlElement) -> Float:
     return ours if axes is None or axes.text == "XRightYDown" else np.asarray(ours * Y_UP)
 
 
-def _give_points(parts: BlockParts, block: XmlElement, of_id: dict[str, str]) -> None:
+def _give_points(
+    parts: BlockParts, block: XmlElement, of_id: dict[str, str], root: XmlElement, reporter: Reporter
+) -> None:
     """Control, check and tie points, and where they were measured."""
-    own = block.optional("SRSId")
+    own, foreign = block.optional("SRSId"), dict[str, list[int]]()
     points, rows = list[dict[str, Any]](), list[tuple[str, str, list[float], XmlElement]]()
     for element in block.all("ControlPoints", "ControlPoint"):
         system = element.optional("SRSId")
         if system is not None and system.text != (own.text if own is not None else ""):
-            raise system.error("a control point in another system than the block", "export all in one system")
+            if own is None:
+                raise system.error("a control point in a system, and the block has none", "export all in one system")
+            foreign.setdefault(system.text, []).append(len(points))
         points.append(_control(element))
         _measured(element, points[-1]["point"], of_id, rows)
     for k, element in enumerate(block.all("TiePoints", "TiePoint"), 1):
@@ -196,11 +206,28 @@ def _give_points(parts: BlockParts, block: XmlElement, of_id: dict[str, str]) ->
     if points:
         columns = {key: [point[key] for point in points] for key in ("point", "xyz_m", "sigma_m", "role")}
         parts.ground_points = {**columns, **places([point["at"] for point in points], parts.files)}
+        for rows_of_system in foreign.values():
+            _convert(parts, rows_of_system, _system(root, points[rows_of_system[0]]["at"].one("SRSId")), reporter)
     if rows:
         parts.image_points = {
             **{key: [row[k] for row in rows] for k, key in enumerate(("image", "point", "xy"))},
             **places([row[3] for row in rows], parts.files),
         }
+
+
+def _convert(parts: BlockParts, rows: list[int], frame: Frame, reporter: Reporter) -> None:
+    """Bring rows of the ground points from another system into that of the block."""
+    assert parts.frame is not None
+    columns = dict(parts.ground_points)
+    if "sigma_m" in columns:
+        variance = np.asarray(columns.pop("sigma_m"), dtype=np.float64) ** 2
+        columns["covariance_m2"] = np.where(np.eye(3, dtype=bool), variance[:, :, None], 0.0)
+    moved = {key: np.array(columns[key], dtype=np.float64) for key in ("xyz_m", "covariance_m2")}
+    some = {**{key: values[rows] for key, values in moved.items()}, "role": CONTROL}
+    in_block = in_frame(BlockParts(parts.format, parts.files, frame=frame, ground_points=some), parts.frame, reporter)
+    for key, values in moved.items():
+        values[rows] = in_block.ground_points[key]
+    parts.ground_points = {**columns, **moved}
 
 
 def _control(element: XmlElement) -> dict[str, Any]:

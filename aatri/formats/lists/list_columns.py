@@ -68,7 +68,7 @@ DEVIATION = r"standarddeviation|stddev|stdev|std|sigma|accuracy|acc"
 OF_DEVIATION = re.compile(rf"(?:{DEVIATION}|s)(?P<after>.+)|(?P<before>.+?)(?:{DEVIATION})")
 """What is the standard deviation of another column."""
 
-PLAN, HEIGHT = ("xy", "horizontal"), ("vertical", "u")
+PLAN, HEIGHT = ("xy", "hor", "horizontal"), ("ver", "vertical", "u")
 """Of standard deviations: words for X and Y together, and for Z."""
 
 OF_ROLE = ("type", "code", "kind", "class")

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from aatri.errors import InputError
 from aatri.formats.lists.list_columns import ListColumns, columns_of_header
-from aatri.formats.text.text_line import TextLine
+from aatri.formats.text.text_line import TextLine, words_of
 
-TWO_WORDS = re.compile(r"(ellipsoid|ellipsoidal|orthometric)\s+(?=height)", re.IGNORECASE)
-"""Before a height: the second word of a header between blanks is no column of its own."""
+NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|\s+(?=[(\[])", re.IGNORECASE)
+"""Before a height or a unit: the second word of a header between blanks is no column of its own."""
 UNITS = re.compile(r"\(\s*position in (\w+),\s*orientation in (deg|grad|gon|rad)", re.IGNORECASE)
 """The line of units that Applanix writes above its list."""
 FEWEST = 3
@@ -30,8 +30,13 @@ class ListForm(NamedTuple):
 def cells(text: str, separator: str) -> list[str]:
     """The cells of a line."""
     if not separator:
-        return [word.strip("\"'") for word in text.split()]
+        return [word.strip("\"'") for word in words_of(text)]
     return [cell.strip() for cell in next(csv.reader([text.strip("\r\n ")], delimiter=separator), [])]
+
+
+def header_cells(text: str, separator: str) -> list[str]:
+    """The names of the columns in a header."""
+    return cells(NO_COLUMN.sub("", text).lstrip("# "), separator)
 
 
 def separator_of(text: str, fewest: int = 1) -> str:
@@ -45,7 +50,7 @@ def proposed(lines: list[str]) -> ListForm | None:
     for k, text in enumerate(lines[:MOST_BEFORE]):
         below = next((line for line in lines[k + 1 :] if line.strip() and not line.lstrip().startswith("#")), "")
         of_header = separator_of(text, FEWEST)
-        names = cells(TWO_WORDS.sub("", text).lstrip("# "), of_header)
+        names = header_cells(text, of_header)
         separator = separator_of(below, len(names)) or (of_header if of_header in below else "")
         columns = columns_of_header(names, cells(below, separator)) if below and len(names) >= FEWEST else None
         if columns is not None:

@@ -20,7 +20,7 @@ from aatri.codes import APPROXIMATE_VALUE, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROLES, ROTATION, ListColumns, columns_named
-from aatri.formats.lists.list_form import cells, form_of_columns, in_stated_units, proposed, stated_crs
+from aatri.formats.lists.list_form import cells, form_of_columns, header_cells, in_stated_units, proposed, stated_crs
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
@@ -33,7 +33,7 @@ from aatri.progress import SILENT, Reporter
 RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
 GEOGRAPHIC = Frame("list", ("longitude", "latitude", "height"), "EPSG:4979")
 PLACE = ("X", "Y", "Z", "longitude", "latitude", "x", "y")
-BLANKS = "mend the row; a name with blanks needs tabulators, commas or semicolons between the cells"
+BLANKS = "mend the row; a name with blanks stands in double quotes, or between tabulators, commas or semicolons"
 SHOWN = 3
 """So many rows are shown as they were read."""
 
@@ -84,7 +84,7 @@ def read_list(
             rows.append(row)
     if not rows:
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
-    header = cells(lines[form.header - 1].lstrip("# "), form.separator) if stated is None else []
+    header = header_cells(lines[form.header - 1], form.separator) if stated is None else []
     unread = [name for name, word in zip(header, columns.words) if word == "-"]
     parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines)
     if unread:

@@ -60,7 +60,7 @@ class ChunkFrame:
         self,
         parts: BlockParts,
         poses: tuple[Sequence[Any], Float, Float],
-        references: Sequence[tuple[Any, list[float], list[float]]],
+        references: tuple[Sequence[tuple[Any, list[float], list[float]]], Mapping[str, Float]],
         targets: Sequence[Mapping[str, Any]],
         ties: TiePoints | None,
         reporter: Reporter,
@@ -71,9 +71,13 @@ class ChunkFrame:
         stated = BlockParts("metashape", parts.files, frame=self.reference)
         if aligned:
             start.exterior = {"image": [c.name for c in aligned], "position_m": position, "ground_from_image": rotation}
-        if references:
-            names, xyz, sigma = zip(*((camera.name, xyz, sigma) for camera, xyz, sigma in references))
+        observed, attitudes = references
+        if observed:
+            names, xyz, sigma = zip(*((camera.name, xyz, sigma) for camera, xyz, sigma in observed))
             stated.exterior = {"image": list(names), "position_m": np.array(xyz), "sigma_m": np.array(sigma)}
+            if attitudes:
+                turned = np.array([attitudes.get(name, np.full((3, 3), np.nan)) for name in names])
+                stated.exterior = {**stated.exterior, "ground_from_image": turned}
         if targets:
             at = places([t["at"] for t in targets], parts.files)
             stated.ground_points = {k: [t[k] for t in targets] for k in ("point", "xyz_m", "sigma_m", "role")} | at
@@ -155,7 +159,7 @@ def _with_ties(targets: Mapping[str, Any], ties: Mapping[str, Any]) -> dict[str,
 
 
 def _together(start: Mapping[str, Any], observed: Mapping[str, Any]) -> dict[str, Any]:
-    """A row an image: the rotation of its pose, and its observed position, else that of the pose."""
+    """A row an image: the rotation of its pose, else of its reference, and its observed position, else of the pose."""
     images = list(dict.fromkeys([*start.get("image", ()), *observed.get("image", ())]))
     if not images:
         return {}
@@ -169,8 +173,10 @@ def _together(start: Mapping[str, Any], observed: Mapping[str, Any]) -> dict[str
         at = [row[name] for name in observed["image"]]
         sigma = observed.get("sigma_m")
         position[at], use[at] = observed["position_m"], OBSERVED_VALUE
+        of_reference = observed.get("ground_from_image", np.full((len(at), 3, 3), np.nan))
+        rotation[at] = np.where(np.isfinite(rotation[at]), rotation[at], of_reference)
         covariance[at] = observed.get("position_covariance_m2", np.nan)
         if sigma is not None:
             covariance[at] = np.where(np.eye(3, dtype=bool), np.asarray(sigma)[:, :, None] ** 2, 0.0)
     made = {"image": images, "position_m": position, "position_covariance_m2": covariance, "position_use": use}
-    return made | ({"ground_from_image": rotation} if start else {})
+    return made | ({"ground_from_image": rotation} if np.isfinite(rotation).any() else {})

@@ -5,23 +5,26 @@ component, is X = s R x + T: geocentric on the datum of `reference`, or in its p
 rig starts from the pose of its master and the mounting of its sensor. Markers that are enabled are control, others with
 coordinates check points; of their places in the images those that are pinned are measured, the rest are projections of
 Metashape's own and are left out. Positions of cameras are observed where their reference is enabled, with its accuracy
-or that of the settings. All comes out in the map of the reference; where that is in degrees, in the UTM zone of its
-middle.
+or that of the settings. Yaw, pitch and roll of a reference are the start orientation of an image that is not aligned:
+R = Rz(-yaw) Rx(pitch) Ry(roll), x right, y up, to east, north, up, as matrices that Metashape's ypr2mat has printed.
+All comes out in the map of the reference; where that is in degrees, in the UTM zone of its middle.
 
 Source: documents of versions 1.2, 1.4 and 2.0; Agisoft Metashape user manual.
 """
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.codes import CHECK, CONTROL
+from aatri.codes import CHECK, CONTROL, NO_ROLE
 from aatri.errors import InputError
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
+from aatri.formats.metashape.cameras import Camera, attitudes_of, cameras_of
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.rigs import rigs_of
 from aatri.formats.metashape.sensors import Sensor, sensors_of
@@ -39,16 +42,6 @@ WANTED = "cameras or markers of Metashape as XML, or a .psz"
 DOCUMENT = "doc.xml"
 
 
-class _Camera(NamedTuple):
-    """An image: its name, and the place of its element."""
-
-    id: str
-    name: str
-    sensor: str
-    master: str
-    at: XmlElement
-
-
 def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a document.
 
@@ -59,8 +52,8 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     """
     archive = _archive(path)
     chunk = _chunk(_root(path, archive))
-    sensors = sensors_of(chunk)
-    cameras, disabled = _cameras(chunk)
+    cameras, disabled = cameras_of(chunk)
+    sensors = sensors_of(chunk, {camera.sensor for camera in cameras})
     lenses = [sensor.lens for sensor in sensors.values() if sensor.lens is not None]
     parts = BlockParts(
         "metashape",
@@ -86,7 +79,7 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     targets, point_names = _targets(list(markers), settings.get("accuracy_markers", np.nan))
     names = {c.id: c.name for c in cameras}
     ties = None if archive is None else tie_points_of(archive, chunk, names)
-    frame.give(parts, poses, references, targets, ties, reporter)
+    frame.give(parts, poses, (references, attitudes_of(cameras)), targets, ties, reporter)
     _give_marks(parts, chunk, names, point_names, settings)
     if ties is not None:
         _give_ties(parts, ties, settings.get("accuracy_tiepoints", np.nan))
@@ -94,9 +87,26 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     if rigs is not None:
         parts.images, parts.others = {**parts.images, **rigs[0]}, {"rig_members": rigs[1]}
         parts.notes.append(f"rigs: {shown(np.unique(rigs[1].rig).tolist())}; their mounts start from Metashape's, free")
-    if turned := [c.name for c in cameras if (r := c.at.optional("reference")) is not None and r.get("yaw")]:
-        parts.notes.append(f"yaw, pitch, roll of {len(turned)} references are not read: {shown(turned)}")
+    parts.notes += _not_read(chunk, cameras, {camera.name for camera in poses[0]})
     return parts
+
+
+def _not_read(chunk: XmlElement, cameras: list[Camera], aligned: Collection[str]) -> list[str]:
+    """Notes on what is in the document and no part of the block."""
+    notes = []
+    if turned := [name for name in attitudes_of(cameras) if name in aligned]:
+        notes.append(f"yaw, pitch, roll of {len(turned)} aligned images are not read: {shown(turned)}")
+    sensors = [s.get("label") or s.get("id") for s in chunk.all("sensors", "sensor") if any(s.within("covariance"))]
+    posed = [c.name for c in cameras if c.at.all("location_covariance") or c.at.all("rotation_covariance")]
+    for what, names in (("cameras", sensors), ("orientations", posed)):
+        if names:
+            notes.append(
+                f"covariances of {len(names)} {what} are Metashape's results of the same measurements: not read, so "
+                f"that nothing counts twice: {shown(names)}"
+            )
+    if bars := [bar.get("label") or bar.get("id") for bar in chunk.all("scalebars", "scalebar")]:
+        notes.append(f"{len(bars)} scale bars are not read: {shown(bars)}; give distances as relative control")
+    return notes
 
 
 def _archive(path: Path) -> Archive | None:
@@ -127,26 +137,6 @@ def _chunk(root: XmlElement) -> XmlElement:
     return chunks[0]
 
 
-def _cameras(chunk: XmlElement) -> tuple[list[_Camera], list[str]]:
-    """The images that are enabled, whatever their group, and the names of the others."""
-    listed = chunk.all("cameras")
-    found = [element for cameras in listed for element in cameras.within("camera")]
-    cameras, disabled, first = [], [], dict[str, XmlElement]()
-    for element in found:
-        name, number = element.get("label"), element.get("id")
-        if not name or not number:
-            raise element.error("a camera without id or label", "export the cameras again")
-        if element.get("enabled", "true") in ("false", "0"):
-            disabled.append(name)
-            continue
-        for key in (f"id {number}", name):
-            if first.setdefault(key, element) is not element:
-                what = f"camera {clipped(key)} is given twice, first in line {first[key].line}"
-                raise element.error(what, "give the images names of their own")
-        cameras.append(_Camera(number, name, element.get("sensor_id"), element.get("master_id"), element))
-    return cameras, disabled
-
-
 def _settings(chunk: XmlElement) -> dict[str, float]:
     """Accuracies of the settings, by name."""
     properties = [*chunk.all("settings", "property"), *chunk.all("property")]
@@ -157,7 +147,7 @@ def _settings(chunk: XmlElement) -> dict[str, float]:
     }
 
 
-def _poses(cameras: list[_Camera], sensors: dict[str, Sensor], frame: ChunkFrame) -> tuple[list[_Camera], Float, Float]:
+def _poses(cameras: list[Camera], sensors: dict[str, Sensor], frame: ChunkFrame) -> tuple[list[Camera], Float, Float]:
     """Images that are aligned, their positions in the world of the chunk (n, 3), and rotations (n, 3, 3)."""
     transforms = {c.id: c.at.one("transform").numbers(16).reshape(4, 4) for c in cameras if c.at.all("transform")}
     aligned, position, rotation = [], list[Float](), list[Float]()
@@ -181,11 +171,11 @@ def _poses(cameras: list[_Camera], sensors: dict[str, Sensor], frame: ChunkFrame
 
 
 def _reference(element: XmlElement, default: float) -> tuple[list[float], list[float]] | None:
-    """Coordinates and standard deviations of a reference; None where it has no coordinates."""
+    """Coordinates, NaN where one is not given, and standard deviations of a reference; None where it has none."""
     stated = element.optional("reference")
-    if stated is None or not all(stated.get(axis) for axis in "xyz"):
+    if stated is None or not any(stated.get(axis) for axis in "xyz"):
         return None
-    xyz = [stated.parsed(stated.get(axis), axis) for axis in "xyz"]
+    xyz = [stated.parsed(stated.get(axis), axis) if stated.get(axis) else np.nan for axis in "xyz"]
     every, plan = stated.get("sxyz"), stated.get("sxy")
     texts = [stated.get("sx") or plan or every, stated.get("sy") or plan or every, stated.get("sz") or every]
     sigma = [stated.parsed(text, "accuracy") if text else default for text in texts]
@@ -194,12 +184,14 @@ def _reference(element: XmlElement, default: float) -> tuple[list[float], list[f
     return xyz, sigma
 
 
-def _references(cameras: list[_Camera], default: float) -> list[tuple[_Camera, list[float], list[float]]]:
+def _references(cameras: list[Camera], default: float) -> list[tuple[Camera, list[float], list[float]]]:
     """Observed positions: image, coordinates, standard deviations."""
     rows = []
     for camera in cameras:
         stated, enabled = _reference(camera.at, default), camera.at.optional("reference")
         if stated is not None and enabled is not None and enabled.get("enabled", "true") in ("true", "1"):
+            if not np.isfinite(stated[0]).all():
+                raise enabled.error(f"the position of {clipped(camera.name)} lacks a coordinate", "give x, y and z")
             rows.append((camera, *stated))
     return rows
 
@@ -218,7 +210,8 @@ def _targets(markers: list[XmlElement], default: float) -> tuple[list[dict[str, 
         if stated is not None:
             enabled = marker.one("reference").get("enabled", "true") in ("true", "1")
             role = CONTROL if enabled else CHECK
-            targets.append({"point": name, "xyz_m": stated[0], "sigma_m": stated[1], "role": [role] * 3, "at": marker})
+            roles = [role if np.isfinite(value) else NO_ROLE for value in stated[0]]
+            targets.append({"point": name, "xyz_m": stated[0], "sigma_m": stated[1], "role": roles, "at": marker})
     return targets, names
 
 

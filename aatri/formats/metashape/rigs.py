@@ -5,36 +5,25 @@ the chunk. Metashape has adjusted them with the same observations, so that they 
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from aatri.artifacts.block_images import RigMembers
 from aatri.formats.conventions.poses import Y_UP
+from aatri.formats.metashape.cameras import Camera
 from aatri.formats.metashape.sensors import Sensor
 from aatri.geometry.rotations import angles_from_rotation
 
 
-class _Image(Protocol):
-    """An image by its id, its sensor, and the master image of its exposure."""
-
-    @property
-    def id(self) -> str: ...
-    @property
-    def sensor(self) -> str: ...
-    @property
-    def master(self) -> str: ...
-
-
 def rigs_of(
-    cameras: Sequence[_Image], sensors: Mapping[str, Sensor], scale: float
+    cameras: Sequence[Camera], sensors: Mapping[str, Sensor], scale: float
 ) -> tuple[dict[str, list[Any]], RigMembers] | None:
     """Columns rig, member and sequence of the images, and the members; None of a chunk without rigs.
 
     Parameters
     ----------
-    cameras : sequence
-        The images.
+    cameras : sequence of Camera
     sensors : mapping of str to Sensor
         By their ids.
     scale : float

@@ -9,6 +9,7 @@
 Source: Agisoft Metashape user manual, appendix on camera models.
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,8 @@ class Sensor(NamedTuple):
     translation: Float
 
 
-def sensors_of(chunk: XmlElement) -> dict[str, Sensor]:
-    """The sensors of a chunk by their ids.
+def sensors_of(chunk: XmlElement, used: Collection[str]) -> dict[str, Sensor]:
+    """The sensors of a chunk by their ids; those of images alone, `used`, have a camera.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def sensors_of(chunk: XmlElement) -> dict[str, Sensor]:
         rotation, translation = element.optional("rotation"), element.optional("translation")
         sensors[number] = Sensor(
             name,
-            _lens(element, name),
+            _lens(element, name) if number in used else None,
             element.get("master_id") if element.get("master_id") != number else "",
             np.eye(3) if rotation is None else rotation.numbers(9).reshape(3, 3),
             np.zeros(3) if translation is None else translation.numbers(3),

@@ -72,6 +72,8 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     stated = [_with_position(packet) for _, packet in found]
     names = _names(files)
     sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in stated])
+    flags = np.array([t.get("RtkFlag", np.nan) for t in stated])
+    sigma[(sigma == 0).all(axis=1) & (flags == 0)] = np.nan  # no solution: nothing is known
     if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
         what = f"RTK standard deviations {sigma[bad[0]].tolist()}"
         raise found[int(bad[0])][1].error(what, "they are positive, in m: without a solution they are not there")

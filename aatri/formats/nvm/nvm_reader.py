@@ -106,6 +106,6 @@ def _section(lines: list[TextLine], at: int, what: str) -> tuple[list[TextLine],
         where = f"{lines[0].path}:{lines[min(at, len(lines) - 1)].line}"
         raise InputError(f"the number of {what} is not there", where=where, remedy=EXPORT)
     count = lines[at].count(0)
-    if not 0 < count <= len(lines) - at - 1:
+    if not (what == "images") <= count <= len(lines) - at - 1:
         raise lines[at].error(f"{count} {what}, and {len(lines) - at - 1} lines below", EXPORT)
     return lines[at + 1 : at + 1 + count], at + 1 + count

@@ -11,7 +11,9 @@ from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#opensfm-and-opendronemap"
 _NUMBER = r"[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?"
-_CRS = re.compile(r"\s*(EPSG:[0-9]+|\+proj=.*|\+init=.*|WGS84(?:\s+UTM\s+[0-9]+\s*[NS])?)\s*$", re.IGNORECASE)
+_CRS = re.compile(
+    r"\s*(EPSG:[0-9]+(?:\+[0-9]+)?|\+proj=.*|\+init=.*|WGS84(?:\s+UTM\s+[0-9]+\s*[NS])?)\s*$", re.IGNORECASE
+)
 _GCP_ROW = re.compile(rf"\s*(?:{_NUMBER}\s+){{5}}\S+")
 _GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
 
@@ -30,8 +32,9 @@ def _tracks(view: FileView) -> str:
 
 
 def _ground_control(view: FileView) -> str:
-    head = view.head.lstrip()
-    return "JSON `points` with `observations`" if re.match(r'\{\s*"points"\s*:', head) and '"shot_id"' in head else ""
+    keys = ('"points"', '"observations"', '"shot_id"')
+    is_one = view.head.lstrip().startswith("{") and all(key in view.head for key in keys)
+    return "JSON `points` with `observations`" if is_one else ""
 
 
 def _system_and_rows(view: FileView) -> tuple[str, list[str]]:

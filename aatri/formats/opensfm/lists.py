@@ -141,10 +141,10 @@ def _crs(text: str, first: TextLine) -> str:
             return f"EPSG:{(32700 if south else 32600) + zone}"
     if text.upper() == "WGS84":
         return "EPSG:4326"
-    if re.fullmatch(r"EPSG:[0-9]{4,6}", text, re.IGNORECASE) or "+proj=" in text or "+init=" in text:
+    if re.match(r"EPSG:[0-9]{4,6}(\+[0-9]{4,6})?$|[A-Z_]+\[|.*\+(proj|init)=", text, re.IGNORECASE):
         return text
     what = f"{clipped(text)!r} names no coordinate system"
-    raise first.error(what, "write EPSG:2180, WGS84 UTM 17N, a PROJ text, or say `crs` at the source")
+    raise first.error(what, "write EPSG:2180, WGS84 UTM 17N, a PROJ text, WKT, or say `crs` at the source")
 
 
 def _frame(crs: str, text: str, first: TextLine) -> Frame:

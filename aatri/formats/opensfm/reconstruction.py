@@ -25,6 +25,7 @@ from aatri.formats.parts.one_frame import topocentric
 from aatri.formats.text.json_text import JsonText
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import exp_rotation
+from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 WANTED = "a reconstruction.json of OpenSfM"
@@ -62,6 +63,8 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     parts.images = {k: shots[k] for k in ("id", "camera", "time_s", "line")}
     parts.exterior = _exterior(shots, used)
     parts.ground_points = _points(document, [k for k in number if frame != LOCAL or used[_first(shots["of"], k)]])
+    if rigs := [name for k in number for name in _mounted(document, k)]:
+        parts.notes.append(f"{len(rigs)} rig cameras are not read as rigs, their images stand alone: {shown(rigs)}")
     if any(document.get(dict, k, "points", default={}) for k in number):
         parts.notes.append("its points are start values of those that tracks.csv measures")
     return parts
@@ -69,6 +72,16 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
 
 def _first(values: list[int], value: int) -> int:
     return values.index(value) if value in values else 0
+
+
+def _mounted(document: JsonText, k: int) -> list[str]:
+    """Rig cameras that are mounted on another one, beside it or turned."""
+    names = document.get(dict, k, "rig_cameras", default={})
+    return [
+        name
+        for name in names
+        if any(any(document.numbers(k, "rig_cameras", name, of, count=3)) for of in ("translation", "rotation"))
+    ]
 
 
 def _frame(document: JsonText) -> Frame:

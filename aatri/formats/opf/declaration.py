@@ -20,9 +20,9 @@ def _files(view: FileView) -> list[Path]:
 
 OPF = Format(
     "opf", "OPF project", _recognised, f"`project.opf`, JSON of the format {PROJECT}",
-    carries=("cameras", "distortion", "image points", "control", "check points", "positions", "start orientations",
-             "frame", "standard deviations"),
-    drops=("attitudes", "strips", "times", "covariances", "rigs", "film"),
+    carries=("cameras", "distortion", "image points", "control", "check points", "positions", "attitudes",
+             "start orientations", "frame", "standard deviations", "rigs"),
+    drops=("strips", "times", "covariances", "film"),
     page="docs/formats.md#opf", read=read_opf, files_of=_files, write=write_opf,
     written=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "start orientations", "frame", "standard deviations"),

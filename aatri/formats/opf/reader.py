@@ -1,16 +1,15 @@
 """OPF: cameras, calibrated or as given, their positions and orientations, control, marks, and the tracks.
 
 The principal point and marks count from the upper left corner, y down; R1 R2 R3 T1 T2 are OpenCV's k1 k2 k3 p1 p2 (as
-Pix4D's). orientation_deg is omega, phi, kappa of R = Rx Ry Rz, image (x right, y up) to processing system. Positions of
-captures are observed, with their standard deviations; where there are none, calibrated ones are start values. A
-camera is called as its URI; the accuracy of a mark is taken as a standard deviation in pixels.
+Pix4D's). orientation_deg is omega, phi, kappa of R = Rx Ry Rz, image (x right, y up) to processing system. Positions
+and attitudes of captures are observed, with their standard deviations; where there are none, calibrated ones are start
+values. A camera is called as its URI; the accuracy of a mark is taken as a standard deviation in pixels.
 
 Source: the specification, github.com/Pix4D/opf-spec, versions 1.x.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,30 +19,17 @@ from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
-from aatri.formats.opf.project import OpfProject, SceneFrame, frame_of
+from aatri.formats.opf.captures import Attitude, attitudes_of, in_scene, rigs_of
+from aatri.formats.opf.places import Located, Projected, located, placed, projected_places
+from aatri.formats.opf.project import OpfProject, SceneFrame
 from aatri.formats.opf.tracks import read_tracks
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
-from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.json_text import JsonText, Key
-from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "export the project again"
-Projected = dict[int | str, tuple[Float, Float]]
-"""Places of captures and control in the frame of the scene with their covariances, by their ids."""
-
-
-class Located(NamedTuple):
-    """A place in a frame of its own: X Y Z, standard deviations in m; `key` is what the project calls it."""
-
-    name: str
-    key: int | str
-    frame: Frame
-    xyz: list[float]
-    sigma_m: list[float]
 
 
 def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
@@ -57,7 +43,11 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     project = OpfProject(path)
     name_of = _camera_list(project)
     scene = project.scene()
-    sensor_of, lenses, positions = _input_cameras(project, name_of)
+    given = project.open("input-cameras")
+    if given is None:
+        raise InputError("no item input_cameras, which has the sensors", where=f"{project.path}:1", remedy=EXPORT)
+    sensor_of, lenses, positions = _input_cameras(given, name_of)
+    attitudes, unread = attitudes_of(given, name_of)
     calibrated = project.open("calibrated-cameras")
     if calibrated is not None:
         lenses |= _sensors(calibrated, {key: lens.size_px for key, lens in lenses.items()}, lenses)
@@ -67,14 +57,17 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         project.files,
         name=project.name,
         frame=scene.frame,
-        notes=project.notes,
+        notes=[*project.notes, *unread],
         pixel_axes=PIXEL_AXES["opf"],
         **camera_parts(used, reporter, allowed_px=reading.lens_misfit_px),
         images={"id": [name_of[key] for key in sensor_of], "camera": [lenses[key].id for key in sensor_of.values()]},
     )
-    projected = _projected(project, scene)
-    places = _placed(project, positions, projected, scene, reporter)
-    parts.exterior = _exterior(calibrated, places, scene, name_of)
+    projected = projected_places(project, scene)
+    places = placed(project, positions, projected, scene, reporter)
+    if (rigs := rigs_of(given, {key: lens.id for key, lens in lenses.items()}, list(sensor_of))) is not None:
+        parts.images, parts.others = {**parts.images, **rigs[0]}, {"rig_members": rigs[1]}
+    stated = _calibrated(calibrated, name_of)
+    parts.exterior = _exterior(stated, places, scene, attitudes, project.files, reporter)
     marks = _control(project, parts, name_of, projected, scene, reporter)
     if "sparse" in project.resources:
         marks += read_tracks(project.resources["sparse"], name_of, project.files)
@@ -109,12 +102,9 @@ def _named(document: JsonText, keys: tuple[Key, ...], name_of: dict[int, str]) -
 
 
 def _input_cameras(
-    project: OpfProject, name_of: dict[int, str]
+    document: JsonText, name_of: dict[int, str]
 ) -> tuple[dict[int, int], dict[int, Lens], list[Located]]:
     """The sensor of each camera, the sensors as given, and the positions of captures."""
-    document = project.open("input-cameras")
-    if document is None:
-        raise InputError("no item input_cameras, which has the sensors", where=f"{project.path}:1", remedy=EXPORT)
     sizes: dict[int, tuple[float, float]] = {}
     for k, _ in enumerate(document.get(list, "sensors")):
         width, height = document.numbers("sensors", k, "image_size_px", count=2)
@@ -133,16 +123,8 @@ def _input_cameras(
         if "geolocation" in capture:
             name = _named(document, ("captures", i, "reference_camera_id"), name_of)
             key = document.get(int, "captures", i, "id")
-            positions.append(_located(document, ("captures", i, "geolocation"), name, key))
-    _name_what_is_not_read(project, document)
+            positions.append(located(document, ("captures", i, "geolocation"), name, key))
     return sensor_of, _sensors(document, sizes, {}, {*sensor_of.values()}), positions
-
-
-def _name_what_is_not_read(project: OpfProject, document: JsonText) -> None:
-    """Attitudes and rigs: no public project proves their conventions."""
-    for table, key, what in (("captures", "orientation", "orientations"), ("sensors", "rig_relatives", "mounts")):
-        if ids := [str(row.get("id")) for row in document.get(list, table) if key in row]:
-            project.notes.append(f"{what} of {len(ids)} {table} are not read: {shown(ids)}")
 
 
 def _sensors(
@@ -176,79 +158,50 @@ def _sensors(
     return lenses
 
 
-def _located(document: JsonText, keys: tuple[Key, ...], name: str, key: int | str) -> Located:
-    frame, undulation_m = frame_of(document, (*keys, "crs"))
-    xyz, sigma = document.numbers(*keys, "coordinates", count=3), document.numbers(*keys, "sigmas", count=3)
-    if min(sigma) < 0:
-        raise document.fault((*keys, "sigmas"), f"standard deviations {sigma} of {name}", "they are positive, in m")
-    return Located(name, key, frame, [*xyz[:2], xyz[2] + undulation_m], sigma)
-
-
-def _placed(
-    project: OpfProject, stated: Sequence[Located], projected: Projected, scene: SceneFrame, reporter: Reporter
-) -> dict[str, tuple[Float, Float]]:
-    """Places in the frame of the scene with their covariances, m: as the project has projected them, else converted."""
-    placed = {place.name: projected[place.key] for place in stated if place.key in projected}
-    open_ = [place for place in stated if place.key not in projected]
-    for frame in dict.fromkeys(place.frame for place in open_):
-        own = [place for place in open_ if place.frame == frame]
-        rows = {"point": [p.name for p in own], "xyz_m": [p.xyz for p in own], "sigma_m": [p.sigma_m for p in own]}
-        parts = in_frame(BlockParts("opf", project.files, frame=frame, ground_points=rows), scene.frame, reporter)
-        xyz = np.asarray(parts.ground_points["xyz_m"])
-        covariance = parts.ground_points.get("covariance_m2")
-        if covariance is None:
-            covariance = np.array([np.diag(np.square(p.sigma_m)) for p in own])
-        placed |= {p.name: (xyz[k], covariance[k]) for k, p in enumerate(own)}
-    return placed
-
-
-def _projected(project: OpfProject, scene: SceneFrame) -> Projected:
-    """Captures and control in the processing system, by their ids, in the frame of the scene."""
-    found: Projected = {}
-    for resource, table, inner, column, kind in (
-        ("projected-input-cameras", "captures", ("geolocation",), "position", int),
-        ("projected-control-points", "projected_gcps", (), "coordinates", str),
-    ):
-        document = project.open(resource)
-        for k, row in enumerate(document.get(list, table) if document is not None else ()):
-            assert document is not None
-            if all(key in row for key in inner):
-                xyz, sigma = (document.numbers(table, k, *inner, c, count=3) for c in (column, "sigmas"))
-                key = document.get(kind, table, k, "id")
-                found[key] = (np.array(xyz) - scene.shift_m, np.diag(np.square(sigma)))
-    return found
+def _calibrated(document: JsonText | None, name_of: dict[int, str]) -> dict[str, tuple[list[float], list[float]]]:
+    """Calibrated places and angles of the images, as they stand."""
+    stated: dict[str, tuple[list[float], list[float]]] = {}
+    for k, _ in enumerate(document.get(list, "cameras") if document is not None else ()):
+        assert document is not None
+        name = _named(document, ("cameras", k, "id"), name_of)
+        if name in stated:
+            raise document.fault(("cameras", k), f"the camera of {name} twice", "remove one")
+        place, angles = (document.numbers("cameras", k, key, count=3) for key in ("position", "orientation_deg"))
+        stated[name] = place, angles
+    return stated
 
 
 def _exterior(
-    calibrated: JsonText | None,
+    stated: dict[str, tuple[list[float], list[float]]],
     observed: dict[str, tuple[Float, Float]],
     scene: SceneFrame,
-    name_of: dict[int, str],
+    attitudes: dict[str, Attitude],
+    files: list[Path],
+    reporter: Reporter,
 ) -> dict[str, Any]:
-    """Observed positions, calibrated ones where there are none, and calibrated rotations."""
-    stated: dict[str, tuple[list[float], list[float]]] = {}
-    if calibrated is not None:
-        for k, _ in enumerate(calibrated.get(list, "cameras")):
-            name = _named(calibrated, ("cameras", k, "id"), name_of)
-            if name in stated:
-                raise calibrated.fault(("cameras", k), f"the camera of {name} twice", "remove one")
-            of_camera = [calibrated.numbers("cameras", k, key, count=3) for key in ("position", "orientation_deg")]
-            stated[name] = (of_camera[0], of_camera[1])
-    names = list(dict.fromkeys([*stated, *observed]))
+    """Observed positions and attitudes, calibrated ones where there are none."""
+    names = list(dict.fromkeys([*stated, *observed, *attitudes]))
     if not names:
         return {}
     nowhere = [np.nan] * 3
-    start = np.array([stated[n][0] if n in stated else nowhere for n in names]) - scene.shift_m
-    angles = np.radians([stated[n][1] if n in stated else nowhere for n in names])
-    position = np.array([observed[n][0] if n in observed else start[k] for k, n in enumerate(names)])
+    position = np.array([stated[n][0] if n in stated else nowhere for n in names]) - scene.shift_m
+    R = rotation_from_angles(np.radians([stated[n][1] if n in stated else nowhere for n in names]))
     unknown = np.full((3, 3), np.nan)
-    return {
+    for k, name in enumerate(names):
+        position[k] = observed[name][0] if name in observed else position[k]
+    turned = in_scene(attitudes, dict(zip(names, position)), scene, files, reporter)
+    exterior: dict[str, Any] = {
         "image": names,
         "position_m": position,
         "position_covariance_m2": np.array([observed[n][1] if n in observed else unknown for n in names]),
         "position_use": [OBSERVED_VALUE if n in observed else APPROXIMATE_VALUE for n in names],
-        "ground_from_image": rotation_from_angles(angles),
+        "ground_from_image": np.array([turned.get(n, R[k]) for k, n in enumerate(names)]),
     }
+    if attitudes:
+        sigma = [attitudes[n].sigma_rad if n in attitudes else np.full(3, np.nan) for n in names]
+        use = [OBSERVED_VALUE if n in attitudes else APPROXIMATE_VALUE for n in names]
+        exterior |= {"angle_sigma_rad": np.array(sigma), "angle_use": use}
+    return exterior
 
 
 def _control(
@@ -263,7 +216,7 @@ def _control(
     document = project.open("input-control-points")
     if document is None:
         return []
-    file, located, marks = project.files.index(document.path), list[Located](), list[tuple[Any, ...]]()
+    file, points, marks = project.files.index(document.path), list[Located](), list[tuple[Any, ...]]()
     roles, lines, first = list[int](), list[int](), dict[str, int]()
     for table in ("gcps", "mtps"):
         for k, line in enumerate(document.lines(table).values()):
@@ -272,7 +225,7 @@ def _control(
             if first.setdefault(point, line) != line:
                 raise document.fault(keys, f"point {point} twice, first in line {first[point]}", "remove one")
             if table == "gcps":
-                located.append(_located(document, (*keys, "geolocation"), point, point))
+                points.append(located(document, (*keys, "geolocation"), point, point))
                 is_check = document.get(dict, *keys).get("is_checkpoint")
                 if not isinstance(is_check, bool):
                     raise document.fault(keys, f"point {point} does not say whether it is_checkpoint", EXPORT)
@@ -286,12 +239,12 @@ def _control(
                 xy = document.numbers(*at, "position_px", count=2)
                 image = _named(document, (*at, "camera_id"), name_of)
                 marks.append((image, point, xy, [accuracy] * 2, file, line))
-    if located:
-        placed = _placed(project, located, projected, scene, reporter)
+    if points:
+        at_place = placed(project, points, projected, scene, reporter)
         parts.ground_points = {
-            "point": [p.name for p in located],
-            "xyz_m": np.array([placed[p.name][0] for p in located]),
-            "covariance_m2": np.array([placed[p.name][1] for p in located]),
+            "point": [p.name for p in points],
+            "xyz_m": np.array([at_place[p.name][0] for p in points]),
+            "covariance_m2": np.array([at_place[p.name][1] for p in points]),
             "role": np.repeat(np.array(roles)[:, None], 3, axis=1),
             "file": file,
             "line": lines,

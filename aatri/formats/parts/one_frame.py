@@ -9,7 +9,9 @@ S and T are the axes of the source and of the block at the place of the image, a
 north and up of the place for latitude and longitude, of the origin for a topocentric frame, grid east, grid north and
 the normal for a map. So meridian convergence is in R, which names of angles alone would not tell.
 
-A free model (`LOCAL`) has no place in another frame: its start values are left out, which is told.
+A free model (`LOCAL`) has no place in another frame: its start values are left out, which is told. Plan control without
+a height is converted at the median height of the others (a map has it as well as latitude and longitude); a height
+without its place has no likeness in another frame and is an error.
 """
 
 import re
@@ -17,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
@@ -33,6 +35,8 @@ from aatri.progress import Reporter
 
 GEOCENTRIC = Frame("geocentric", ("x", "y", "z"), "EPSG:4978")
 WGS84 = Ellipsoid(6378137.0, 0.0066943799901413165)
+OF_PLAN = np.outer([True, True, False], [True, True, False])
+"""Of a covariance matrix: what is of X and Y alone."""
 _PLACE = re.compile(r"\+(lon_0|lat_0|h_0)=(\S+)")
 
 
@@ -85,10 +89,10 @@ def in_frame(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts
         return _without_coordinates(parts, target, reporter)
     ground, exterior = dict(parts.ground_points), dict(parts.exterior)
     if "xyz_m" in ground:
-        _move(ground, "xyz_m", "covariance_m2", source, target)
+        _move(ground, "xyz_m", "covariance_m2", source, target, str(parts.files[0]))
     if "position_m" in exterior:
         place = np.atleast_2d(np.asarray(exterior["position_m"], dtype=np.float64))
-        _move(exterior, "position_m", "position_covariance_m2", source, target)
+        _move(exterior, "position_m", "position_covariance_m2", source, target, str(parts.files[0]))
         if "angles_rad" in exterior and "ground_from_image" not in exterior:
             exterior["ground_from_image"] = rotation_from_angles(exterior.pop("angles_rad"))
         if "ground_from_image" in exterior and _plane(source) != _plane(target):
@@ -102,8 +106,8 @@ def _plane(frame: Frame) -> str:
     return frame.crs
 
 
-def _move(columns: dict[str, object], name: str, of: str, source: Frame, target: Frame) -> None:
-    """Convert coordinates and their covariances; rows without a coordinate have no place."""
+def _move(columns: dict[str, object], name: str, of: str, source: Frame, target: Frame, where: str) -> None:
+    """Convert coordinates and their covariances."""
     xyz = np.atleast_2d(np.asarray(columns[name], dtype=np.float64))
     sigma = columns.pop("sigma_m", None)
     covariance = np.zeros((len(xyz), 3, 3))
@@ -114,14 +118,36 @@ def _move(columns: dict[str, object], name: str, of: str, source: Frame, target:
         covariance = np.broadcast_to(np.asarray(columns[of], dtype=np.float64), (len(xyz), 3, 3))
     elif source.geographic:
         covariance = np.full((len(xyz), 3, 3), np.nan)
+    plan = _plan_alone(xyz, source, target, where)
+    covariance = np.where(plan[:, None, None] & ~OF_PLAN, 0.0, covariance)
     stated = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    xyz = np.where(plan[:, None] & np.isnan(xyz), _middle_height(xyz), xyz)
     known = np.asarray(np.isfinite(xyz).all(axis=1))
     moved, turned = np.full_like(xyz, np.nan), np.full((len(xyz), 3, 3), np.nan)
     if known.any():
         moved[known], turned[known] = _converted(xyz[known], np.nan_to_num(covariance[known]), source, target)
+    moved[plan, 2] = np.nan
     columns[name] = moved
     if sigma is not None or of in columns:
         columns[of] = np.where(stated[:, None, None], turned, np.where(np.eye(3, dtype=bool), np.nan, 0.0))
+
+
+def _plan_alone(xyz: Float, source: Frame, target: Frame, where: str) -> Bool:
+    """Which rows have a place and no height; those that have but a height, or no map of theirs, are refused."""
+    given = np.isfinite(xyz)
+    plan = np.asarray(given[:, :2].all(axis=1) & ~given[:, 2])
+    maps = all(not is_tangent_frame(f.crs) and set(f.axes) != {"x", "y", "z"} for f in (source, target))
+    if len(lost := np.flatnonzero(given.any(axis=1) & ~given.all(axis=1) & ~(plan & maps))):
+        what = (
+            f"{len(lost)} rows have some coordinates alone, and cannot be converted from {source.crs} to {target.crs}"
+        )
+        raise InputError(what, where=where, remedy="give them in the system of the block, or all three coordinates")
+    return plan
+
+
+def _middle_height(xyz: Float) -> float:
+    heights = xyz[np.isfinite(xyz[:, 2]), 2]
+    return float(np.median(heights)) if len(heights) else 0.0
 
 
 def _converted(xyz: Float, covariance: Float, source: Frame, target: Frame) -> tuple[Float, Float]:

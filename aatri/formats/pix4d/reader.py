@@ -11,6 +11,7 @@ compared with it. Images of equal interior orientation are of one camera.
 Source: support.pix4d.com, articles 202977149 (internal, external parameters) and 202559089; matrices of 168 images.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,9 @@ def read_pix4d(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
     images, first = lines[7:], dict[str, TextLine]()
     if not images or len(images) % len(SHAPE):
         raise lines[-1].error(f"{len(images)} lines of images, {len(SHAPE)} each", EXPORT)
+    heads = [_named(line, 2) for line in images[:: len(SHAPE)]]
+    images[:: len(SHAPE)] = heads
     rows = [_image(images[k : k + len(SHAPE)], first) for k in range(0, len(images), len(SHAPE))]
-    heads = images[:: len(SHAPE)]
     values = np.array(rows)
     files, notes = [file], list[str]()
     _compare_matrices(file.with_name(f"{beside}pmatrix.txt"), heads, values, files, reporter)
@@ -86,6 +88,11 @@ def _one(folder: Path, ending: str) -> Path | None:
         names = shown([p.name for p in ending_in])
         raise InputError(f"several projects: {names}", where=str(folder), remedy="name the file of one of them")
     return ending_in[0] if ending_in else None
+
+
+def _named(line: TextLine, numbers: int) -> TextLine:
+    """The line with its first words as one name, which may have blanks; so many numbers stand behind it."""
+    return replace(line, words=[" ".join(line.words[:-numbers]), *line.words[-numbers:]])
 
 
 def _image(lines: list[TextLine], first: dict[str, TextLine]) -> list[float]:
@@ -129,7 +136,8 @@ def _compare_matrices(path: Path, heads: list[TextLine], values: Float, files: l
     P = K @ np.concatenate([R, -R @ X[:, :, None]], axis=2)
     of_image = {line.words[0]: k for k, line in enumerate(heads)}
     problems = []
-    for line in word_lines(path, reporter):
+    for stated_line in word_lines(path, reporter):
+        line = _named(stated_line, 12)
         stated = np.array(line.of_width(13, "an image and its matrix").numbers(1)).reshape(3, 4)
         k = of_image.get(line.words[0])
         if k is not None and (apart := float(np.abs(stated - P[k]).max())) > MATRIX_DIGIT:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aatri.errors import InputError
+from aatri.formats.conventions.names import without_extension
 from aatri.formats.parts.format import FileView, Format
 from aatri.formats.registry.catalogue import FORMATS
 from aatri.formats.text.text_file import missing
@@ -61,8 +62,14 @@ def recognised_file(path: Path) -> Recognised:
     return found
 
 
-def recognised(path: Path) -> list[Recognised]:
+def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]:
     """What a path holds: one source, or those of a folder of several.
+
+    Parameters
+    ----------
+    path : Path
+    unread : list of Path, optional
+        Gets the files of a folder that are of no format; photographs are none of them.
 
     Raises
     ------
@@ -78,7 +85,7 @@ def recognised(path: Path) -> list[Recognised]:
         return [whole]
     found = [] if whole is None else [whole]
     read = {file for r in found for file in r.format.files_of(FileView(path))}
-    found += _within(path, read, MOST_LEVELS)
+    found += _within(path, read, MOST_LEVELS, [] if unread is None else unread)
     if not found:
         raise unrecognised(path)
     return found
@@ -92,7 +99,7 @@ def _as_one(path: Path) -> Recognised | None:
     return None
 
 
-def _within(folder: Path, read: Collection[Path], levels: int) -> list[Recognised]:
+def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path]) -> list[Recognised]:
     """Sources among the files of a folder, and folders of it."""
     found: list[Recognised] = []
     for path in sorted(folder.iterdir())[:MOST_FILES]:
@@ -102,7 +109,9 @@ def _within(folder: Path, read: Collection[Path], levels: int) -> list[Recognise
         if one is not None:
             found.append(one)
         elif path.is_dir() and not path.is_symlink() and levels > 1:
-            found += _within(path, read, levels - 1)
+            found += _within(path, read, levels - 1, unread)
+        elif path.is_file() and without_extension(path.name) == path.name:
+            unread.append(path)
     return found
 
 

@@ -17,6 +17,7 @@ from aatri.formats.registry.recognised import Recognised, format_named, recognis
 from aatri.formats.text.text_file import missing
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
+from aatri.ids import shown
 from aatri.progress import Reporter
 
 TABLES = {
@@ -81,9 +82,12 @@ def read_all(paths: Sequence[Path], reading: Reading, reporter: Reporter) -> tup
     InputError
         If a path is of no known format, or a source not of its form.
     """
-    found = [source for path in paths for source in recognised(path)]
+    unread = list[Path]()
+    found = [source for path in paths for source in recognised(path, unread)]
     for source in found:
         reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
+    if unread:
+        reporter.log(f"of no known format, not read: {shown([str(path) for path in unread])}")
     if len(found) == 1 and found[0].format.read is None:
         return found, []
     parts = [read_source(s.path, reading, reporter, format=s.format.name) for s in found]

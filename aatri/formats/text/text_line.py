@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from aatri.formats.text.number_text import number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
+
+_WORD = re.compile(r'"[^"]*"(?=\s|$)|\S+')
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,11 @@ class TextLine:
         return int(self.words[k])
 
 
+def words_of(text: str) -> list[str]:
+    """The words between blanks; a name in double quotes is one word, with its quotes."""
+    return _WORD.findall(text) if '"' in text else text.split()
+
+
 def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", remark: str = "") -> list[TextLine]:
     """The lines of a file that have words; signs of `blanks` part them too, what begins with `remark` is left out.
 
@@ -75,7 +83,7 @@ def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", rem
         If there are none.
     """
     as_blanks = str.maketrans(dict.fromkeys(blanks, " "))
-    words = [(k, text.translate(as_blanks).split()) for k, text in enumerate(read_lines(path, reporter), 1)]
+    words = [(k, words_of(text.translate(as_blanks))) for k, text in enumerate(read_lines(path, reporter), 1)]
     rows = [TextLine(w, path, k) for k, w in words if w and not (remark and w[0].startswith(remark))]
     if not rows:
         raise InputError("the file has no rows", where=str(path), remedy="put the data in")

@@ -66,6 +66,14 @@ def test_image_points_are_mm_with_the_camera_of_the_header_before(tmp_path: Path
     assert parts.image_points["line"] == [2, 3, 6]
 
 
+def test_a_fourth_column_is_told_and_not_read(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.jpg cam\n1 1.5 -2.5 7\n2 3 4 7\n-99\n")
+    assert recognised_file(path).format.name == "bingo"
+    parts = read_image_coordinates(path)
+    assert parts.image_points["xy"] == [[1.5, -2.5], [3.0, 4.0]]
+    assert parts.notes == ["a fourth column of 2 image points is not read"]
+
+
 def test_remarks_are_not_read_and_a_point_of_their_sign_is(tmp_path: Path) -> None:
     text = IMAGES.replace("       1 1.0 2.0", "C made by hand, twice\n* so is this\n       C 1.0 2.0")
     path = written(tmp_path, "* BINGO\nC a remark of several words\n" + text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 
 from aatri.errors import AatriError
@@ -58,6 +59,23 @@ def test_a_point_is_projected_by_the_formula(tmp_path: Path) -> None:
     np.testing.assert_array_equal(block.ground_points.role, [[3, 3, 1], [2, 2, 2]])
 
 
+def test_control_of_another_system_is_converted_to_that_of_the_block(tmp_path: Path) -> None:
+    longitude, latitude = pyproj.Transformer.from_crs(32650, 4326, always_xy=True).transform(500012.0, 4000021.0)
+    text = TEXT.replace("</SRS></S", "</SRS><SRS><Id>1</Id><Definition>EPSG:4979</Definition></SRS></S")
+    text = text.replace("<ControlPoint><SRSId>0", "<ControlPoint><SRSId>1")
+    text = text.replace("<x>500012</x><y>4000021</y>", f"<x>{longitude!r}</x><y>{latitude!r}</y>")
+    ground = read_blocksexchange(written(tmp_path, text)).ground_points
+    np.testing.assert_allclose(ground["xyz_m"], [[500012, 4000021, 110], [500013, 4000021, 110]], rtol=0, atol=1e-6)
+    assert np.sqrt(ground["covariance_m2"][0][2, 2]) == pytest.approx(0.02)
+
+
+def test_positions_in_metadata_are_told(tmp_path: Path) -> None:
+    text = TEXT.replace("a.jpg</ImagePath></Photo>", "a.jpg</ImagePath><Pose><Metadata/></Pose></Photo>")
+    assert read_blocksexchange(written(tmp_path, text)).notes == [
+        "positions in the metadata of 1 photos are not read: C:\\g\\a.jpg"
+    ]
+
+
 DAMAGE = [
     (TEXT[:900], r":\d+:\d+: no XML"),
     (TEXT.replace('"2.1"', '"1.0"'), r":2: version '1.0'"),
@@ -69,7 +87,7 @@ DAMAGE = [
     (TEXT.replace("<Id>1<", "<Id>0<"), r":14: photo Id 0 is given twice, first in line 11"),
     (TEXT.replace("<Name>Q", "<Name>P"), r":21: point P is given twice, first in line 17"),
     (TEXT.replace("<PhotoId>0", "<PhotoId>7"), r":20: PhotoId 7 is no photo"),
-    (TEXT.replace("<ControlPoint><SRSId>0", "<ControlPoint><SRSId>4"), r":17: a control point in another system"),
+    (TEXT.replace("<ControlPoint><SRSId>0", "<ControlPoint><SRSId>4"), r":17: SRSId 4 is not among the systems"),
     (TEXT.replace("Vertical<", "Upward<"), r":17: category 'Upward'"),
     (TEXT.replace("0.02</V", "-0.02</V"), r":17: accuracies 0.01, -0.02"),
     (TEXT.replace("EPSG:32650", "EPSG:999999"), r":3: the system 'EPSG:999999' is not understood"),

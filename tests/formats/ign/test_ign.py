@@ -38,6 +38,12 @@ def test_the_lists_give_what_they_hold(tmp_path: Path) -> None:
     assert camera.cameras["principal_distance_mm"].tolist() == [pytest.approx(30.975)]
 
 
+def test_a_name_in_quotes_may_have_blanks(tmp_path: Path) -> None:
+    points = read_ground_points(written(tmp_path, "app", '"P 1" 13 1.5 2.5 3.5\r\n'))
+    assert points.ground_points["point"] == ["P 1"]
+    assert points.ground_points["xyz_m"] == [[1.5, 2.5, 3.5]]
+
+
 DAMAGE = [
     ("mes", (" 14781.17", ""), r":2: 3 words where `point image column row`"),
     ("mes", ("24042.25", "24042,25"), r":2: '24042,25': a decimal comma"),

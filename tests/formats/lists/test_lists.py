@@ -146,6 +146,8 @@ SURVEYED = {
         "image latitude longitude Z yaw pitch roll",
     "Name,East,North,Up,sigma_e,sigma_n,sigma_u\nA,1,2,3,.1,.1,.1\n": "point X Y Z sX sY sZ",
     "photo,pt,u,v\na.jpg,A,1,2\n": "image point x y",
+    "imageName,latitude,longitude,altitude,accHor,accVer\na.jpg,45,9,3,.1,.2\n": "image latitude longitude Z sXY sZ",
+    'ID  TIME (s)  EASTING  NORTHING  ELLIPSOID HEIGHT (m)\n"IMG 1.jpg"  5  1  2  3\n': "image time X Y Z",
 }  # fmt: skip
 
 
@@ -178,7 +180,7 @@ DAMAGE = [
     (OPK.replace("b.jpg", "a.jpg"), r":3: image a.jpg twice, first in line 2"),
     (OPK.replace("-200.0", "-200,0", 1), r":2: '-200,0': a decimal comma"),
     (OPK.replace(" 20 ", " x "), r":2: 'x'"),
-    (OPK.replace("b.jpg", "b 2.jpg"), r"a name with blanks needs tabulators"),
+    (OPK.replace("b.jpg", "b 2.jpg"), r"a name with blanks stands in double quotes"),
     (OPK.replace(" 10 20", " 10"), r":2: 6 words, for the columns image X Y Z"),
     (MATRIX, r":3: r11 ... r33 is neither the matrix of the angles nor its transpose"),
     ("point X Y Z role\nP 1 2 3 maybe\n", r":2: role 'maybe'"),

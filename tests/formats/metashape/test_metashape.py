@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.codes import APPROXIMATE, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import AatriError
 from aatri.formats.conventions.poses import carrier_angles
 from aatri.formats.metashape.reader import read_metashape
@@ -148,6 +148,35 @@ def test_only_pinned_marks_are_measured_and_roles_and_accuracies_are_those_of_th
     assert any("c.jpg" in note for note in parts.notes)
 
 
+def test_a_marker_with_height_or_plan_alone_is_control_of_that(tmp_path: Path) -> None:
+    text = local().replace('x="23" y="38" z="4"', 'z="4"').replace('x="1" y="2" z="3" enabled="false"', 'x="1" y="2"')
+    ground = read_metashape(written(tmp_path, text)).ground_points
+    assert ground["role"] == [[NO_ROLE, NO_ROLE, CONTROL], [CONTROL, CONTROL, NO_ROLE]]
+    np.testing.assert_array_equal(ground["xyz_m"], [[np.nan, np.nan, 4.0], [1.0, 2.0, np.nan]])
+    half = local().replace('x="21.5" y="42" z="105"', 'x="21.5" y="42"')
+    with pytest.raises(AatriError, match=r"cameras.xml:\d+: the position of a.jpg lacks a coordinate"):
+        read_metashape(written(tmp_path, half))
+
+
+def test_images_of_one_label_are_told_apart_by_their_groups(tmp_path: Path) -> None:
+    text = (
+        local().replace('<group id="0">', '<group id="0" label="flight 2">').replace('label="b.jpg"', 'label="a.jpg"')
+    )
+    assert read_metashape(written(tmp_path, text)).images["id"] == ["a.jpg", "flight 2/a.jpg"]
+
+
+def test_covariances_and_scale_bars_are_told_and_sensors_without_images_are_not_looked_at(tmp_path: Path) -> None:
+    sensor = '<sensor id="5" label="fish" type="fisheye"><resolution width="9" height="9"/><calibration/></sensor>'
+    matrix = "<covariance><params>f</params><coeffs>0.04</coeffs></covariance>"
+    text = local().replace("</sensors>", sensor + "</sensors>").replace("</sensor>", matrix + "</sensor>", 1)
+    text = text.replace('<reference x="21.5"', '<location_covariance>1</location_covariance><reference x="21.5"')
+    text = text.replace("<markers>", '<scalebars><scalebar id="0" label="1_2"/></scalebars><markers>', 1)
+    notes = " ".join(read_metashape(written(tmp_path, text)).notes)
+    assert "covariances of 1 cameras" in notes
+    assert "covariances of 1 orientations" in notes
+    assert "1 scale bars are not read: 1_2" in notes
+
+
 def test_an_enabled_reference_is_an_observed_position_with_its_accuracy(tmp_path: Path) -> None:
     exterior = read_metashape(written(tmp_path, local())).exterior
     k = exterior["image"].index("a.jpg")
@@ -203,6 +232,24 @@ def test_real_poses_agree_with_gnss_and_gimbal(tmp_path: Path) -> None:
     assert np.abs(roll).max() < 3.0
     np.testing.assert_allclose(pitch, [0.1, 25.0, 25.0], atol=3.0)
     assert abs(yaw[1] - yaw[2] - (91.7 - 6.7)) < 3.0
+
+
+@pytest.mark.parametrize(("yaw", "pitch", "roll"), [(30, 91, 0), (210, 89, 180)])
+def test_yaw_pitch_roll_orient_an_image_that_is_not_aligned(tmp_path: Path, yaw: int, pitch: int, roll: int) -> None:
+    """The matrix that Metashape's ypr2mat prints for both (agisoft.com/forum, topic 12200)."""
+    told = f'z="105" yaw="{yaw}" pitch="{pitch}" roll="{roll}"'
+    text = local().replace('z="105"', told)
+    aligned = read_metashape(written(tmp_path, text))
+    assert "yaw, pitch, roll of 1 aligned images are not read: a.jpg" in aligned.notes
+    pose = "<transform>1 0 0 10 0 -1 0 20 0 0 -1 50 0 0 0 1</transform>"
+    exterior = read_metashape(written(tmp_path, text.replace(pose, ""))).exterior
+    assert exterior["image"] == ["a.jpg"]
+    printed = [
+        [0.8660254037844387, -0.008726203218641737, -0.4999238475781956],
+        [-0.49999999999999994, -0.01511422733185856, -0.8658935039207541],
+        [0.0, 0.9998476951563913, -0.017452406437283477],
+    ]
+    np.testing.assert_allclose(exterior["ground_from_image"][0], printed, rtol=0, atol=1e-12)
 
 
 def test_an_archive_holds_the_same(tmp_path: Path) -> None:
@@ -268,7 +315,13 @@ def test_damaged_tie_points_are_refused_with_their_place(tmp_path: Path, damaged
 
 
 DAMAGE = [
-    (('label="b.jpg"', 'label="a.jpg"'), r"camera a.jpg is given twice, first in line"),
+    (
+        (
+            '<group id="0"><camera id="8" sensor_id="1" master_id="7" label="b.jpg"/></group>',
+            '<camera id="8" sensor_id="1" master_id="7" label="a.jpg"/>',
+        ),
+        r"camera a.jpg is given twice, first in line",
+    ),
     (('marker id="2" label="T3"', 'marker id="2" label="P1"'), r"marker P1 is given twice"),
     (("1 0 0 10 0 -1 0 20", "1 0 0 10 0 1 0 20"), r"the transform of a.jpg is no rotation"),
     (('x="2200.5"', 'x="2200,5"'), r"x is '2200,5': a decimal comma"),

@@ -74,6 +74,16 @@ def test_positions_are_observed_with_the_sigmas_of_rtk_alone(tmp_path: Path) -> 
     ]
 
 
+def test_standard_deviations_of_no_solution_are_none(tmp_path: Path) -> None:
+    keys = " ".join(f'drone-dji:RtkStd{of}="0.0"' for of in ("Lat", "Lon", "Hgt"))
+    path = tmp_path / "a.xmp"
+    path.write_text(
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><Description xmlns:drone-dji="d" drone-dji:GpsLatitude="+22.5" '
+        f'drone-dji:GpsLongitude="114.5" drone-dji:AbsoluteAltitude="120" drone-dji:RtkFlag="0" {keys}/></x:xmpmeta>'
+    )
+    assert np.asarray(read_xmp(path).exterior["position_use"]).tolist() == [APPROXIMATE_VALUE]
+
+
 DAMAGE = [
     (PACKET.replace('RtkStdLat="0.011"', 'RtkStdLat="0.0"'), r"a.xmp:1: RTK standard deviations"),
     (PACKET.replace("GpsLatitude", "GpsBreite"), r"a.xmp:1: the packet has no GpsLatitude"),

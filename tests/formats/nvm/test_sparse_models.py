@@ -55,6 +55,12 @@ def written(tmp_path: Path, text: str, name: str = "model.nvm") -> Path:
     return path
 
 
+def test_a_model_may_have_no_points(tmp_path: Path) -> None:
+    parts = read_nvm(written(tmp_path, NVM[: NVM.index("5\n0 0 5")] + "0\n\n0\n"))
+    assert parts.images["id"] == ["a.jpg", "b.jpg"]
+    assert len(parts.image_points["xy"]) == 0
+
+
 def test_a_point_of_an_nvm_is_projected_by_its_formula(tmp_path: Path) -> None:
     """Image b, point 2: X = (0, 1, 5) in the camera; m y with (1 + 0.1 m^2) m = 0.2, m = 0.199213."""
     m = 0.199213

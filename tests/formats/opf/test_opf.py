@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyproj
@@ -14,6 +16,8 @@ from aatri.codes import APPROXIMATE_VALUE, CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import AatriError
 from aatri.formats.opf.reader import read_opf
 from aatri.formats.parts.assembled import assembled
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.geometry.rotations import rotation_from_angles
 from tests.formats.lens_projection import misfit_px
 from tests.formats.opf.made_project import ANGLES_DEG, BUFFERS, CENTRE, FOCAL, RADIAL, TANGENTIAL, files
 
@@ -89,18 +93,75 @@ def test_what_the_project_has_projected_is_taken_before_its_systems(tmp_path: Pa
         read_opf(folder)
 
 
-def test_attitudes_and_mounts_are_named_as_not_read(tmp_path: Path) -> None:
-    folder = written(tmp_path / "p")
-    path = folder / "input-cameras.json"
+def changed(folder: Path, change: Callable[[dict[str, Any]], None]) -> BlockParts:
+    """What the project gives with other input cameras."""
+    path = written(folder) / "input-cameras.json"
     stated = json.loads(path.read_text())
-    angles = {"angles_deg": [0.0, 0.0, 0.0], "sigmas_deg": [5.0, 5.0, 5.0]}
-    stated["captures"][0]["orientation"] = {"type": "yaw_pitch_roll", **angles}
-    stated["sensors"][0]["rig_relatives"] = {"rotation": angles}
+    change(stated)
     path.write_text(json.dumps(stated))
-    assert read_opf(folder).notes[1:] == [
-        "orientations of 1 captures are not read: 0",
-        "mounts of 1 sensors are not read: 1",
-    ]
+    return read_opf(folder)
+
+
+def test_yaw_pitch_roll_of_captures_is_told(tmp_path: Path) -> None:
+    def turn(stated: dict[str, Any]) -> None:
+        angles = {"angles_deg": [0.0, 0.0, 0.0], "sigmas_deg": [5.0, 5.0, 5.0]}
+        stated["captures"][0]["orientation"] = {"type": "yaw_pitch_roll", **angles}
+
+    assert changed(tmp_path / "p", turn).notes[1:] == ["yaw, pitch, roll of 1 captures are not read: 0"]
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32650", "EPSG:32651"])
+def test_omega_phi_kappa_of_captures_is_observed_in_the_map_of_the_project(tmp_path: Path, crs: str) -> None:
+    """In the neighbouring zone grid north is turned by the difference of the meridian convergences, to 2e-4."""
+
+    def turn(stated: dict[str, Any]) -> None:
+        angles = {"angles_deg": [1.0, -2.0, 30.0], "sigmas_deg": [0.1, 0.2, 0.3]}
+        stated["captures"][1]["orientation"] = {"type": "omega_phi_kappa", "crs": crs, **angles}
+
+    exterior = changed(tmp_path / "p", turn).exterior
+    k = exterior["image"].index("flight 1/b.jpg")
+    longitude, latitude = pyproj.Transformer.from_crs(32650, 4326, always_xy=True).transform(500011.0, 4000020.0)
+    own, project = (
+        pyproj.Proj(name).get_factors(longitude, latitude).meridian_convergence for name in (crs, "EPSG:32650")
+    )
+    to_project = math.radians(project - own)  # grid east of the zone, seen from that of the project
+    c, s = math.cos(to_project), math.sin(to_project)
+    expected = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ rotation_from_angles(np.radians([[1.0, -2.0, 30.0]]))[0]
+    np.testing.assert_allclose(exterior["ground_from_image"][k], expected, rtol=0, atol=2e-4)
+    assert exterior["angle_use"] == [APPROXIMATE_VALUE, OBSERVED_VALUE]
+    np.testing.assert_allclose(np.degrees(exterior["angle_sigma_rad"][k]), [0.1, 0.2, 0.3])
+
+
+def test_a_secondary_camera_is_mounted_as_the_specification_says(tmp_path: Path) -> None:
+    """T_s = T_r + R_r T_rel, R_s = R_r R_rel in right, down, front: a point of the secondary camera seen from both."""
+    relative = {
+        "translation": {"values_m": [0.5, 0.25, -0.1], "sigmas_m": [0.01, 0.02, 0.03]},
+        "rotation": {"angles_deg": [1.0, 40.0, -3.0], "sigmas_deg": [0.1, 0.2, 0.3]},
+    }
+
+    def mount(stated: dict[str, Any]) -> None:
+        second = {**stated["sensors"][0], "id": 2, "rig_relatives": relative}
+        stated["sensors"].append(second)
+        one, other = stated["captures"]
+        one["cameras"].append({**other["cameras"][0], "sensor_id": 2})
+        one["geolocation"] = other["geolocation"]
+        stated["captures"] = [one]
+
+    parts = changed(tmp_path / "p", mount)
+    assert parts.images["rig"] == ["cam 1", "cam 1"]
+    assert parts.images["member"] == ["cam 1", "cam 2"]
+    m = parts.others["rig_members"]
+    assert m.is_frame.tolist() == [True, False]
+    a, b, c = np.radians([1.0, 40.0, -3.0])
+    Rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    Ry = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    Rz = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    q = np.array([0.3, -0.2, 4.0])
+    in_reference = (Rx @ Ry @ Rz @ q + [0.5, 0.25, -0.1]) * [1, -1, -1]
+    mounted = rotation_from_angles(m.angles_rad[1]) @ (q * [1, -1, -1]) + m.position_m[1]
+    np.testing.assert_allclose(mounted, in_reference, atol=1e-12)
+    np.testing.assert_allclose(m.position_sigma_m[1], [0.01, 0.02, 0.03])
+    np.testing.assert_allclose(np.degrees(m.angle_sigma_rad[1]), [0.1, 0.2, 0.3])
 
 
 def test_a_geoid_height_raises_to_the_ellipsoid(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from aatri.codes import CONTROL
+from aatri.codes import CONTROL, NO_ROLE
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import LOCAL, PLANE
 from aatri.formats.parts.one_frame import block_frame, in_frame
@@ -42,6 +42,25 @@ def test_standard_deviations_turn_with_the_axes() -> None:
     parts.ground_points = {**parts.ground_points, "xyz_m": [[47.0, 9.0, 500.0]]}
     covariance = np.asarray(in_frame(parts, UTM, SILENT).ground_points["covariance_m2"])[0]
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [0.05, 0.01, 0.1], rtol=1e-3)
+
+
+def test_plan_control_of_latitude_and_longitude_has_its_place_in_a_map() -> None:
+    """At the height of the other point, 500 m; its own height stays unknown, its standard deviations stay."""
+    parts = replace(ground("a.txt", "p", "q", sigma_m=[[0.01, 0.02, np.nan], [0.01, 0.02, 0.03]]), frame=DEGREES)
+    role = [[CONTROL, CONTROL, NO_ROLE], [CONTROL] * 3]
+    parts.ground_points = {**parts.ground_points, "xyz_m": [[8.0, 47.0, np.nan], [8.0, 47.0, 500.0]], "role": role}
+    moved = in_frame(parts, UTM, SILENT).ground_points
+    east, north = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True).transform(8.0, 47.0)
+    np.testing.assert_allclose(np.asarray(moved["xyz_m"])[0], [east, north, np.nan], rtol=0, atol=1e-6)
+    of_plan = np.asarray(moved["covariance_m2"])[:, :2, :2]
+    np.testing.assert_allclose(of_plan[0], of_plan[1], rtol=1e-4, atol=1e-9)
+
+
+def test_a_height_without_its_place_is_refused_in_another_frame() -> None:
+    parts = replace(ground("a.txt", "p", role=[[NO_ROLE, NO_ROLE, CONTROL]]), frame=DEGREES)
+    parts.ground_points = {**parts.ground_points, "xyz_m": [[np.nan, np.nan, 500.0]]}
+    with pytest.raises(InputError, match=r"a.txt: 1 rows have some coordinates alone"):
+        in_frame(parts, UTM, SILENT)
 
 
 def test_the_frame_is_that_of_control_before_positions_before_the_rest() -> None:

@@ -90,6 +90,15 @@ def test_damaged_parameters_are_refused_with_their_place(tmp_path: Path, damage:
     assert "fix: " in str(refused.value)
 
 
+def test_names_may_have_blanks(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path, HEAD + IMAGE.format("IMG 1 a.jpg"))
+    (folder / "t_pmatrix.txt").write_text("IMG 1 a.jpg " + " ".join(["0"] * 12) + "\n")
+    with pytest.raises(AatriError, match=r"pmatrix.txt:1: the matrix of IMG 1 a.jpg is"):
+        read_pix4d(folder)
+    (folder / "t_pmatrix.txt").unlink()
+    assert read_pix4d(folder).images["id"] == ["IMG 1 a.jpg"]
+
+
 def test_a_forgotten_offset_is_told(tmp_path: Path) -> None:
     folder = folder_of(tmp_path, HEAD + IMAGE.format("a.jpg"))
     (folder / "t_offset.xyz").unlink()

@@ -1,0 +1,161 @@
+"""Attitudes and rigs of OPF's captures.
+
+omega, phi, kappa of a capture are R = Rx Ry Rz, image (right, top, back) to the axes of a map of their own, with
+standard deviations: observed. Yaw, pitch, roll are not read: the specification has right, top, back of the image become
+east, north, down at 0 0 0, which no rotation does.
+
+A secondary camera s is mounted on the reference camera r of its capture, image axes right, down, front:
+
+    T_s = T_r + R_r T_rel,    R_s = R_r R_rel,    R_rel = Rx Ry Rz
+
+The mounting as given is observed, with its standard deviations; what a calibration has made of it is not read.
+
+Source: pix4d.github.io/opf-spec, Input cameras; Auxiliary objects, Rig relatives.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from aatri.arrays import Float
+from aatri.artifacts.block_images import RigMembers
+from aatri.formats.conventions.poses import Y_UP
+from aatri.formats.opf.project import SceneFrame
+from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.one_frame import in_frame
+from aatri.formats.text.json_text import JsonText, Key
+from aatri.frames.conversion import Frame
+from aatri.geometry.rotations import rotation_from_angles
+from aatri.ids import shown
+from aatri.progress import Reporter
+
+OPK, YPR = "omega_phi_kappa", "yaw_pitch_roll"
+
+
+class Attitude(NamedTuple):
+    """An attitude: image to the axes of the map `crs`, and standard deviations of omega, phi, kappa."""
+
+    crs: str
+    ground_from_image: Float
+    sigma_rad: Float
+    where: str
+
+
+def attitudes_of(document: JsonText, name_of: Mapping[int, str]) -> tuple[dict[str, Attitude], list[str]]:
+    """Attitudes of the reference cameras by their images, and a note on those that are not read.
+
+    Raises
+    ------
+    InputError
+        If an attitude is not of the specification.
+    """
+    found, unread = dict[str, Attitude](), list[str]()
+    for k, capture in enumerate(document.get(list, "captures")):
+        if "orientation" not in capture:
+            continue
+        keys: tuple[Key, ...] = ("captures", k, "orientation")
+        kind, camera = document.get(str, *keys, "type"), document.get(int, "captures", k, "reference_camera_id")
+        if kind not in (OPK, YPR):
+            raise document.fault(keys, f"an orientation of the type {kind!r}", f"types are {OPK}, {YPR}")
+        if kind == YPR or camera not in name_of:
+            unread.append(str(capture.get("id")))
+            continue
+        angles, sigma = (np.radians(document.numbers(*keys, name, count=3)) for name in ("angles_deg", "sigmas_deg"))
+        if sigma.min() <= 0:
+            raise document.fault((*keys, "sigmas_deg"), f"standard deviations {np.degrees(sigma)}", "they are positive")
+        crs = document.get(str, *keys, "crs")
+        found[name_of[camera]] = Attitude(crs, rotation_from_angles(angles), sigma, document.where(*keys))
+    what = f"yaw, pitch, roll of {len(unread)} captures are not read: {shown(unread)}"
+    return found, [what] if unread else []
+
+
+def in_scene(attitudes: Mapping[str, Attitude], position_m: Mapping[str, Float], scene: SceneFrame,
+             files: list[Path], reporter: Reporter) -> dict[str, Float]:  # fmt: skip
+    """Rotations to the axes of the scene; NaN of an image in another system whose place is not known.
+
+    Raises
+    ------
+    InputError
+        If a system is not understood.
+    """
+    turned = {name: a.ground_from_image for name, a in attitudes.items()}
+    for crs in dict.fromkeys(a.crs for a in attitudes.values() if a.crs != scene.frame.crs):
+        own = Frame("attitudes", ("east", "north", "up"), crs)
+        names = [name for name, a in attitudes.items() if a.crs == crs]
+        at: dict[str, Any] = {"image": names, "position_m": [position_m.get(n, np.full(3, np.nan)) for n in names]}
+        parts = in_frame(BlockParts("opf", files, frame=scene.frame, exterior=at), own, reporter)
+        at = {**parts.exterior, "ground_from_image": np.array([turned[name] for name in names])}
+        moved = in_frame(BlockParts("opf", files, frame=own, exterior=at), scene.frame, reporter)
+        turned |= dict(zip(names, np.asarray(moved.exterior["ground_from_image"])))
+    return turned
+
+
+def rigs_of(
+    document: JsonText, camera_of: Mapping[int, str], images: list[int]
+) -> tuple[dict[str, list[Any]], RigMembers] | None:
+    """Columns rig, member and sequence of the images, and the members; None of a project without rigs.
+
+    Parameters
+    ----------
+    document : JsonText
+        Input cameras.
+    camera_of : mapping of int to str
+        Cameras of the block by ids of sensors.
+    images : list of int
+        Ids of the images, in the order of the block.
+
+    Raises
+    ------
+    InputError
+        If a mounting is not of the specification.
+    """
+    at = {document.get(int, "sensors", k, "id"): k for k, _ in enumerate(document.get(list, "sensors"))}
+    mounted = {key for key, k in at.items() if "rig_relatives" in document.get(dict, "sensors", k)}
+    of_image: dict[int, tuple[str, str, float]] = {}
+    members: dict[tuple[str, str], int | None] = {}
+    for k, capture in enumerate(document.get(list, "captures")):
+        sensor_of = {camera["id"]: camera["sensor_id"] for camera in capture["cameras"]}
+        reference = sensor_of.get(document.get(int, "captures", k, "reference_camera_id"))
+        others = {*sensor_of.values()} - {reference}
+        if reference is None or not others or not others <= mounted or len({*sensor_of.values()}) < len(sensor_of):
+            continue
+        rig = camera_of[reference]
+        members[rig, rig] = None
+        for image, sensor in sensor_of.items():
+            of_image[image] = (rig, camera_of[sensor], float(k + 1))
+            if sensor != reference:
+                members[rig, camera_of[sensor]] = at[sensor]
+    if not of_image:
+        return None
+    columns = zip(*(of_image.get(image, ("", "", np.nan)) for image in images))
+    return dict(zip(("rig", "member", "sequence"), map(list, columns))), _members(document, members)
+
+
+def _members(document: JsonText, members: Mapping[tuple[str, str], int | None]) -> RigMembers:
+    """The mountings in image axes right, up, back: D Rx Ry Rz D with D = diag(1, -1, -1) turns the last two signs."""
+    ordered = sorted(members, key=lambda pair: (pair[0], pair[0] != pair[1], pair[1]))
+    values = np.zeros((4, len(ordered), 3))
+    for row, pair in enumerate(ordered):
+        if (sensor := members[pair]) is None:
+            continue
+        for k, (part, names) in enumerate((("translation", ("values_m", "sigmas_m")),
+                                           ("rotation", ("angles_deg", "sigmas_deg")))):  # fmt: skip
+            for j, name in enumerate(names):
+                keys: tuple[Key, ...] = ("sensors", sensor, "rig_relatives", part, name)
+                values[2 * k + j, row] = document.numbers(*keys, count=3)
+                if j and values[2 * k + j, row].min() < 0:
+                    raise document.fault(keys, f"standard deviations {values[2 * k + j, row]}", "they are positive")
+    free = np.zeros((len(ordered), 3), dtype=bool)
+    return RigMembers.of(
+        rig=[rig for rig, _ in ordered],
+        member=[member for _, member in ordered],
+        is_frame=[rig == member for rig, member in ordered],
+        position_m=values[0] * Y_UP,
+        angles_rad=np.radians(values[2]) * Y_UP,
+        position_sigma_m=values[1],
+        position_free=free,
+        angle_sigma_rad=np.radians(values[3]),
+        angle_free=free,
+    )
