@@ -12,7 +12,7 @@ from aatri.formats.text.xml_tree import XmlElement
 from aatri.ids import clipped
 
 
-class Camera(NamedTuple):
+class ImageElement(NamedTuple):
     """An image: its name, and its element."""
 
     id: str
@@ -22,7 +22,7 @@ class Camera(NamedTuple):
     at: XmlElement
 
 
-def cameras_of(chunk: XmlElement) -> tuple[list[Camera], list[str]]:
+def cameras_of(chunk: XmlElement) -> tuple[list[ImageElement], list[str]]:
     """The images that are enabled, and the names of the others; a label of two images has its group before it."""
     found = [in_group for cameras in chunk.all("cameras") for in_group in _in_groups(cameras, "")]
     labels = Counter(element.get("label") for _, element in found)
@@ -39,7 +39,7 @@ def cameras_of(chunk: XmlElement) -> tuple[list[Camera], list[str]]:
             if first.setdefault(key, element) is not element:
                 what = f"camera {clipped(key)} is given twice, first in line {first[key].line}"
                 raise element.error(what, "give the images names of their own")
-        cameras.append(Camera(number, name, element.get("sensor_id"), element.get("master_id"), element))
+        cameras.append(ImageElement(number, name, element.get("sensor_id"), element.get("master_id"), element))
     return cameras, disabled
 
 
@@ -52,7 +52,7 @@ def _in_groups(element: XmlElement, group: str) -> Iterator[tuple[str, XmlElemen
             yield from _in_groups(child, f"{group}{child.get('label') or child.get('id')}/")
 
 
-def attitudes_of(cameras: list[Camera]) -> dict[str, Float]:
+def attitudes_of(cameras: list[ImageElement]) -> dict[str, Float]:
     """Rotations of references with yaw, pitch and roll, to east, north and up."""
     keys, stated = ("roll", "pitch", "yaw"), dict[str, list[float]]()
     for camera in cameras:

@@ -24,7 +24,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
-from aatri.formats.metashape.cameras import Camera, attitudes_of, cameras_of
+from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_of
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.rigs import rigs_of
 from aatri.formats.metashape.sensors import Sensor, sensors_of
@@ -91,7 +91,7 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     return parts
 
 
-def _not_read(chunk: XmlElement, cameras: list[Camera], aligned: Collection[str]) -> list[str]:
+def _not_read(chunk: XmlElement, cameras: list[ImageElement], aligned: Collection[str]) -> list[str]:
     """Notes on what is in the document and no part of the block."""
     notes = []
     if turned := [name for name in attitudes_of(cameras) if name in aligned]:
@@ -147,7 +147,9 @@ def _settings(chunk: XmlElement) -> dict[str, float]:
     }
 
 
-def _poses(cameras: list[Camera], sensors: dict[str, Sensor], frame: ChunkFrame) -> tuple[list[Camera], Float, Float]:
+def _poses(
+    cameras: list[ImageElement], sensors: dict[str, Sensor], frame: ChunkFrame
+) -> tuple[list[ImageElement], Float, Float]:
     """Images that are aligned, their positions in the world of the chunk (n, 3), and rotations (n, 3, 3)."""
     transforms = {c.id: c.at.one("transform").numbers(16).reshape(4, 4) for c in cameras if c.at.all("transform")}
     aligned, position, rotation = [], list[Float](), list[Float]()
@@ -184,7 +186,7 @@ def _reference(element: XmlElement, default: float) -> tuple[list[float], list[f
     return xyz, sigma
 
 
-def _references(cameras: list[Camera], default: float) -> list[tuple[Camera, list[float], list[float]]]:
+def _references(cameras: list[ImageElement], default: float) -> list[tuple[ImageElement, list[float], list[float]]]:
     """Observed positions: image, coordinates, standard deviations."""
     rows = []
     for camera in cameras:

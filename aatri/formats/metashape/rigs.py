@@ -11,19 +11,19 @@ import numpy as np
 
 from aatri.artifacts.block_images import RigMembers
 from aatri.formats.conventions.poses import Y_UP
-from aatri.formats.metashape.cameras import Camera
+from aatri.formats.metashape.cameras import ImageElement
 from aatri.formats.metashape.sensors import Sensor
 from aatri.geometry.rotations import angles_from_rotation
 
 
 def rigs_of(
-    cameras: Sequence[Camera], sensors: Mapping[str, Sensor], scale: float
+    cameras: Sequence[ImageElement], sensors: Mapping[str, Sensor], scale: float
 ) -> tuple[dict[str, list[Any]], RigMembers] | None:
     """Columns rig, member and sequence of the images, and the members; None of a chunk without rigs.
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : sequence of ImageElement
     sensors : mapping of str to Sensor
         By their ids.
     scale : float

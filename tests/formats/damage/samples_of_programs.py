@@ -83,7 +83,7 @@ OF_PROGRAMS = {
         "b.jpg",
         ('type="frame" class="adjusted"', 'type="fisheye" class="adjusted"'),
         ('<camera id="7"', "<camera"),
-        ("b.jpg", "a.jpg"),
+        ('label="P2"', 'label="P1"'),
         ('sxyz="0.5"', 'sxyz="-0.5"'),
     ),
     "inpho": GoodSample(
