@@ -20,8 +20,8 @@ from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.earlier_rejections import search_anew
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
-from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
@@ -78,7 +78,7 @@ def _searched(
     def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
         if searching.method == "none":
             return with_readmission(block, adjust)
-        return search(block, adjust, searching, options.tolerance, squares)
+        return search_anew(block, adjust, searching, options.tolerance, squares)
 
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)

@@ -25,6 +25,7 @@ from tests.stages.hand_block import (
     Heard,
     angles_deg,
     ground_rows,
+    projected,
     read,
     start,
     suspected,
@@ -78,6 +79,25 @@ def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind:
     assert len(rows_of(found, kind)) == (5 if kind == "position" else 4)
 
 
+def test_a_right_control_point_that_was_rejected_before_does_not_stay_out_in_place_of_a_wrong_one(
+    tmp_path: Path,
+) -> None:
+    """A strip that few control points hold is bent by the wrong one until a right one disagrees."""
+    wrong, right = 5, 24
+    ground = (
+        ground_rows(OF, tuple(k for k in CORNERS if k != wrong)) + ground_rows(OF, (wrong,), off=5.0).splitlines()[1]
+    )
+    exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), None, ",0.1,0.1,0.1", ",sX,sY,sZ")
+    block, points = read(tmp_path, OF, ground=ground + "\n", exterior=exterior)
+    row = {k: int(np.flatnonzero(block.points.id[block.ground_points.point] == f"p{k:02}")[0]) for k in (wrong, right)}
+    found = bundle(block, points, start(OF, block, suspected("control", [row[right]])))
+    assert dict(zip(found.suspects.row.tolist(), found.suspects.verdict.tolist())) == {
+        row[right]: "readmitted",
+        row[wrong]: "rejected",
+    }
+    assert_is_the_block(found, OF)
+
+
 def test_an_exact_position_that_was_rejected_is_no_longer_demanded(tmp_path: Path) -> None:
     positions = OF.position_m.copy()
     positions[4] += 20.0
@@ -112,6 +132,40 @@ def test_right_rays_come_back_to_a_point_that_was_left_with_a_wrong_one(tmp_path
     used = found.residuals.row[rows_of(found, "image_point")]
     assert np.isin(rows, used).tolist() == [False, *[True] * (len(rows) - 1)]
     assert_is_the_block(found, OF)
+
+
+def test_a_point_that_a_wrong_ray_holds_off_by_a_rejection_before_is_asked_again(tmp_path: Path) -> None:
+    """A wrong ray and a right one meet 30 m off, as no test of these two sees; the other right ones were rejected."""
+    rows = np.flatnonzero(OF.point == 14)
+    wrong, right = rows[0], rows[-1]
+    off = OF.xyz_m.copy()
+    off[14] += 0.05 * (OF.position_m[OF.image[right]] - off[14])
+    measured = OF.xy_mm.copy()
+    measured[wrong] = projected(OF.position_m, OF.rotation, off, OF.image[[wrong]], OF.point[[wrong]])[0]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    begin = start(replace(OF, xyz_m=off), block, suspected("image_point", rows[1:-1].tolist()))
+    found = bundle(block, points, begin)
+    used = found.residuals.row[rows_of(found, "image_point")]
+    assert np.isin(rows, used).tolist() == [False, *[True] * (len(rows) - 1)]
+    assert_is_the_block(found, OF)
+
+
+def test_what_a_rejection_before_leaves_open_is_not_taken_as_decided(tmp_path: Path) -> None:
+    """Of three rays in a line a right one was rejected: any of the three may be wrong, and the point is none."""
+    seen = np.flatnonzero((OF.point == 14) & (OF.image >= 3))
+    keep = (OF.point != 14) | np.isin(np.arange(len(OF.point)), seen)
+    of = replace(OF, image=OF.image[keep], point=OF.point[keep], xy_mm=OF.xy_mm[keep].copy())
+    rows = np.flatnonzero(of.point == 14)
+    assert len(rows) == 3
+    off = of.xyz_m.copy()
+    off[14] += 0.01 * (of.position_m[of.image[rows[2]]] - off[14])
+    measured = of.xy_mm.copy()
+    measured[rows[0]] = projected(of.position_m, of.rotation, off, of.image[rows[:1]], of.point[rows[:1]])[0]
+    block, points = read(tmp_path, of, ground=ground_rows(of, CORNERS), xy_mm=measured)
+    found = bundle(block, points, start(replace(of, xyz_m=off), block, suspected("image_point", [int(rows[1])])))
+    assert set(found.suspects.verdict.tolist()) == {"undecidable"}
+    assert set(found.suspects.row.tolist()) >= {int(rows[1])}
+    assert len(found.suspects) >= 2
 
 
 def test_of_two_rays_that_an_earlier_stage_rejected_neither_is_blamed(tmp_path: Path) -> None:

@@ -6,12 +6,13 @@ import numpy as np
 
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of, room_left
 from aatri.arrays import Bool, Float, Int
-from aatri.observations.poses import POINT
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
+from aatri.orientation.bundle.complete_start import where_most_meet
 from aatri.orientation.bundle.result import BundleResult
 
 DOUBT = 6.0
@@ -122,6 +123,20 @@ class Rejections:
             xyz[points] = found.xyz_m
             self.block = replace(self.block, xyz_m=xyz)
         return wrong
+
+    def wrong_where_most_meet(self, result: BundleResult, points: Int, active: Bool, test: Float, tails: Float) -> Bool:
+        """What is wrong at some points, (n,), of all records there, from where most of their rays meet."""
+        xyz, nothing = self.where_most_meet(result, points), np.zeros(len(points), dtype=bool)
+        return self.wrong_at_points(result, points, nothing, active, test, tails, move=True, xyz_m=xyz)
+
+    def where_most_meet(self, result: BundleResult, points: Int) -> Float:
+        """The points of a result, some of them where most of their rays meet: a wrong ray may have drawn them away."""
+        xyz, rays = result.adjusted.state[POINT].copy(), self.block.rays
+        if rays is not None:
+            rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
+            met = where_most_meet(rays, result.adjusted.state[POSE], points, len(xyz))
+            xyz = np.where(np.isfinite(met), met, xyz)
+        return np.asarray(xyz)
 
     def within_room(self, wrong: Bool, active: Bool, test: Float) -> Bool:
         """Of what is wrong as much as there is room for in each kind, the clearest first."""

@@ -1,7 +1,8 @@
 """The search for gross errors in a bundle: robust start, data snooping, re-admission; every kind takes part.
 
 1. Adjust by least squares, with standard deviations that fit the residuals (`scaling`). Where no |w| is above the
-   limit, which counts the tests made, that is the result.
+   limit, which counts the tests made, that is the result; but points that rejections of earlier stages contradict are
+   asked again, all records of each.
 2. Else adjust once more, robustly: gross errors smear in least squares, hardly in a robust adjustment. With its poses,
    held, each point with something above the limit, or rejected by an earlier stage, is looked at (`points`): the
    fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
@@ -28,10 +29,10 @@ import numpy as np
 from aatri.adjustment.statistics import search as statistics
 from aatri.adjustment.statistics.rejection import overfull, room_left
 from aatri.adjustment.statistics.room import room_of
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind, is_ray
 from aatri.orientation.bundle.blunders.exact_coordinates import ExactCoordinates, Searched, exact_notes
@@ -43,7 +44,6 @@ from aatri.orientation.bundle.blunders.search_notes import SearchOutcome, findin
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import Swap, exchanged_coordinates, swaps
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, known_covariance, tests_of
-from aatri.orientation.bundle.complete_start import where_most_meet
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_readmission
 
@@ -110,6 +110,9 @@ class _Search(ExactCoordinates):
             start = self._with_fitting_sigmas(self.solve(None, active))
         elif start is None and failure is not None:
             raise failure
+        else:
+            assert start is not None
+            start, active = self._asked_again(start, active)
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
         (tried, use, swapped), wrong = self.without_wrong_exact(self.searched(start, active))
@@ -142,6 +145,23 @@ class _Search(ExactCoordinates):
             renumbered,
             self.scaling.main_factor if self.options.sigmas == "estimated" else 1.0,
         )
+
+    def _asked_again(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool]:
+        """Adjusted without what is wrong at the points that rejections of earlier stages contradict.
+
+        What an earlier stage has left there may agree by itself and be wrong: two rays whose error lies along their
+        base. All records of the point are held against each other, also those that are out.
+        """
+        contradicted = self.all.native & self.all.at_points & ~active & (start.test > self.options.limit)
+        points = np.unique(self.all.point[contradicted])
+        if not len(points):
+            return start, active
+        out = self.wrong_where_most_meet(start.result, points, active, start.test, start.tails)
+        use = active.copy()
+        use[self.of_points(points)] = (self.all.native & ~out)[self.of_points(points)]
+        if (use == active).all():
+            return start, active
+        return self.solve(None, use), use
 
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
@@ -186,20 +206,11 @@ class _Search(ExactCoordinates):
         points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
         if rays is None or not len(points):
             return np.zeros_like(use)
-        xyz, poses = self._where_most_meet(result, points), result.adjusted.state[POSE]
+        xyz, poses = self.where_most_meet(result, points), result.adjusted.state[POSE]
         rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
         nothing, tails = np.zeros(len(points), dtype=bool), HARMLESS * tried.tails
         wrong = self.wrong_at_points(result, points, nothing, use, tried.test, tails, move=True, xyz_m=xyz)
         return out & self.of_points(well_intersected(rays, poses, xyz, points)) & ~wrong
-
-    def _where_most_meet(self, result: BundleResult, points: Int) -> Float:
-        """The points of a result, some of them where most of their rays meet: a wrong ray may have drawn them away."""
-        xyz, rays = result.adjusted.state[POINT].copy(), self.block.rays
-        if rays is not None:
-            rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
-            met = where_most_meet(rays, result.adjusted.state[POSE], points, len(xyz))
-            xyz = np.where(np.isfinite(met), met, xyz)
-        return np.asarray(xyz)
 
     def _lost(self, result: BundleResult, gone: Bool) -> Bool:
         """Records of points that were lost with two of them and more: what is wrong there nobody can tell."""
@@ -231,8 +242,7 @@ class _Search(ExactCoordinates):
         self.block = from_result(self.block, result)
         alone = above & ~self.all.at_points
         points = np.unique(self.all.point[(above | (self.all.native & ~active)) & self.all.at_points])
-        xyz, nothing = self._where_most_meet(result, points), np.zeros(len(points), dtype=bool)
-        out = self.wrong_at_points(result, points, nothing, active, test, tails, move=True, xyz_m=xyz)
+        out = self.wrong_where_most_meet(result, points, active, test, tails)
         exchanged = exchanged_coordinates(self.all.observed, self.all.split(active & out), state, self.block.xyz_m)
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (out | alone)

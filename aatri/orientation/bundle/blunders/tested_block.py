@@ -18,6 +18,10 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 
+MUCH_LESS = 0.5
+"""Share of the squares of what is above the limit that an explanation may leave: one that leaves more is not what is
+wrong."""
+
 
 @dataclass(frozen=True)
 class TestedBlock:
@@ -67,6 +71,18 @@ def tests_of(found: AdjustedObservations, state: State) -> Float:
         w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
         test[found.rows] = np.where(w >= 0, w, np.nan)
     return test
+
+
+def tests_in_use(result: BundleResult) -> Float:
+    """|w| of all observations in use that have one, after a zero."""
+    tests = np.concatenate([np.zeros(1), *(tests_of(o, result.adjusted.state)[o.used] for o in result.observations)])
+    return np.asarray(tests[np.isfinite(tests)])
+
+
+def misfit(result: BundleResult, limit: float) -> float:
+    """Sum of squares of what is in use above the limit."""
+    tests = tests_in_use(result)
+    return float((tests[tests > limit] ** 2).sum())
 
 
 def residuals_and_redundancy(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:

@@ -26,7 +26,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import gains_of, tests_of
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, gains_of, misfit, tests_in_use
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
@@ -41,9 +41,6 @@ MOST_GROUPS = 6
 
 SEVERAL = 3
 """Rejections of a kind that may be a group: two are single ones."""
-
-SMALLER = 0.5
-"""Share of the squares of what is above the limit that a group may leave: what explains less is not what is wrong."""
 
 MOST_LINEARISED, LINEAR = 8, 0.1
 """Adjustments until the effect of a group at measured coordinates stays, and the change of it, in standard deviations,
@@ -96,7 +93,7 @@ def search_with_groups(
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
-        above = _largest(done.result) if _tests(done.result).max() > options.limit else 0.0
+        above = _largest(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
         more = significant_groups(block, done.result, candidates_of, above, [g.key for g in groups])
         trials = ((group, _carried(block, [*groups, group], single)) for group in more)
         accepted = next(((group, again) for group, again in trials if again is not None), None)
@@ -159,12 +156,12 @@ def _before_single_ones(
     groups: list[Group] = []
     result = _squares(block, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
-        if _tests(result).max() <= options.limit:
+        if tests_in_use(result).max() <= options.limit:
             break
         more = significant_groups(block, result, candidates_of, _largest(result), [g.key for g in groups])
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in more]
-        most = SMALLER * _misfit(result, options.limit)
-        fits = [(g, r) for g, r in trials if r is not None and _misfit(r, options.limit) <= most]
+        most = MUCH_LESS * misfit(result, options.limit)
+        fits = [(g, r) for g, r in trials if r is not None and misfit(r, options.limit) <= most]
         if not fits:
             break
         least = min(r.adjusted.cost for _, r in fits)
@@ -200,23 +197,11 @@ def _squares(block: BundleInput, adjust: Adjust) -> BundleResult | None:
         return None
 
 
-def _tests(result: BundleResult) -> Float:
-    """|w| of all observations in use, that have one."""
-    tests = np.concatenate([np.zeros(1), *(tests_of(o, result.adjusted.state)[o.used] for o in result.observations)])
-    return np.asarray(tests[np.isfinite(tests)])
-
-
 def _largest(result: BundleResult) -> float:
     """Root of the most that leaving out a single observation, all its coordinates, gains."""
     tested = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
     gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in tested]
     return float(np.sqrt(np.nanmax(np.concatenate([np.zeros(1), *gains]))))
-
-
-def _misfit(result: BundleResult, limit: float) -> float:
-    """Sum of squares of what is above the limit."""
-    tests = _tests(result)
-    return float((tests[tests > limit] ** 2).sum())
 
 
 def _as_given(

@@ -1,0 +1,49 @@
+"""A search that does not have to live with the rejections of earlier stages: they may have blamed the wrong one.
+
+A free strip or component is held by few control points and positions, and a wrong one bends it until a right one
+disagrees. Where the search leaves something above the limit while an observation of the ground is out that an earlier
+stage has rejected, it is made once more with all of these in use; it counts if it leaves less than half.
+"""
+
+from dataclasses import replace
+
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.attribution_in_kind import is_ray
+from aatri.orientation.bundle.blunders.robust import Adjust
+from aatri.orientation.bundle.blunders.search import search
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit
+from aatri.orientation.bundle.result import BundleResult, from_result
+from aatri.orientation.bundle.rounds import AdjustedBlock
+
+
+def search_anew(
+    block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float, squares: BundleResult | None
+) -> AdjustedBlock:
+    """Search for gross errors, with and without what earlier stages have rejected of other kinds than rays.
+
+    Parameters
+    ----------
+    block, adjust, options, tolerance, squares
+        Of `search`.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If the block cannot be adjusted.
+    """
+    done = search(block, adjust, options, tolerance, squares)
+    if not (done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed))):
+        return done
+    taken_back = tuple(o.again() if _rejected(o) else o for o in block.observed)
+    try:
+        again = search(from_result(replace(block, observed=taken_back), done.result), adjust, options, tolerance)
+    except (ConvergenceError, GeometryError):
+        return done
+    return again if misfit(again.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
+
+
+def _rejected(o: Observed) -> bool:
+    return o.rejected is not None and bool(o.rejected.any()) and not is_ray(o)
