@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle.candidate_groups import strips_with_part_of_a_camera
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ConvergenceError
+from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -93,3 +95,20 @@ def test_what_all_images_have_makes_none_of_them_a_group(flown: Chain) -> None:
     assert not [text for text in _bent(flown, 3.0, 3.0) if "of image" in text or "neighbourhood" in text]
     first = flown.block.images.id[0]
     assert any(f"image points of image {first} ask for an affinity" in text for text in _bent(flown, 3.0, 40.0))
+
+
+def test_a_strip_that_is_all_of_its_calibrated_camera_is_no_group_of_its_own() -> None:
+    """c0 flew s0 and s1, c1 flew s2 alone: what s2 asks for the parameters of c1 are, whatever residuals say."""
+    images = ImageGroups(
+        camera=np.array([0, 0, 0, 1, 1]),
+        cameras=np.array(["c0", "c1"]),
+        strip=np.array(["s0", "s0", "s1", "s2", "s2"]),
+        flight=np.full(5, ""),
+        time_s=np.full(5, np.nan),
+        sequence=np.arange(5),
+        corner_mm=np.full(2, 8.0),
+    )
+    image = np.repeat(np.arange(5), 3)
+    assert strips_with_part_of_a_camera(images, image).tolist() == ["s0", "s0", "s1", "", ""]
+    of_first_strip = image[images.strip[image] != "s1"]
+    assert strips_with_part_of_a_camera(images, of_first_strip).tolist() == [""] * 5

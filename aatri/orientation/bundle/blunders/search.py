@@ -147,21 +147,19 @@ class _Search(ExactCoordinates):
         )
 
     def _asked_again(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool]:
-        """Adjusted without what is wrong at the points that rejections of earlier stages contradict.
+        """Adjusted without what is wrong at the points that rays contradict which an earlier stage has rejected.
 
         What an earlier stage has left there may agree by itself and be wrong: two rays whose error lies along their
         base. All records of the point are held against each other, also those that are out.
         """
-        contradicted = self.all.native & self.all.at_points & ~active & (start.test > self.options.limit)
+        rays = self.all.at_points & ~self.all.coordinates
+        contradicted = self.all.native & rays & ~active & (start.test > self.options.limit)
         points = np.unique(self.all.point[contradicted])
         if not len(points):
             return start, active
         out = self.wrong_where_most_meet(start.result, points, active, start.test, start.tails)
-        use = active.copy()
-        use[self.of_points(points)] = (self.all.native & ~out)[self.of_points(points)]
-        if (use == active).all():
-            return start, active
-        return self.solve(None, use), use
+        use = np.where(self.of_points(points), self.all.native & ~out, active)
+        return (start, active) if (use == active).all() else (self.solve(None, use), use)
 
     def _rejected_with_smaller_sigmas(self, active: Bool) -> Bool:
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
