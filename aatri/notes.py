@@ -17,6 +17,9 @@ Level = Literal["note", "warning"]
 CONTRADICTION = "the result contradicts its own tests"
 """How a warning begins that tells of a model error with an effect beyond the standard deviations of the result."""
 
+REJECTED = "rejected as gross errors"
+"""What a warning says of observations that the report names by the suspects of the result."""
+
 
 @dataclass(frozen=True)
 class Note:

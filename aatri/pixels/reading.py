@@ -162,6 +162,22 @@ def window(path: str, column: int, row: int, width: int, height: int) -> Samples
     return made
 
 
+def reduced_jpeg(path: str, longest_px: int) -> bytes:
+    """An image in brightness as a JPEG file whose longer side has at most so many pixels.
+
+    Raises
+    ------
+    InputError
+        As `grey_image`.
+    """
+    Image = of_extra("PIL.Image", "images")
+    picture = Image.fromarray(grey_image(path))
+    picture.thumbnail((longest_px, longest_px))
+    file = io.BytesIO()
+    picture.save(file, "JPEG", quality=75)
+    return file.getvalue()
+
+
 def range_of(samples: Samples) -> tuple[float, float]:
     """The two percentiles between which samples are stretched."""
     step = max(1, int((samples.size / SAMPLED) ** 0.5))

@@ -15,8 +15,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
-from aatri.report.drawing.plan import footprints, image_rows
-from aatri.report.view.numbers import number, together
+from aatri.report.drawing.plan import footprints, image_rows, principal_distances
+from aatri.report.view.numbers import counted, number, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
 DOWNWARDS = -0.9
@@ -34,14 +34,15 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     made = {}
     if solution is not None and not solution.images.oriented.any():
         made["points"] = number(len(block.points))
-        counts = [f"{t.replace('_', ' ')} {(block.geodetic.type == t).sum()}" for t in np.unique(block.geodetic.type)]
+        counts = [counted(int((block.geodetic.type == t).sum()), str(t)) for t in np.unique(block.geodetic.type)]
         made["observed"] = shown(counts, MOST_TYPES)
     elif len(block.images):
         strips = f" in {number(len(block.strips))} strips" if len(block.strips) else ""
         made["images"] = f"{number(int(block.images.active.sum()))}{strips}"
     c = block.cameras
     if len(c) and "images" in made:
-        cameras = [f"{name} ({kind}, c {mm:g} mm)" for name, kind, mm in zip(c.id, c.kind, c.principal_distance_mm)]
+        c_mm = principal_distances(block, solution)
+        cameras = [f"{name} ({kind}, c {mm:g} mm)" for name, kind, mm in zip(c.id, c.kind, c_mm)]
         made["cameras" if len(c) > 1 else "camera"] = shown(cameras, MOST_CAMERAS)
     if solution is not None and solution.images.oriented.any():
         made |= _flight(block, solution) | _overlaps(block, solution)
@@ -60,7 +61,7 @@ def _flight(block: Block, solution: Solution) -> dict[str, str]:
     view = -images.ground_from_image[m.image[used], :, 2]
     depth = np.einsum("ni,ni->n", view, points.xyz_m[m.point[used]] - images.position_m[m.image[used]])
     camera = block.images.camera[m.image[used]]
-    scale = depth * 1e3 / block.cameras.principal_distance_mm[camera]
+    scale = depth * 1e3 / principal_distances(block, solution)[camera]
     rays = points.rays[points.rays > 0]
     made = {
         "scale number": f"1 : {number(int(float(f'{np.median(scale):.3g}')))}",

@@ -14,7 +14,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.report.verdict import with_check_counts
-from aatri.report.view.numbers import number, small_angle, together
+from aatri.report.view.numbers import counted, number, small_angle, spoken, together
 from aatri.report.view.run_view import RunView
 
 MOST_NAMED = 3
@@ -122,8 +122,7 @@ def wrong_observations(solution: Solution) -> dict[str, str]:
     for kind in np.unique(s.kind[out & ~np.isin(s.kind, of_images)]).tolist():
         rows = np.flatnonzero(out & (s.kind == kind))
         rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
-        what = _NOUNS.get(kind, kind.replace("_", " "))
-        head = f"One {what} is left out" if len(rows) == 1 else f"{number(len(rows))} {what}s are left out"
+        head = f"One {spoken(kind)} is left out" if len(rows) == 1 else f"{counted(len(rows), kind)} are left out"
         named = "; ".join(_named(s, k) for k in rows[:MOST_NAMED].tolist())
         more = " ..." if len(rows) > MOST_NAMED else ""
         undecided = " (nothing tells which of them is wrong)" if (s.verdict[rows] == "undecidable").any() else ""
@@ -135,9 +134,6 @@ def _image_points_left_out(solution: Solution) -> str:
     out = int((staying_out(solution.suspects) & (solution.suspects.kind == "image_point")).sum())
     used = int(solution.images.image_points.sum())
     return f"{number(out)} of {number(out + used)} image points {'is' if out == 1 else 'are'} left out." if out else ""
-
-
-_NOUNS = {"control": "control point", "position": "position", "attitude": "attitude", "model_tie": "model point"}
 
 
 def _named(s: Suspects, k: int) -> str:

@@ -9,6 +9,7 @@ import base64
 import contextlib
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
@@ -37,7 +38,7 @@ from aatri.report.sections.parts import Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, observation_classes
 from aatri.report.verdict import external_lights, internal_lights, numbers_of
-from aatri.report.view.numbers import ANGLES, angles_in, number, seconds
+from aatri.report.view.numbers import ANGLES, angles_in, moment, number, seconds
 from aatri.report.view.run_view import RunView, StageView, view
 
 OURS_AS_JSON = {"made_by": "aatri report"}
@@ -118,7 +119,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"number": number, "seconds": seconds, "drawn": drawn}
+    filters: dict[str, Any] = {"number": number, "seconds": seconds, "moment": moment, "coded": _coded, "drawn": drawn}
     environment.filters |= filters
     return environment
 
@@ -185,6 +186,11 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
     }
 
 
+def _coded(text: str) -> Markup:
+    """A message with what stands between backticks as code."""
+    return Markup(re.sub(r"`([^`\n]+)`", r"<code>\1</code>", str(escape(text))))
+
+
 def _gates(run: RunView) -> PageTable | None:
     """Every quality gate with its bounds and value, passed or failed."""
     rows = [
@@ -221,7 +227,7 @@ def _counts(run: RunView) -> Mapping[str, str]:
         if name in solved and name in given and solved[name] != given[name]:
             if solved[name]:  # a network has images that take no part
                 counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"
-        elif name in solved or name in given:
+        elif solved.get(name, given.get(name)) or (name in given and given.get("images")):  # a network has none of many
             counts[name.replace("_", " ")] = number(solved.get(name, given.get(name)))
     return counts
 

@@ -44,6 +44,7 @@ def plotted(picture: Picture, form: str) -> bytes:
         raise SpecError(f"no format {form!r}{did_you_mean(form, FORMATS)}", remedy=f"one of {', '.join(FORMATS)}")
     try:
         import matplotlib
+        import matplotlib.image
         from matplotlib.figure import Figure
     except ImportError:
         remedy = "pip install 'aatri[plot]'"
@@ -52,6 +53,10 @@ def plotted(picture: Picture, form: str) -> bytes:
     with matplotlib.rc_context(settings):
         figure = Figure(layout="constrained")
         axes: Any = figure.add_subplot()
+        for behind in picture.backdrops:
+            pixels = matplotlib.image.imread(io.BytesIO(behind.jpeg), format="jpeg")
+            extent = (behind.low[0], behind.high[0], behind.low[1], behind.high[1])
+            axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent)
         for marks in picture.marks:
             if len(marks.xy):
                 _draw(axes, marks)

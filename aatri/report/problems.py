@@ -8,7 +8,7 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
-from aatri.notes import CONTRADICTION
+from aatri.notes import CONTRADICTION, REJECTED
 from aatri.report.judgement import wrong_observations
 from aatri.report.verdict import BAD, LOOK, Light
 from aatri.report.view.numbers import number
@@ -56,6 +56,7 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     ]
     failures += _unreadable(run)
     warnings = [ReportedProblem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
+    warnings += _of_stages(run)
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
     of_lights = [
         ReportedProblem(f"{light.title}: {light.words}", *_remedy(light.title))
@@ -64,6 +65,20 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     ]
     others = [warning for warning in warnings if warning not in contradictions]
     return [*failures, *contradictions, *_of_solution(run), *of_lights, *others]
+
+
+def _of_stages(run: RunView) -> list[ReportedProblem]:
+    """Warnings of what was read, of the last result and of its evaluations.
+
+    Stages on the way have theirs beside them: the next one tests again what they tell.
+    """
+    asked = [*run.of_kind(Block), *run.of_kind(Solution)[-1:], *run.of_kind(Evaluation)]
+    return [
+        ReportedProblem(str(warning), stage=stage.name)
+        for stage in asked
+        for warning in (stage.record or {}).get("warnings", ())
+        if REJECTED not in warning
+    ]
 
 
 def _unreadable(run: RunView) -> list[ReportedProblem]:

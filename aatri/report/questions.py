@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
@@ -28,6 +29,7 @@ from aatri.report.sections.block import camera_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
 from aatri.report.sections.tables import accuracy_table
+from aatri.report.sections.tie_points import tie_point_pictures
 from aatri.report.sections.weak_images import weakest_images
 from aatri.report.view.run_view import RunView
 
@@ -36,7 +38,9 @@ def questions(run: RunView, around: Surroundings) -> list[PageSection]:
     """The sections that have something to tell, in the order in which they are asked."""
     block, last = around.block, around.solution
     made = [_where(around), _accuracy(run, around)]
-    if last is not None:
+    if last is None:
+        made.append(_ties(block, None))
+    else:
         observed = _network(block, last)
         made += [_certainty(block, last), _ties(block, last)]
         if last.images.oriented.any():
@@ -114,18 +118,22 @@ def _certainty(block: Block | None, last: Solution) -> PageSection:
     return made
 
 
-def _ties(block: Block | None, last: Solution) -> PageSection:
+def _ties(block: Block | None, last: Solution | None) -> PageSection:
+    """Of a block that is not adjusted: what its image points alone say."""
     made = PageSection("ties", "How well are the images tied to each other?")
-    if block is not None and last.images.oriented.any():
-        pairs = common_points(block, last)
+    if block is None or (last is not None and not last.images.oriented.any()):
+        return made
+    pairs = common_points(block, last)
+    if last is not None:
         made.pictures.extend(
             [
                 *present(overlap_picture(block, last)),
                 *rays_pictures(block, last),
-                *present(angles_chart(intersection_angles(block, last)), ties_picture(block, last, pairs)),
+                *present(angles_chart(intersection_angles(block, last))),
             ]
         )
-        made.tables.extend(present(weakest_images(block, pairs)))
+    made.pictures.extend([*present(ties_picture(block, last, pairs)), *tie_point_pictures(block, last, pairs)])
+    made.tables.extend(present(weakest_images(block, pairs)))
     return made
 
 
@@ -149,6 +157,8 @@ def _residuals(last: Solution, around: Surroundings) -> PageSection:
 
 def _tests(last: Solution) -> PageSection:
     made = PageSection("tests", "What was left out, and which errors could hide?")
+    if last.redundancy and not staying_out(last.suspects).any():
+        made.notes.append("Nothing was left out: every observation passed its test.")
     made.tables.extend([*suspects_tables(last.suspects), *present(proposed_numbers_table(last.proposed_numbers))])
     made.tables.extend(reliability.reliability_tables(last))
     made.pictures.extend(present(redundancy_chart(last)))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.statistics.global_test import global_test
-from aatri.adjustment.statistics.limits import WRONG_SIGMAS
+from aatri.adjustment.statistics.global_test import global_test, sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM, WRONG_SIGMAS
 from aatri.arrays import Bool
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
@@ -23,7 +23,7 @@ from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
-from aatri.report.view.numbers import alike, number, together
+from aatri.report.view.numbers import alike, counted, number, together
 from aatri.report.view.run_view import RunView, StageView
 
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
@@ -91,7 +91,8 @@ def _sigma0(stage: StageView | None) -> Light:
         return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
     scale = float(figures.get("sigma_scale") or 1.0)
     test = global_test(float(sigma0) / scale, redundancy)
-    expected = f"expected {test.low:.3f} to {test.high:.3f} (95 %)"
+    low, high = sigma0_interval(redundancy, ALARM)
+    expected = f"expected {low:.3f} to {high:.3f} ({100 * (1 - ALARM):g} %)"
     words = f"{stage.name}: {sigma0:.3f}, redundancy {number(redundancy)}, {expected}"
     if scale != 1.0:
         return Light("sigma0", LOOK, f"{words}: standard deviations of the result follow what fits, {scale:.3g} times")
@@ -119,9 +120,9 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
 
 
 def _by_kind(solution: Solution, rows: Bool) -> str:
-    """Counts of suspects by kind: `3 image point, 1 control`."""
+    """Counts of suspects by kind: `3 image points, 1 control point`."""
     counts = sorted(Counter(solution.suspects.kind[rows].tolist()).items(), key=lambda item: (-item[1], item[0]))
-    return ", ".join(f"{number(n)} {kind.replace('_', ' ')}" for kind, n in counts) or "none"
+    return ", ".join(counted(n, kind) for kind, n in counts) or "none"
 
 
 def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:

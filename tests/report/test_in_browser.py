@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aatri.artifacts.solution import ParameterCovariances, Parameters
@@ -20,6 +21,7 @@ from aatri.report.printing import write_pdf
 from tests.made_solutions import made_block
 from tests.report.test_network import adjusted_network
 from tests.report.test_page import made_artifacts, make_run
+from tests.report.test_pictures import in_pixels
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -68,6 +70,13 @@ def _calibrated(folder: Path) -> Path:
     return make_run(folder, made_artifacts(parameters=parameters, parameter_covariances=covariances))
 
 
+def _photographed(folder: Path) -> Path:
+    file = folder.parent / "photograph.png"
+    pytest.importorskip("PIL.Image").new("L", (230, 230), 90).save(file)
+    block = made_block(columns=9, rows=8)
+    return make_run(folder, made_artifacts(in_pixels(block, path=np.array([str(file)] * len(block.images)))))
+
+
 def _network(folder: Path) -> Path:
     block, solution = adjusted_network(folder.parent)
     return make_run(folder, {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
@@ -84,11 +93,12 @@ def _large(folder: Path) -> Path:
         _failed,
         _wrong_control,
         _calibrated,
+        _photographed,
         _network,
         _large,
         lambda folder: make_run(folder, {}, status="interrupted"),
     ],
-    ids=["complete", "failed", "gross error", "calibration", "network", "large", "nothing"],
+    ids=["complete", "failed", "gross error", "calibration", "photographs", "network", "large", "nothing"],
 )
 def test_no_error_no_request_and_nothing_wider_than_the_screen(made, browser: sync_api.Browser, tmp_path: Path) -> None:
     address = write_report(made(tmp_path / "run")).as_uri()

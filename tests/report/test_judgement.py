@@ -11,6 +11,7 @@ import pytest
 
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
+from aatri.notes import REJECTED
 from aatri.report.facts import accuracy_statement
 from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
@@ -141,6 +142,23 @@ def test_overlaps_are_those_of_the_flight(tmp_path: Path) -> None:
     half = 115.0 * (400.0 - 12.0) / 150.0
     overlap = f"{100 * (1 - 100.0 / (2 * half)):.0f} %"
     assert facts["forward overlap"] == facts["side overlap"] == overlap
+
+
+def test_warnings_of_the_result_stand_on_the_first_page_but_for_what_is_named_there_already(tmp_path: Path) -> None:
+    told = ["hardly determined: the heights; give `control`", f"control: 1 of 5 {REJECTED}: p00"]
+    run = make_run(tmp_path / "run", made_artifacts(), warnings=told)
+    page = write_report(run).read_text()
+    problems = json.loads((run / "report.json").read_text())["problems"]
+    assert [(p["text"], p["stage"]) for p in problems if p["stage"] == "bundle"] == [(told[0], "bundle")]
+    assert "give <code>control</code>" in page
+
+
+def test_an_adjusted_principal_distance_is_that_of_the_scale(tmp_path: Path) -> None:
+    """A third more of it, as of a photograph whose EXIF has the focal length of another sensor."""
+    cameras = made_solution(made_block()).cameras
+    facts = _page(tmp_path, cameras=replace(cameras, principal_distance_mm=np.array([200.0])))["facts"]
+    assert facts["camera"] == "cam (film, c 200 mm)"
+    assert facts["scale number"].replace("\u202f", "") == "1 : 1940"  # 388 m by 200 mm
 
 
 def test_a_pipeline_that_does_not_fit_its_block_is_the_first_problem(tmp_path: Path) -> None:

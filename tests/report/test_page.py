@@ -264,7 +264,7 @@ def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_pat
     )
     run = make_run(tmp_path / "run", made_artifacts(suspects=suspects))
     text = Elements(write_report(run).read_text("utf-8")).text
-    assert "bundle: 1 control rejected" in text
-    assert "in stages before it 98 strip tie, 1 model tie" in text
+    assert "bundle: 1 control point rejected" in text
+    assert "in stages before it 98 strip ties, 1 model point" in text
     lights = internal_lights(view(run), made_solution(made_block(), suspects=suspects))
     assert next(one for one in lights if one.title == "Suspects").state == "look"

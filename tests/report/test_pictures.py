@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aatri.adapters.interior.image_pixels import filled_cells
 from aatri.adjustment.statistics.global_test import sigma0_interval
-from aatri.artifacts.solution import ParameterCovariances, Parameters
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
+from aatri.checks.limits import FEWEST_CELLS
 from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.overlays import FEW
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from
 from aatri.report.drawing.scales import Scale, length_text, log_scale, near, plan_of, round_below, thinned
 from aatri.report.drawing.svg import drawn, text
 from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture
+from aatri.report.plotting import plotted
 from aatri.report.sections.tables import by_axis, without_axis
+from aatri.report.sections.tie_points import tie_point_pictures
 from aatri.report.view.numbers import metres, number
 from tests.made_solutions import made_block, made_solution
 
@@ -190,6 +198,90 @@ def test_the_overlap_counts_the_images_that_see_a_place() -> None:
     area = sum(int(re.search(r"\d+", tell)[0]) * cell for m in picture.marks for tell in m.tells)
     feet = footprints(block, made_solution(block))
     assert area == pytest.approx(len(feet) * np.ptp(feet[0], axis=0).prod(), rel=0.03)
+
+
+def in_pixels(block: Block, **images) -> Block:
+    """The block as of a digital camera of 2300 x 2300 pixels of 0.1 mm, rows down from the upper left corner."""
+    of_camera = {"kind": ["digital"], "image_coordinates": ["pixel"], "pixel_size_mm": [[0.1, 0.1]]}
+    of_camera |= {"pixel_origin": ["top-left-corner"], "pixel_y": ["down"], "format": [[2300.0, 2300.0]]}
+    cameras = replace(block.cameras, **{name: np.array(value) for name, value in of_camera.items()})
+    xy = 1150.0 + block.image_points.xy * [10.0, -10.0]
+    return replace(
+        block,
+        cameras=cameras,
+        image_points=replace(block.image_points, xy=xy),
+        images=replace(block.images, **images),
+    )
+
+
+def _tie_point_pictures(block: Block, solution: Solution | None = None) -> dict[str, Picture]:
+    made = tie_point_pictures(block, solution, common_points(block, solution))
+    return {picture.name: picture for picture in made}
+
+
+def test_the_cells_of_an_image_are_those_in_which_its_points_lie() -> None:
+    """Of the first image all points are in the second cell from the left of the third row from below."""
+    block = in_pixels(made_block(columns=9, rows=8))
+    first = block.image_points.image == 0
+    xy = block.image_points.xy.copy()
+    xy[first] = [1.5 * 2300 / 8, 2300 - 2.5 * 2300 / 8]
+    block = replace(block, image_points=replace(block.image_points, xy=xy))
+    filled = filled_cells(block, block.image_points.active)
+    assert np.argwhere(filled[0]).tolist() == [[2, 1]]
+    picture = _tie_point_pictures(block)["cells"]
+    few = [(m.ids, m.tells) for m in picture.marks if m.colour == "red" and m.ids]
+    assert few == [([block.images.id[0]], ["1 of 64 cells"])]
+    assert "1 of 18 images have one in less than 30%" in picture.caption
+    assert FEW == FEWEST_CELLS
+
+
+def test_a_film_block_and_one_with_fewer_points_than_cells_have_no_pictures_of_cells() -> None:
+    assert _tie_point_pictures(made_block(columns=9, rows=8)) == {}
+    assert _tie_point_pictures(in_pixels(made_block(columns=5, rows=4))) == {}
+
+
+def test_points_that_are_left_out_are_red_in_the_pair_with_most_of_them() -> None:
+    block = in_pixels(made_block(columns=9, rows=8))
+    solution = made_solution(block)
+    at = block.image_points
+    out = ((at.image == 2) & (at.point < 2)) | ((at.image == 3) & (at.point == 5))
+    r = solution.residuals
+    active = ~((r.kind == "image_point") & np.isin(r.row, np.flatnonzero(out)))
+    pictures = _tie_point_pictures(block, replace(solution, residuals=replace(r, active=active)))
+    picture = pictures["pair_left_out"]
+    names = block.images.id[[2, 3]].tolist()
+    assert _ids(picture, "left out") == np.repeat(block.points.id[[0, 1, 5]], 2).tolist()
+    assert next(list(m.ids) for m in picture.marks if m.shape == "texts") == names
+    assert picture.caption.startswith(f"{names[0]} and {names[1]}: 69 common points are used, 3 left out.")
+    (green,) = (m for m in picture.marks if m.shape == "dots" and m.colour == "green")
+    row = int(np.flatnonzero((at.image == 2) & (at.point == 2))[0])
+    np.testing.assert_allclose(green.xy[0], [at.xy[row, 0], 2300 - at.xy[row, 1]])
+
+
+def test_the_weakest_of_the_strongest_ties_is_drawn_and_the_median() -> None:
+    """One image has 10 points, all others 72: its strongest tie is the weakest."""
+    block = in_pixels(made_block(columns=9, rows=8))
+    at = block.image_points
+    active = ~((at.image == 4) & (at.point >= 10))
+    pictures = _tie_point_pictures(replace(block, image_points=replace(at, active=active)))
+    assert block.images.id[4] in pictures["pair_weakest"].caption
+    assert ": 10 common points are used, 62 left out" in pictures["pair_weakest"].caption
+    assert ": 72 common points are used, 0 left out" in pictures["pair_median"].caption
+
+
+def test_photographs_stand_behind_the_points_where_their_files_are_there(tmp_path: Path) -> None:
+    pil = pytest.importorskip("PIL.Image", reason="pip install 'aatri[images]'")
+    file = tmp_path / "a.png"
+    pil.fromarray(np.full((2300, 2300), 128, np.uint8)).save(file)
+    block = made_block(columns=9, rows=8)
+    block = in_pixels(block, path=np.array([str(file)] + [str(tmp_path / "gone.png")] * (len(block.images) - 1)))
+    picture = _tie_point_pictures(block)["pair_weakest"]
+    (behind,) = picture.backdrops
+    assert (behind.low.tolist(), behind.high.tolist()) == ([0.0, 0.0], [2300.0, 2300.0])
+    assert pil.open(io.BytesIO(behind.jpeg)).size == (900, 900)
+    assert 'href="data:image/jpeg;base64,' in drawn(picture)
+    pytest.importorskip("matplotlib", reason="pip install 'aatri[plot]'")
+    assert plotted(picture, "png")[:4] == b"\x89PNG"
 
 
 def test_all_correlations_are_in_the_matrix() -> None:

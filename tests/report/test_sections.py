@@ -29,31 +29,31 @@ def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_fi
     assert values.rows[0] == ("additional", "cam", "k1", "mm^-2", "3e-08", "2e-09", "15")
     assert values.rows[1][4:] == ("removed", "–", "–")
     assert correlations.rows == [("cam", "k1", "p1", "-0.500")]
-    assert film.rows[0][:4] == ("film correction d0", "mm", "1-0", "1")
+    assert film.rows[0][:4] == ("film correction d0", "um", "1-0", "1")
 
 
 def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use() -> None:
     by_kind, largest, effects = reliability_tables(full_solution())
     kinds = {row[0]: row for row in by_kind.rows}
     # the rejected image point takes no part: redundancy 0.6 and 0.7
-    assert kinds["image_point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
-    assert kinds["control"][-1] == "0.9"
+    assert kinds["image point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
+    assert kinds["control point"][-1] == "0.9"
     assert [(row[0], row[2], row[7]) for row in largest.rows] == [
-        ("control", "p00", "-0.90"),
-        ("image_point", "p00", "-0.48"),
+        ("control point", "p00", "-0.90"),
+        ("image point", "p00", "-0.48"),
     ]
     assert "external" in effects.caption.lower() or "effect" in effects.caption.lower()
-    assert effects.rows[0][0] == "control"  # 6.3 standard deviations
+    assert effects.rows[0][0] == "control point"  # 6.3 standard deviations
     assert reliability_tables(made_solution(made_block())) == []
 
 
 def test_suspects_are_counted_by_stage_and_kind_and_listed_by_id() -> None:
     summary, listed = suspects_tables(full_solution().suspects)
     assert summary.rows == [
-        ("absolute_orientation", "control", "rejected", "1"),
-        ("bundle_adjustment", "image_point", "rejected", "1"),
+        ("absolute orientation", "control point", "rejected", "1"),
+        ("bundle adjustment", "image point", "rejected", "1"),
     ]
-    assert listed.rows[0][:5] == ("bundle_adjustment", "image_point", "1-1", "p10", "rejected")
+    assert listed.rows[0][:5] == ("bundle adjustment", "image point", "1-1", "p10", "rejected")
 
 
 def test_all_control_and_check_points_are_there_the_largest_first() -> None:
@@ -92,8 +92,8 @@ def test_numbers_have_the_digits_of_their_standard_deviations() -> None:
 def test_residuals_are_told_in_their_own_unit() -> None:
     rows = {row[0]: row for row in observation_classes(full_solution()).rows}
     assert rows["image point"][1] == "um"
-    assert rows["control"][1] == "mm"
-    assert float(rows["control"][8]) == 20.0
+    assert rows["control point"][1] == "mm"
+    assert float(rows["control point"][8]) == 20.0
 
 
 def test_rejected_observations_are_counted_apart_from_those_in_use() -> None:
@@ -131,9 +131,9 @@ def test_uncontrolled_before_the_bundle_is_counted_by_kind_and_rays_in_no_model_
     table = uncontrolled_counts(found)
     assert table is not None
     assert table.rows == [
-        ("image_point", "1", "2", "1"),
-        ("image_point in no model", "2", "1", "1"),
-        ("model_tie", "3", "1", "1"),
+        ("image point", "1", "2", "1"),
+        ("image point in no model", "2", "1", "1"),
+        ("model point", "3", "1", "1"),
     ]
     assert uncontrolled_counts(found.take(np.zeros(4, dtype=bool))) is None
     assert uncontrolled_counts(None) is None
@@ -145,10 +145,10 @@ def test_without_variance_components_groups_are_kinds_with_their_redundancy() ->
     tests = replace(solution.tests, redundancy=4 * solution.tests.redundancy)  # more than 1 of each kind
     solution = replace(solution, variance_components=None, tests=tests)
     of = {name: (factor, low, high) for name, factor, low, high, _ in groups(solution)}
-    assert list(of) == ["control", "image point"]
+    assert list(of) == ["control point", "image point"]
     r = solution.residuals
-    for kind, (factor, low, high) in of.items():
-        used = (r.kind == kind.replace(" ", "_")) & r.active
+    for kind, (factor, low, high) in zip(("control", "image_point"), of.values()):
+        used = (r.kind == kind) & r.active
         v, s, share = (of_kind[used, :2] for of_kind in (r.residual, r.sigma, tests.redundancy))
         assert factor == pytest.approx(np.sqrt(((v / s) ** 2).sum() / share.sum()))
         assert low < factor < high

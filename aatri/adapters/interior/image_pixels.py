@@ -20,14 +20,27 @@ CELLS = 8
 
 def covered_cells(block: Block) -> Float:
     """Share of the cells of each image with an active image point, (n_images,)."""
-    use = block.image_points.active
-    image, cell = block.image_points.image[use], cells_of(block, CELLS)[use]
-    seen = np.unique(np.column_stack([image, cell]), axis=0)
-    return np.bincount(seen[:, 0], minlength=len(block.images)) / CELLS**2
+    return np.asarray(filled_cells(block, block.image_points.active).mean(axis=(1, 2)))
+
+
+def filled_cells(block: Block, which: Bool) -> Bool:
+    """Which cells of each image have one of these image points, (n_images, CELLS rows from below, CELLS columns)."""
+    filled = np.zeros((len(block.images), CELLS**2), dtype=bool)
+    filled[block.image_points.image[which], cells_of(block, CELLS)[which]] = True
+    return filled.reshape(-1, CELLS, CELLS)
 
 
 def cells_of(block: Block, cells: int) -> Int:
-    """Number of the cell in which each image point lies, of cells x cells of its image, (n,)."""
+    """Number of the cell in which each image point lies, of cells x cells of its image, row by row from below, (n,)."""
+    column, row = np.clip(places_in_images(block) * cells, 0, cells - 1).astype(np.int64).T
+    return np.asarray(row * cells + column)
+
+
+def places_in_images(block: Block) -> Float:
+    """Where image points lie, in widths and heights of their image from its lower left corner, (n, 2).
+
+    Where the format is not given they lie in the middle.
+    """
     points, cameras, of_image = block.image_points, block.cameras, block.images.camera[block.image_points.image]
     share = np.zeros((len(points), 2))
     for camera in np.unique(of_image).tolist():
@@ -39,8 +52,7 @@ def cells_of(block: Block, cells: int) -> Int:
             share[of_format] = (points.xy[of_format] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
         else:
             share[of_format] = points.xy[of_format] / cameras.format[camera] + 0.5
-    column, row = np.clip(np.nan_to_num(share, nan=0.5) * cells, 0, cells - 1).astype(np.int64).T
-    return np.asarray(row * cells + column)
+    return np.nan_to_num(share, nan=0.5)
 
 
 def pixel_matrices(block: Block) -> Float:

@@ -13,7 +13,7 @@ from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import SMALL_TEST
-from aatri.notes import Note
+from aatri.notes import REJECTED, Note
 from aatri.observations.control import control_of
 
 
@@ -41,7 +41,7 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
             Finding(
                 "rejections",
                 "note" if again else "warning",
-                f"{len(rows)} rejected as gross errors",
+                f"{len(rows)} {REJECTED}",
                 where=kind,
                 ids=tuple(_named(of_stage, int(row)) for row in rows),
                 rows={kind: of_stage.row[rows]},

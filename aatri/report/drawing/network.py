@@ -7,6 +7,7 @@ ellipses of a picture are enlarged by the same round number.
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CONTROL, Block
@@ -17,8 +18,9 @@ from aatri.report.drawing.scales import length_text, near, round_below, thinned
 from aatri.report.drawing.vectors import times
 
 MOST_LINES, MOST_ELLIPSES = 5000, 1500
-OF_EXTENT = 0.02
-"""Half the longest axis of the largest ellipse but a few, of the extent of the picture."""
+OF_EXTENT, OF_SPACING = 0.05, 0.4
+"""Half the longest axis of the largest ellipse but a few: of the extent of the picture, and of the median distance to
+the next of its kind, whichever is less."""
 CORNERS = np.linspace(0, 2 * np.pi, 25)[:-1]
 
 
@@ -57,7 +59,9 @@ def ellipse_marks(groups: dict[str, tuple[str, Float, Float, list[str]]], extent
     longest = np.concatenate([axes[:, 0] for axes, _ in shapes.values()])
     if not (longest > 0).any():
         return [], 0.0
-    scale = round_below(OF_EXTENT * extent_m / float(np.quantile(longest[longest > 0], 0.95)))
+    spacing = min(_spacing(xy) for _, xy, _, _ in groups.values())
+    room = min(OF_EXTENT * extent_m, OF_SPACING * spacing)
+    scale = round_below(room / float(np.quantile(longest[longest > 0], 0.95)))
     marks = []
     for name, (colour, xy, _, ids) in groups.items():
         axes, bearing = shapes[name]
@@ -70,6 +74,14 @@ def ellipse_marks(groups: dict[str, tuple[str, Float, Float, list[str]]], extent
         tells = [f"{length_text(m)} by {length_text(n)}" for m, n in axes[rows].tolist()]
         marks.append(Marks("areas", rim, colour, name, 1.0, 0.12, ids=[ids[k] for k in rows], tells=tells))
     return marks, scale
+
+
+def _spacing(xy_m: Float) -> float:
+    """Median distance to the next place; endless where there is none."""
+    places = np.unique(xy_m[np.isfinite(xy_m).all(axis=1)], axis=0)
+    if len(places) < 2:
+        return np.inf
+    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
 
 
 def ellipses_picture(block: Block, solution: Solution) -> Picture | None:

@@ -73,6 +73,22 @@ class Marks:
     sees: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class Backdrop:
+    """A photograph behind the marks of a plan.
+
+    Attributes
+    ----------
+    jpeg : bytes
+    low, high : (2,) float64
+        Its lower left and upper right corners, in the units of the axes.
+    """
+
+    jpeg: bytes
+    low: Float
+    high: Float
+
+
 @dataclass(frozen=True)
 class ChartAxis:
     """An axis of a chart; `names` are written at places instead of round values."""
@@ -103,6 +119,8 @@ class Picture:
         Of a chart; a plan has none.
     ground : bool
         A plan is of the ground, in m: it has a bar of its scale and an arrow to the north.
+    backdrops : sequence of Backdrop
+        Of a plan.
     width, height : float, px
         On the page; the height of a plan follows from what it shows.
     """
@@ -115,6 +133,7 @@ class Picture:
     up: ChartAxis | None = None
     key: tuple[float, str] | None = None
     ground: bool = True
+    backdrops: Sequence[Backdrop] = ()
     width: float = 540.0
     height: float = 240.0
 

@@ -124,7 +124,7 @@ def footprints(block: Block, solution: Solution | None) -> Float:
     camera = block.images.camera
     digital = (block.cameras.kind == "digital")[:, None]
     size = np.where(digital, block.cameras.format * block.cameras.pixel_size_mm, block.cameras.format)[camera]
-    c = block.cameras.principal_distance_mm[camera]
+    c = principal_distances(block, solution)[camera]
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     rays = np.concatenate([corners * size[:, None], np.repeat(-c, 4).reshape(-1, 4, 1)], axis=2)
     down = np.einsum("nij,nkj->nki", solution.images.ground_from_image, rays)
@@ -132,6 +132,15 @@ def footprints(block: Block, solution: Solution | None) -> Float:
     steep = down[..., 2] > -0.2 * np.linalg.norm(down, axis=2)  # oblique: the plane is met far away or never
     factor = np.where(steep, np.nan, -height[:, None] / np.where(steep, -1.0, down[..., 2]))
     return np.asarray(solution.images.position_m[:, None, :2] + factor[..., None] * down[..., :2])
+
+
+def principal_distances(block: Block, solution: Solution | None) -> Float:
+    """Of each camera of the block, (n,), mm: as adjusted, else as given."""
+    c = block.cameras.principal_distance_mm.copy()
+    if solution is not None:
+        row = rows_of(solution.cameras.id, block.cameras.id)
+        c[row[row >= 0]] = solution.cameras.principal_distance_mm[row >= 0]
+    return c
 
 
 def _terrain_height(block: Block, solution: Solution) -> float:
@@ -169,12 +178,17 @@ def used_rays(block: Block, solution: Solution | None) -> tuple[Int, Int]:
     -------
     image, point : (n,) int
     """
-    m = block.image_points
-    used: Bool = m.active.copy()
+    used = rays_in_use(block, solution)
+    return block.image_points.image[used], block.image_points.point[used]
+
+
+def rays_in_use(block: Block, solution: Solution | None) -> Bool:
+    """Which image points of the block are in use, (n,): active, and not left out by the adjustment."""
+    used: Bool = block.image_points.active.copy()
     if solution is not None:
         out = (solution.residuals.kind == "image_point") & ~solution.residuals.active & (solution.residuals.row >= 0)
         used[solution.residuals.row[out]] = False
-    return m.image[used], m.point[used]
+    return used
 
 
 def seen_from(rays: tuple[Int, Int], points: Int, images: Int) -> list[list[int]]:

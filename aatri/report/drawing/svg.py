@@ -5,6 +5,7 @@ Every mark begins with an absolute M at its place: the page's script reads the p
 pointer is at, and draws large pictures on a canvas.
 """
 
+import base64
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,7 +13,7 @@ from markupsafe import Markup, escape
 
 from aatri.arrays import Float
 from aatri.report.drawing.labels import Labels
-from aatri.report.drawing.picture import ChartAxis, Marks, Picture
+from aatri.report.drawing.picture import Backdrop, ChartAxis, Marks, Picture
 from aatri.report.drawing.scales import GroundPlan, Scale, length_text, log_scale, plan_of, round_below, tick_text
 
 MANY = 6000
@@ -152,7 +153,25 @@ def _plan(picture: Picture, marks: list[Marks], tells: bool) -> tuple[list[Marku
     px = [plan.px(m.xy.reshape(-1, 2)).reshape(m.xy.shape) for m in marks]
     furniture = [*(_bar_and_north(plan) if picture.ground else []), *_key(picture, plan)]
     height = plan.height_px + (34.0 if furniture else 0.0)
-    return [*_paths(marks, px, tells), *_labels(marks, px, plan.width_px, plan.height_px)], furniture, height
+    behind = [_photograph(backdrop, plan) for backdrop in picture.backdrops]
+    labels = _labels(marks, px, plan.width_px, plan.height_px)
+    return [*behind, *_paths(marks, px, tells), *labels], furniture, height
+
+
+def _photograph(backdrop: Backdrop, plan: GroundPlan) -> Markup:
+    (left, top), (right, bottom) = plan.px(
+        np.array([[backdrop.low[0], backdrop.high[1]], [backdrop.high[0], backdrop.low[1]]])
+    )
+    data = base64.b64encode(backdrop.jpeg).decode()
+    return element(
+        "image",
+        href=f"data:image/jpeg;base64,{data}",
+        x=float(left),
+        y=float(top),
+        width=float(right - left),
+        height=float(bottom - top),
+        preserveAspectRatio="none",
+    )
 
 
 def _bar_and_north(plan: GroundPlan) -> list[Markup]:

@@ -8,7 +8,7 @@ from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
-from aatri.report.view.numbers import number
+from aatri.report.view.numbers import decimals, digits, in_trade_unit, number
 
 FILM = "film"
 STRONG = 0.5
@@ -16,7 +16,7 @@ STRONG = 0.5
 
 
 def parameter_tables(solution: Solution) -> list[PageTable]:
-    """Parameters but those of single film images, their correlations, and film in figures."""
+    """Parameters that were estimated but those of single film images, their correlations, and film in figures."""
     p = solution.parameters
     removed = removed_parameters(p)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -30,7 +30,8 @@ def parameter_tables(solution: Solution) -> list[PageTable]:
         "sigma": np.where(removed, np.nan, p.sigma),
         "value / sigma": ratio,
     }
-    listed = all_rows("Calibration and other parameters", columns, np.flatnonzero(p.group != FILM))
+    estimated = (p.group != FILM) & (removed | (np.nan_to_num(p.sigma, nan=1.0) > 0))
+    listed = all_rows("Calibration and other parameters", columns, np.flatnonzero(estimated))
     return present(_interior(solution), listed, _correlations(solution), _film(solution))
 
 
@@ -81,15 +82,17 @@ def _film(solution: Solution) -> PageTable | None:
         mine = np.flatnonzero(film & (p.name == name))
         sigma = p.sigma[mine][np.isfinite(p.sigma[mine])]  # none where the bundle gave no standard deviations
         worst = mine[int(np.argmax(np.abs(p.value[mine])))]
+        factor, unit = in_trade_unit(str(units[worst]))
+        rms_sigma = float(np.sqrt((sigma**2).mean())) if len(sigma) else np.nan
+        sizes = (float(np.sqrt((p.value[mine] ** 2).mean())), rms_sigma, float(np.abs(p.value[worst])))
+        form = digits(decimals(factor * rms_sigma)) if rms_sigma > 0 else number
         rows.append(
             (
                 str(name),
-                str(units[worst]),
+                unit,
                 str(p.object[worst]),
                 number(len(mine)),
-                number(float(np.sqrt((p.value[mine] ** 2).mean()))),
-                number(float(np.sqrt((sigma**2).mean())) if len(sigma) else np.nan),
-                number(float(np.abs(p.value[worst]))),
+                *(form(factor * size) for size in sizes),
             )
         )
     heads = ("film correction", "unit", "largest in", "images", "RMS", "RMS sigma", "largest")

@@ -10,7 +10,7 @@ from aatri.evaluation.statistics import rmse_interval
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
-from aatri.report.view.numbers import DASH, angle_units, digits, number
+from aatri.report.view.numbers import DASH, angle_units, digits, number, spoken
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:
@@ -59,7 +59,7 @@ def groups(solution: Solution) -> list[tuple[str, float, float, float, str]]:
         if redundancy > LEAST_REDUNDANCY:
             factor = float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
             (low,), (high,) = rmse_interval(np.array([factor]), np.array([redundancy]), 0.95)
-            made.append((kind.replace("_", " "), factor, float(low), float(high), ""))
+            made.append((spoken(kind), factor, float(low), float(high), ""))
     return made
 
 
@@ -78,7 +78,7 @@ def _by_kind(solution: Solution) -> PageTable | None:
         moved = tests.point_moved_m[mine]
         rows.append(
             (
-                str(kind),
+                spoken(str(kind)),
                 unit,
                 number(int(finite.sum())),
                 number(float(r[finite].mean())),
@@ -131,7 +131,7 @@ def _observation(solution: Solution, rows: Int, axis: Int) -> Columns:
     """Columns that say which observation it is, and which axis of each."""
     r = solution.residuals
     return {
-        "observation": r.kind[rows],
+        "observation": (r.kind[rows], spoken),
         "image": r.image[rows],
         "point": r.point[rows],
         "axis": np.array(list("xyz"))[axis],

@@ -44,7 +44,7 @@ def precision_table(solution: Solution) -> PageTable | None:
                 figures = (float(np.median(sigma[known, k])), float(sigma[worst, k]))
                 texts = [together([f]) if is_length else small_angle(f) for f in figures]
                 rows.append((what, axis, str(ids[worst]), *texts))
-    heads = ("standard deviation of", "", "largest at", "median", "largest")
+    heads = ("standard deviation of", "axis", "largest at", "median", "largest")
     return PageTable("Theoretical standard deviations, a priori", heads, rows, 3) if rows else None
 
 
@@ -108,7 +108,8 @@ def iterations_table(solution: Solution) -> PageTable | None:
         "step in sigmas": (h.decrement, lambda v: DASH if np.isnan(v) else f"{v:.1e}"),
         "damping": h.damping,
     }
-    return all_rows("Iterations", columns)
+    caption = "Iterations of the last round; each round leaves out or readmits observations, or changes weights"
+    return all_rows(caption, columns)
 
 
 def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Picture]:

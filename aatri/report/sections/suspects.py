@@ -8,7 +8,7 @@ from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, errors
-from aatri.report.view.numbers import DASH, number
+from aatri.report.view.numbers import DASH, number, spoken
 
 
 def suspects_tables(suspects: Suspects) -> list[PageTable]:
@@ -19,13 +19,13 @@ def suspects_tables(suspects: Suspects) -> list[PageTable]:
     summary = PageTable(
         "Suspects by stage and kind",
         ("tested by", "observation", "verdict", "count"),
-        [(*key, number(n)) for key, n in sorted(counts.items())],
+        [(*map(spoken, key), number(n)) for key, n in sorted(counts.items())],
         3,
     )
     order = np.argsort(-np.abs(np.nan_to_num(suspects.test)), kind="stable")
     columns: Columns = {
-        "tested by": suspects.stage,
-        "observation": suspects.kind,
+        "tested by": (suspects.stage, spoken),
+        "observation": (suspects.kind, spoken),
         "image": suspects.image,
         "point": suspects.point,
         "verdict": suspects.verdict,
@@ -40,7 +40,7 @@ def proposed_numbers_table(proposed: ProposedNumbers | None) -> PageTable | None
     if proposed is None:
         return None
     columns: Columns = {
-        "observation": proposed.kind,
+        "observation": (proposed.kind, spoken),
         "image": proposed.image,
         "point": proposed.point,
         "fits": proposed.proposed,

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
-from aatri.report.view.numbers import DASH, alike, decimals, digits, in_trade_unit, number
+from aatri.artifacts.suspects import staying_out
+from aatri.report.view.numbers import DASH, alike, decimals, digits, in_trade_unit, number, spoken
 
 MOST_ROWS = 20
 """Rows of what is told by its worst only."""
@@ -95,7 +96,7 @@ def all_rows(
     rows = np.arange(len(pairs[0][0])) if rows is None else rows
     if not len(rows):
         return None
-    texts = [form is None and isinstance(values[0], str) for values, form in pairs]
+    texts = [form in (None, spoken) and isinstance(values[0], str) for values, form in pairs]
     cells = [[_cell(values[k], form) for k in rows[:MOST_FOLDED].tolist()] for values, form in pairs]
     caption = f"{caption}{_of(len(cells[0]), len(rows), 'first')}"
     return folded(PageTable(caption, tuple(columns), list(zip(*cells)), [*texts, False].index(False), kept=kept))
@@ -155,14 +156,17 @@ def observation_classes(solution: Solution) -> PageTable | None:
     """
     residuals, tests = solution.residuals, solution.tests
     sigma0 = float(solution.sigma0) if solution.redundancy else np.nan
+    out = solution.suspects.kind[staying_out(solution.suspects)]  # also of points that have no other ray any more
     rows = []
     for kind in np.unique(residuals.kind):
         used = np.flatnonzero((residuals.kind == kind) & residuals.active)
         if not len(used):
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
-        factor, unit = in_trade_unit(str(residuals.unit[used[0]]))
         weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
+        factor, unit = in_trade_unit(str(residuals.unit[used[0]]))
+        if not unit and weighted.all():  # of several units, as film corrections: in standard deviations
+            v, sigma, unit = v / sigma, np.ones_like(sigma), "sigma"
         given = float(np.median(sigma[weighted])) if weighted.any() else np.nan
         after = given * sigma0
         if tests is not None and weighted.any():
@@ -176,11 +180,11 @@ def observation_classes(solution: Solution) -> PageTable | None:
         form = digits(decimals(factor * (given if np.isfinite(given) and given > 0 else rms), 3)) if unit else number
         rows.append(
             (
-                str(kind).replace("_", " "),
+                spoken(str(kind)),
                 unit,
                 where or DASH,
                 number(len(used)),
-                number(int((residuals.kind == kind).sum() - len(used))),
+                number(max(int((residuals.kind == kind).sum() - len(used)), int((out == kind).sum()))),
                 *(form(factor * float(value)) for value in (given, after, rms, size.max())),
             )
         )

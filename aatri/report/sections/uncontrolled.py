@@ -5,7 +5,7 @@ import numpy as np
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.ids import shown
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
-from aatri.report.view.numbers import digits, number
+from aatri.report.view.numbers import digits, number, spoken
 
 UNCONTROLLED = 0.01
 """A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
@@ -16,7 +16,7 @@ def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:
     if uncontrolled is None:
         return None
     columns: Columns = {
-        "observation": uncontrolled.kind,
+        "observation": (uncontrolled.kind, spoken),
         "image": uncontrolled.image,
         "point": uncontrolled.point,
         "redundancy": (uncontrolled.redundancy, digits(3)),
@@ -38,5 +38,5 @@ def uncontrolled_counts(uncontrolled: Uncontrolled | None) -> PageTable | None:
     for kind in np.unique(kinds):
         of_kind = uncontrolled.take(kinds == kind)
         names = np.unique(np.where(of_kind.point == "", of_kind.image, of_kind.point))
-        rows.append((str(kind), shown(names.tolist(), 8), number(len(of_kind)), number(len(names))))
+        rows.append((spoken(str(kind)), shown(names.tolist(), 8), number(len(of_kind)), number(len(names))))
     return PageTable("Uncontrolled before the bundle, by kind", ("observation", "of", "count", "points"), rows, 2)

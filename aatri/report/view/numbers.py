@@ -4,12 +4,16 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from math import floor, log10
 from typing import Any
 
 from aatri.units import ANGLE_RAD
 
 DASH = "–"
+
+NOUNS = {"control": "control point", "model_tie": "model point"}
+"""What one observation of a kind is called, where that is not the name of the kind."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,9 @@ def small_angle(value_rad: float) -> str:
 
 
 def in_trade_unit(unit: str) -> tuple[float, str]:
-    """The unit in which residuals and errors of a unit are told, and the factor to it: um, mm, arcseconds or mgon."""
+    """The unit in which residuals and errors are told, and the factor to it: um, mm, arcseconds or mgon, ppm."""
     units = angle_units.get()
-    smaller = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (units.small_per_rad, units.small)}
+    smaller = {"mm": (1e3, "um"), "m": (1e3, "mm"), "rad": (units.small_per_rad, units.small), "1": (1e6, "ppm")}
     return smaller.get(unit, (1.0, unit))
 
 
@@ -66,6 +70,25 @@ def number(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(number(item) for item in value) or DASH
     return str(value)
+
+
+def spoken(kind: str) -> str:
+    """One observation of a kind, or a role of a stage, in words: `image point`."""
+    return NOUNS.get(kind, kind.replace("_", " "))
+
+
+def counted(n: int, kind: str) -> str:
+    """So many observations of a kind: `1 control point`, `190 image points`."""
+    return f"{number(n)} {spoken(kind)}{'' if n == 1 else 's'}"
+
+
+def moment(written: str) -> str:
+    """A time as it is written in files, to the minute: `2026-11-23 23:43 UTC`."""
+    try:
+        time = datetime.fromisoformat(written)
+    except ValueError:
+        return written
+    return f"{time:%Y-%m-%d %H:%M}{' UTC' if time.utcoffset() == timedelta(0) else ''}"
 
 
 def metres(value: float | None, missing: str = DASH) -> str:

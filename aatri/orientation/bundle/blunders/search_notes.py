@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT, expected_beyond
 from aatri.arrays import Bool, Float
-from aatri.notes import Note
+from aatri.notes import REJECTED, Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
@@ -60,7 +60,7 @@ def findings(block: BundleInput, records: AllRecords, found: SearchOutcome, opti
     whole = np.zeros_like(gone) if found.whole is None else found.whole
     said = (
         (gone & whole, "left out together: most of the kind disagree with the rest, which agrees without them"),
-        (gone & ~whole & ~found.undecided, "rejected as gross errors"),
+        (gone & ~whole & ~found.undecided, REJECTED),
         (gone & found.undecided, "left out: some of them are wrong, and nothing tells which"),
         (found.above, f"beyond {options.limit:.3g} sigma and kept{why}"),
     )

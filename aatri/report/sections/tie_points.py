@@ -1,0 +1,95 @@
+"""Where image points lie in their images: cells with a point, and pairs of images beside each other.
+
+Told of blocks with many image points, as programs find them in pixels. Points that are measured at standard positions
+are fewer than cells, and an image is not worse for cells without one.
+"""
+
+import contextlib
+
+import numpy as np
+from scipy import sparse
+
+from aatri.adapters.interior.image_pixels import CELLS, filled_cells, places_in_images
+from aatri.arrays import Bool, Int
+from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
+from aatri.errors import AatriError
+from aatri.pixels.reading import reduced_jpeg
+from aatri.report.drawing.overlays import ImagePair, cells_picture, pair_picture
+from aatri.report.drawing.picture import Picture
+from aatri.report.drawing.plan import rays_in_use
+
+LONGEST_PX = 900
+"""Of a photograph on the page."""
+
+
+def tie_point_pictures(block: Block, solution: Solution | None, pairs: tuple[Int, Int, Int]) -> list[Picture]:
+    """The cells of the images, and pairs of images: the weakest, the median, the one with most points left out."""
+    points = np.bincount(block.image_points.image, minlength=len(block.images))
+    digital = block.cameras.image_coordinates[block.images.camera] == "pixel"
+    if not digital.any() or not points.any() or np.median(points[points > 0]) < CELLS**2:
+        return []
+    used = rays_in_use(block, solution)
+    pictures = [
+        cells_picture(block.images.id, filled_cells(block, used), np.flatnonzero(block.images.active & digital))
+    ]
+    for name, title, images in _chosen(block, used, pairs):
+        if digital[list(images)].all():
+            pictures.append(pair_picture(name, title, _pair(block, used, images)))
+    return pictures
+
+
+def _chosen(block: Block, used: Bool, pairs: tuple[Int, Int, Int]) -> list[tuple[str, str, tuple[int, int]]]:
+    """Of the strongest ties of the images the weakest and the median; of all pairs that with most points left out."""
+    left, right, count = pairs
+    if not len(count):
+        return []
+    one, other, points = np.append(left, right), np.append(right, left), np.append(count, count)
+    order = np.lexsort((other, -points, one))
+    best = order[np.append(True, np.diff(one[order]) > 0)]
+    best = best[np.lexsort((one[best], points[best]))]
+    chosen = [
+        (name, title, (min(one[k], other[k]), max(one[k], other[k])))
+        for name, title, k in (
+            ("pair_weakest", "The weakest of the strongest ties of the images", best[0]),
+            ("pair_median", "The median of the strongest ties of the images", best[len(best) // 2]),
+        )
+    ]
+    everything = _common(block, np.ones(len(used), dtype=bool))
+    out = sparse.coo_matrix(everything - _common(block, used))
+    if out.data.max(initial=0) > 0:
+        k = int(np.argmax(out.data))
+        chosen.append(("pair_left_out", "The pair with most points left out", (out.row[k], out.col[k])))
+    first = {images: (name, title) for name, title, images in reversed(chosen)}
+    return [(name, title, images) for name, title, images in chosen if first[images][0] == name]
+
+
+def _common(block: Block, which: Bool) -> sparse.csr_matrix:
+    """How many points two images both have, the first before the second."""
+    at = block.image_points
+    ones = np.ones(int(which.sum()), dtype=np.int32)
+    seen = sparse.csr_matrix((ones, (at.image[which], at.point[which])), shape=(len(block.images), len(block.points)))
+    return sparse.csr_matrix(sparse.triu(seen @ seen.T, k=1))
+
+
+def _pair(block: Block, used: Bool, images: tuple[int, int]) -> ImagePair:
+    """The points that two images share, where they lie in each, and the photographs where the files are there."""
+    at, places = block.image_points, places_in_images(block)
+    one, other = (np.flatnonzero(at.image == image) for image in images)
+    points, a, b = np.intersect1d(at.point[one], at.point[other], return_indices=True)
+    a, b = one[a], other[b]
+    return ImagePair(
+        names=(str(block.images.id[images[0]]), str(block.images.id[images[1]])),
+        size=block.cameras.format[block.images.camera[list(images)]],
+        jpeg=(_photograph(block, images[0]), _photograph(block, images[1])),
+        point=block.points.id[points],
+        place=np.stack([places[a], places[b]], axis=1),
+        used=used[a] & used[b],
+    )
+
+
+def _photograph(block: Block, image: int) -> bytes:
+    with contextlib.suppress(AatriError):  # moved since, or no extra to read it with: the points are drawn alone
+        path = str(block.images.path[image])
+        return reduced_jpeg(path, LONGEST_PX) if path else b""
+    return b""
