@@ -160,7 +160,7 @@ def common_points(block: Block, solution: Solution | None) -> tuple[Int, Int, In
     return pairs.row.astype(np.int64), pairs.col.astype(np.int64), pairs.data.astype(np.int64)
 
 
-def ties_picture(block: Block, solution: Solution, pairs: tuple[Int, Int, Int]) -> Picture | None:
+def ties_picture(block: Block, solution: Solution | None, pairs: tuple[Int, Int, Int]) -> Picture | None:
     """The graph of the images: lines between those with common points, the wider the more."""
     centres = image_positions(block, solution)[:, :2]
     located: Bool = np.asarray(np.isfinite(centres).all(axis=1))
