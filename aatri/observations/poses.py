@@ -6,6 +6,7 @@ R <- exp([d]x) R. How a finite step moves an image is a choice, as long as small
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 
 from aatri.adjustment.unknowns import Ids, State, Unknowns
 from aatri.arrays import Bool, Float
-from aatri.geometry.rotations import exp_rotation
+from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import motions
 from aatri.geometry.vectors import finite_rows
 
@@ -25,6 +26,9 @@ FILM_PRIOR = f"{FILM}_prior"
 ADDITIONAL = "additional"
 CAMERA = "camera"
 """Names of the groups of unknowns."""
+
+GOES_WITH = 0.5
+"""Points go with a common turn of the images if their own differs from it by less than this share of it."""
 
 
 def is_additional(group: str) -> bool:
@@ -89,6 +93,42 @@ def point_generator(state: State) -> Float:
 def generators(state: State) -> dict[str, Float]:
     """How a similarity moves poses and ground points, by group."""
     return {POINT: point_generator(state)} | ({POSE: pose_generator(state)} if POSE in state else {})
+
+
+@dataclass(frozen=True)
+class CommonTurn:
+    """What of a step turns the whole block, done as a finite turn: along tangents rays would leave each other.
+
+    A weak datum lets a block turn by many degrees at a step. Centres and points X move by t x X to first order; with
+
+        X <- X + dX + (exp([t]x) - 1 - [t]x) (X - X_m)       t: mean turn of the images, X_m: mean of their centres
+
+    the rays keep to each other, and one step goes as far as many short ones. Where the points do not go with the images
+    (most of them by less than half of t, or more than half too far) there is no common turn, and nothing is changed.
+    """
+
+    free: Mapping[str, Bool]
+    """Free scalars of poses (n, 6) and points (m, 3)."""
+
+    def __call__(self, before: State, after: State, step: Mapping[str, Float]) -> dict[str, Any]:
+        """The state after a step of poses and points that retracts each by itself."""
+        images, points = (self.free[group].all(axis=1) for group in (POSE, POINT))
+        if not images.any() or not points.any():
+            return dict(after)
+        t = step[POSE][images, 3:].mean(axis=0)
+        x, dx = (v[points] - np.median(v[points], axis=0) for v in (before[POINT], step[POINT]))
+        turned = np.cross(t, x)
+        share = np.median((dx * turned).sum(axis=1) / np.maximum((turned**2).sum(axis=1), np.finfo(float).tiny))
+        if not abs(share - 1.0) < GOES_WITH:
+            return dict(after)
+        bend = exp_rotation(t) - np.eye(3) - skew(t)
+        middle = before[POSE].position_m[images].mean(axis=0)
+
+        def bent(group: str) -> Float:
+            off = (position(before, group) - middle) @ bend.T
+            return np.asarray(position(after, group) + np.where(self.free[group][:, :3], off, 0.0))
+
+        return {**after, POSE: Poses(bent(POSE), after[POSE].ground_from_image), POINT: bent(POINT)}
 
 
 def retract_poses(poses: Poses, step: Float, seen_at_m: Float | None = None) -> Poses:

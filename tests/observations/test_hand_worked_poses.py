@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from aatri.adjustment.records import (
     whitener_of_covariances,
     whitener_of_sigmas,
 )
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.poses import Poses, pose_unknowns, retract_poses
+from aatri.observations.poses import POINT, POSE, CommonTurn, Poses, pose_unknowns, retract_poses
 from tests.observations.test_hand_worked import QUARTER
 
 
@@ -61,3 +62,29 @@ def test_however_an_image_turns_small_steps_are_the_same() -> None:
     np.testing.assert_array_equal(plain.position_m[0], about.position_m[0])
     np.testing.assert_allclose(about.position_m, plain.position_m, atol=100 * 10 * 1e-8)
     np.testing.assert_array_equal(about.ground_from_image, plain.ground_from_image)
+
+
+@pytest.mark.parametrize(("goes", "scale"), [(1.0, 1.0), (1.0, 1.1), (0.0, 1.0)])
+def test_a_block_that_turns_at_one_step_is_turned_and_one_whose_points_stay_is_not_bent(
+    goes: float, scale: float
+) -> None:
+    """Linear steps t x X of a similarity about the mean of the centres: the finite turn, the scale to first order."""
+    rng = np.random.default_rng(3)
+    t, shift = np.array([0.4, -0.1, 0.2]), np.array([5.0, 6.0, 7.0])
+    centres, xyz = rng.normal(0, 50, (6, 3)), rng.normal(0, 100, (40, 3))
+    centres -= centres.mean(axis=0)
+    before = {POSE: Poses(centres, exp_rotation(rng.normal(size=(6, 3)))), POINT: xyz}
+    free = {POSE: np.ones((6, 6), dtype=bool), POINT: np.ones((40, 3), dtype=bool)}
+    free[POINT][0] = False  # an exact control point
+    moved = {group: shift + np.cross(t, x) + (scale - 1) * x for group, x in ((POSE, centres), (POINT, xyz))}
+    step = {POSE: np.hstack([moved[POSE], np.tile(t, (6, 1))]), POINT: goes * moved[POINT] * free[POINT]}
+    linear = {POSE: retract_poses(before[POSE], step[POSE]), POINT: xyz + step[POINT]}
+    after = CommonTurn(free)(before, linear, step)
+    if goes:
+        exactly = [shift + x @ exp_rotation(t).T + (scale - 1) * x for x in (centres, xyz)]
+    else:
+        exactly = [linear[POSE].position_m, xyz]
+    np.testing.assert_allclose(after[POSE].position_m, exactly[0], atol=1e-12)
+    np.testing.assert_allclose(after[POINT][1:], exactly[1][1:], atol=1e-12)
+    np.testing.assert_array_equal(after[POINT][0], xyz[0])
+    np.testing.assert_array_equal(after[POSE].ground_from_image, linear[POSE].ground_from_image)

@@ -22,7 +22,7 @@ from aatri.adjustment.parts.top import Failed, OthersByMessages, Top
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import SolverSettings
-from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.stepping.adjust import Curve, adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.kept_iterations import arrays_of, state_of
 from aatri.adjustment.structure.index_problem import indexed
@@ -80,6 +80,7 @@ def adjust(
     constraints: Sequence[Records] = (),
     settings: SolverSettings,
     vetoes: Sequence[VetoOf | None],
+    curve: Curve | None = None,
     covariances: bool = False,
     reporter: Reporter = SILENT,
 ) -> Adjusted:
@@ -91,6 +92,8 @@ def adjust(
         As in `adjust_large`.
     vetoes : sequence of callables
         Of each of the records, or None.
+    curve : callable, optional
+        As in `adjust_large`; parts go without.
     covariances : bool
         Whether those of all unknowns are wanted of what is adjusted in parts: there is no factor of it afterwards.
 
@@ -114,7 +117,7 @@ def adjust(
     veto = Vetoes(tuple(of_all)) if of_all else None
     settings = replace(settings, parts=1)
     return adjust_large(
-        unknowns, records, start, constraints=constraints, settings=settings, veto=veto, reporter=reporter
+        unknowns, records, start, constraints=constraints, settings=settings, veto=veto, curve=curve, reporter=reporter
     )
 
 

@@ -10,7 +10,7 @@ runs away along nearly parallel rays): its steps are shortened from then on, it 
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -47,9 +47,12 @@ from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, counts
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
 from aatri.progress import SILENT, Reporter, tell_iteration
+
+Curve = Callable[[State, State, Mapping[str, Float]], dict[str, Any]]
 
 ROUGH = 0.1
 """Tolerance from which on a robust solution only selects: reweighted least squares may end it."""
@@ -63,6 +66,7 @@ def adjust_large(
     constraints: Sequence[Records] = (),
     settings: SolverSettings | None = None,
     veto: Veto | None = None,
+    curve: Curve | None = None,
     reporter: Reporter = SILENT,
     **changed: Any,
 ) -> Adjusted:
@@ -78,6 +82,8 @@ def adjust_large(
         What must hold exactly, given like observations; see `constraints`.
     settings : SolverSettings, optional
     veto : callable, optional
+    curve : callable, optional
+        (old, new, step) -> the new state with what the blocks of unknowns do together beyond first order.
     reporter : Reporter
         Of the progress.
     **changed
@@ -120,7 +126,8 @@ def adjust_large(
         step = steps(problem, factored, here.state)
         history.append(Step(factored.cost, here.decrement, factored.damping))
         tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
-        trial = steadied(problem, retract_state(problem.unknowns, here.state, step), veto)
+        trial = retract_state(problem.unknowns, here.state, step)
+        trial = steadied(problem, curve(here.state, trial, step) if curve else trial, veto)
         if (
             factored.damping == 0.0
             and (linear or here.decrement <= tolerance)

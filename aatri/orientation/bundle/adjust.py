@@ -9,6 +9,7 @@ observations are constraints. Coordinates are reduced to an origin near the bloc
 Source: Kraus, Photogrammetry; docs/formulas.md 4.5.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,14 +24,20 @@ from aatri.adjustment.parts.adjust import AdjustedInParts, adjust
 from aatri.adjustment.parts.cut import VetoOf
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjusted import Adjusted
-from aatri.adjustment.unknowns import State
+from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, Poses
-from aatri.orientation.bundle.block import BundleInput, Participants, taking_part, unknowns_of
+from aatri.observations.poses import POINT, POSE, CommonTurn, Poses
+from aatri.orientation.bundle.block import (
+    BundleInput,
+    Participants,
+    taking_part,
+    unknowns_of,
+    with_own_observations,
+)
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum
@@ -88,6 +95,7 @@ def adjust_bundle(
             values,
             constraints=constraints,
             vetoes=vetoes,
+            curve=_common_turn(inputs, part, datum_held),
             covariances=settings.covariances,
             reporter=reporter,
             settings=settings.solution,
@@ -110,6 +118,14 @@ def adjust_bundle(
     if covariances and settings.keep_factor and not in_parts:
         adjusted = with_factor(adjusted)
     return _result(inputs, adjusted, part, covariances, free, tuple(notes))
+
+
+def _common_turn(inputs: BundleInput, part: Participants, unknowns: Sequence[Unknowns]) -> CommonTurn | None:
+    """How the block turns as a whole, where all its images have observations of their own; others turn about points."""
+    if not with_own_observations(inputs.observed, len(part.of[POSE]))[part.of[POSE]].all():
+        return None
+    free = {u.name: u.free for u in unknowns if u.name in (POSE, POINT)}
+    return CommonTurn(free) if len(free) == 2 else None
 
 
 def _datum_of(datum: State | None, start: State) -> State:

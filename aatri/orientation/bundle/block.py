@@ -198,7 +198,7 @@ def unknowns_of(inputs: BundleInput, participants: Participants, poses: Bool, pl
     groups = []
     if len(poses):
         start = (inputs.rays, inputs.poses, inputs.xyz_m)
-        seen_at_m = np.where(_with_own_observations(inputs.observed, len(poses)), 0.0, seen_distances_m(*start))
+        seen_at_m = np.where(with_own_observations(inputs.observed, len(poses)), 0.0, seen_distances_m(*start))
         groups = [pose_unknowns(inputs.image_ids, poses, places, median_distance_m(*start), seen_at_m)]
     for o in inputs.observed:
         groups += [replace(u, free=u.free & participants.of[u.name][:, None]) for u in o.unknowns]
@@ -221,7 +221,7 @@ def unknowns_of(inputs: BundleInput, participants: Participants, poses: Bool, pl
     ]
 
 
-def _with_own_observations(observed: Sequence[Observed], n_images: int) -> Bool:
+def with_own_observations(observed: Sequence[Observed], n_images: int) -> Bool:
     """Images whose poses are observed, not their points alone, (n_images,)."""
     own = np.zeros(n_images, dtype=bool)
     for o in observed:

@@ -14,6 +14,7 @@ from aatri.geometry.rotations import exp_rotation, rotation_from_angles
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses
+from aatri.observations.positions import Positions
 from aatri.orientation.bundle import from_afar
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.result import BundleResult
@@ -22,6 +23,7 @@ from aatri.orientation.bundle.space_start import images_turned_over
 from aatri.progress import SILENT
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
 from tests.campaigns.kinds import TOGETHER, one_block
+from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, adjust_bundle, adjust_bundle_from_afar
 
 # What a bundle's start lacks: images resected on known points, all that can be at once.
@@ -231,3 +233,18 @@ def test_a_block_without_datum_is_refused_for_that_reason(block: tuple[Parts, Bu
     )
     with pytest.raises(GeometryError, match="leave 7 unknown"):
         adjust_bundle_from_afar(replace(given, control=nothing), covariances=False)
+
+
+def test_a_block_that_its_positions_hardly_level_turns_at_few_steps() -> None:
+    """Turned by 40 degrees, heights to 300 m: along the tangents of the turn it does not converge in 60 steps."""
+    parts = made_bundle(4)
+    rng = np.random.default_rng(4)
+    images = np.arange(6, dtype=np.int32)
+    observed_m = parts.poses.position_m + rng.normal(0, 1.0, (6, 3))
+    sigma_m = np.array([3.0, 3.0, 300.0])
+    positions = Positions(images, images, observed_m, np.tile(np.diag(sigma_m**2), (6, 1, 1)), np.zeros((6, 3)))
+    R, middle = exp_rotation(np.radians([40.0, 20.0, 12.0])), parts.poses.position_m.mean(axis=0)
+    poses = Poses((parts.poses.position_m - middle) @ R.T + middle, R @ parts.poses.ground_from_image)
+    turned = replace(parts, poses=poses, xyz_m=(parts.xyz_m - middle) @ R.T + middle, positions=positions)
+    result = adjust_bundle(turned)
+    assert len(result.adjusted.history) <= 12
