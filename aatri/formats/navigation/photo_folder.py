@@ -13,6 +13,7 @@ Source: docs/formats.md, photographs.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -146,6 +147,15 @@ def _cameras(
             f"photographs of one model lie upright and across, {len(turned)} in all: a program has turned "
             f"their pixels, or the camera was turned; they count as two cameras: {shown(turned)}"
         )
+    sizes = {model: sorted({size for of, size in shapes if of == model}) for model, _ in shapes}
+    for model, several_sizes in sorted(sizes.items()):
+        if len({tuple(sorted(size)) for size in several_sizes}) > 1:
+            count = Counter(p.size_px for p in photos if p.model == model)
+            named = ", ".join("{}x{} ({})".format(*size, count[size]) for size in several_sizes)
+            notes.append(
+                f"photographs of {model or 'no stated model'} have several sizes, each a camera of its own: {named}; "
+                "of one flight take them all as the camera wrote them"
+            )
     size_mm = [p.focal_mm / p.focal_px if p.focal_mm > 0 else PIXEL_MM for p in focal.values()]
     c_mm = np.array([p.focal_px for p in focal.values()]) * size_mm
     cameras: dict[str, object] = {

@@ -78,6 +78,18 @@ def test_an_upright_photograph_is_another_camera(tmp_path: Path) -> None:
     assert "lie upright and across" in parts.notes[0]
 
 
+def test_a_photograph_of_another_size_is_another_camera_and_told(tmp_path: Path) -> None:
+    _save(tmp_path, "a.jpg")
+    _save(tmp_path, "b.jpg")
+    _save(tmp_path, "c.jpg", size=(WIDTH // 2, HEIGHT // 2))
+    parts = read_photographs(tmp_path)
+    assert len(parts.cameras["id"]) == 2
+    assert parts.notes == [
+        f"photographs of Up have several sizes, each a camera of its own: {WIDTH // 2}x{HEIGHT // 2} (1), "
+        f"{WIDTH}x{HEIGHT} (2); of one flight take them all as the camera wrote them"
+    ]
+
+
 def test_another_focal_length_is_another_camera(tmp_path: Path) -> None:
     _save(tmp_path, "a.jpg")
     _save(tmp_path, "b.jpg", focal_mm=9.0)
@@ -120,6 +132,14 @@ def test_a_truncated_file_is_refused_by_name(tmp_path: Path, share: float) -> No
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(InputError, match="truncated") as caught:
+        read_photographs(tmp_path)
+    assert "a.jpg" in str(caught.value)
+
+
+@pytest.mark.parametrize(("content", "why"), [(b"", "the file is empty"), (b"no picture", "that of no format")])
+def test_what_is_no_picture_is_told_by_name(tmp_path: Path, content: bytes, why: str) -> None:
+    (tmp_path / "a.jpg").write_bytes(content)
+    with pytest.raises(InputError, match=why) as caught:
         read_photographs(tmp_path)
     assert "a.jpg" in str(caught.value)
 
