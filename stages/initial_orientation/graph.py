@@ -24,13 +24,14 @@ from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.ground.component_bodies import principal_distance_shares
 from aatri.adapters.ground.ground_observed import USES, ground_observed
-from aatri.adapters.ground.initial_notes import not_oriented, shown_components
+from aatri.adapters.ground.initial_notes import shown_components
 from aatri.adapters.ground.initial_orientation import to_ground
 from aatri.adapters.ground.initial_solution import initial_solution
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
+from aatri.adapters.strips.oriented_strips import left_out
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -134,7 +135,7 @@ def graph(
             *shown_components(components, inside.block),
             *notes,
             *findings,
-            *not_oriented(inside.block, solution),
+            *left_out(inside.block, solution.images.oriented),
         ],
         context,
     )

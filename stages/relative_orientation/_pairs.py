@@ -85,11 +85,10 @@ def by_orientation_points(
     return orients, oriented_by(pairs, orients, limit_of(pairs.rays, options.snooping_limit), orient)
 
 
-def oriented(
-    block: Block, image_points: ImagePoints, frame: str, options: ClassicalOptions, context: Context
-) -> Models:
-    """Models of the consecutive images of every strip, in the frame of a method, dependent or independent."""
-    image_points = checked_image_points(block, image_points, context)
+def oriented_pairs(
+    block: Block, image_points: ImagePoints, options: PairOptions, context: Context
+) -> tuple[ImagePairs, Bool, RelativeOrientations]:
+    """Consecutive images of every strip, with sigmas as they fit; which points orient, (n,); the orientations."""
     pairs = pairs_of_strips(block, image_points, context)
     orient = partial(
         relative_orientations,
@@ -99,7 +98,15 @@ def oriented(
         reporter=context,
     )
     orients, orientations = by_orientation_points(block, pairs, options, orient)
-    pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
+    return replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale)), orients, orientations
+
+
+def oriented(
+    block: Block, image_points: ImagePoints, frame: str, options: ClassicalOptions, context: Context
+) -> Models:
+    """Models of the consecutive images of every strip, in the frame of a method, dependent or independent."""
+    image_points = checked_image_points(block, image_points, context)
+    pairs, orients, orientations = oriented_pairs(block, image_points, options, context)
     if options.equation != "rigorous" and orientations.formed.any():
         with_equal_weights(pairs, orientations, options.equation, frame, orients)
         text = f"orientations by equal weights of the equation {options.equation}; points were rejected by the rigorous"

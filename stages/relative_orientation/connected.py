@@ -15,8 +15,6 @@ from there. A model without three good connection points keeps its dependent ori
 Source: docs/formulas.md 3.5, errata E08; see aatri/orientation/relative/connected.py.
 """
 
-from dataclasses import replace
-from functools import partial
 from typing import Literal
 
 from aatri.adapters.pairs.image_pairs import pair_names
@@ -28,11 +26,10 @@ from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
 from aatri.notes import Note
 from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
-from aatri.orientation.relative.image_scale import limit_of, with_sigmas
-from aatri.orientation.relative.pairs import relative_orientations
+from aatri.orientation.relative.image_scale import limit_of
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._pairs import PairOptions, by_orientation_points, checked_image_points, pairs_of_strips
+from ._pairs import PairOptions, checked_image_points, oriented_pairs
 
 
 class ConnectedOptions(PairOptions):
@@ -55,16 +52,7 @@ def connected(
 ) -> Models:
     """Orient the consecutive images of every strip, each model connected with the one before."""
     image_points = checked_image_points(block, image_points, context)
-    pairs = pairs_of_strips(block, image_points, context)
-    orient = partial(
-        relative_orientations,
-        snooping_limit=options.snooping_limit,
-        max_iterations=options.max_iterations,
-        min_points=options.min_points,
-        reporter=context,
-    )
-    orients, orientations = by_orientation_points(block, pairs, options, orient)
-    pairs = replace(pairs, rays=with_sigmas(pairs.rays, orientations.scale))
+    pairs, orients, orientations = oriented_pairs(block, image_points, options, context)
     refuse_misfits(orientations, options.max_sigma0)
     connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit), orients)
     if options.coordinates == "coefficients":

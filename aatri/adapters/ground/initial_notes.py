@@ -1,16 +1,9 @@
-"""What an initial orientation has to say of what it leaves out."""
+"""What an initial orientation has to say of its components."""
 
-from aatri.adapters.strips import oriented_strips as pieces
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import Solution
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.orientation.graph.component import ImageComponent
-
-
-def not_oriented(block: Block, solution: Solution) -> list[Note]:
-    """A warning that names the images in use that are not oriented."""
-    return pieces.left_out(block, solution.images.oriented)
 
 
 def shown_components(components: tuple[ImageComponent, ...], block: Block) -> list[Note]:

@@ -15,8 +15,6 @@ from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.ids import clipped
 from aatri.units import ANGLE_RAD
 
-NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
-
 OF_GAMA = ("conf-pr", "tol-abs", "sigma-act", "algorithm", "cov-band", "update-constrained-coordinates", "language",
            "encoding", "iterations", "lang", "angles", "epoch", "version", "xmlns", "extern")  # fmt: skip
 """What concerns the program, or another one, and not the network."""

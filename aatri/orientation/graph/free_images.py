@@ -40,8 +40,6 @@ class FreeImages:
     """Components, that of most images first, and what there is to say."""
 
     components: tuple[ImageComponent, ...]
-    wrong_pair: Bool
-    """(m,). Pairs whose rotation does not fit the others."""
     notes: tuple[Note, ...]
 
 
@@ -117,7 +115,7 @@ def orient_free(
             + ("; images all taken at one place make no model" if len(turns.left) else ""),
         )
     whole, more = joined(components, rays, image_ids, point_ids, reporter)
-    return FreeImages(tuple(whole), wrong, (*notes, *more))
+    return FreeImages(tuple(whole), (*notes, *more))
 
 
 def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, Int]:

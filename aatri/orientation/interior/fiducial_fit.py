@@ -53,8 +53,6 @@ class FiducialFit:
     """(n,) int64."""
     residual_mm: Float
     """(n, m, 2). Transformed minus calibrated, also of marks not used; NaN where there is no mark."""
-    gross_error_mm: Float
-    """(n, m, 2). Estimated error of the measured mark; NaN where uncontrolled."""
     test: Float
     """(n, m). Test statistic of the marks used, in standard deviations; NaN where uncontrolled."""
     alone: Bool
@@ -117,7 +115,7 @@ def fit_fiducials(
     at_centre = plane_jacobian(model, matrix, terms, (centre / size)[:, None])[:, 0] / size[:, None, :]
     linear = np.where(determined[:, None, None], at_centre, np.eye(2))
     K = open_basis(model, xy, linear[:, None])[..., :k]
-    gross_error, test, alone = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
+    test, alone = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
     covariance = np.zeros((len(xy), 8, 8))
     covariance[:, :k, :k] = np.linalg.inv(_safe(_normal(K, weight), determined))
     covariance[~determined] = np.nan
@@ -131,7 +129,6 @@ def fit_fiducials(
         sigma0,
         redundancy,
         residual,
-        gross_error,
         test,
         alone,
         used,

@@ -21,7 +21,7 @@ UNCONTROLLED = 1e-6
 
 def tests_of_marks(
     K: Float, residual_mm: Float, root_weight: Float, used: Bool, redundancy: Int, determined: Bool
-) -> tuple[Float, Float, Bool]:
+) -> tuple[Float, Bool]:
     """Tests of all marks of n images with up to m marks; NaN where uncontrolled.
 
     Parameters
@@ -36,7 +36,6 @@ def tests_of_marks(
 
     Returns
     -------
-    gross_error_mm : (n, m, 2) float64, mm
     test : (n, m) float64
     alone : (n, m) bool
         No other mark explains the residuals as well.
@@ -55,15 +54,12 @@ def tests_of_marks(
     v = np.where(used[..., None], residual_mm * root_weight, 0.0)
     along = np.einsum("nmij,nmi->nmj", vectors, v)
     test = np.sqrt((along**2 / safe).sum(axis=2) / 2)
-    whitened = np.einsum("nmij,nmj->nmi", vectors, along / safe)
-    gross = whitened / np.where(root_weight > 0, root_weight, 1.0)
     root = np.einsum("nmij,nmj,nmkj->nmik", vectors, 1.0 / np.sqrt(safe), vectors)
     between = np.einsum("nmab,nmkbc,nkcd->nmkad", root, blocks, root)
     correlation = np.linalg.svd(between, compute_uv=False)[..., 0]
     both = controlled[:, :, None] & controlled[:, None, :] & ~np.eye(m, dtype=bool)
     alone = np.asarray(~(both & (correlation > ALIKE)).any(axis=2))
-    nothing = np.nan
-    return np.where(controlled[..., None], gross, nothing), np.where(controlled, test, nothing), alone
+    return np.where(controlled, test, np.nan), alone
 
 
 def located(test: Float, alone: Bool, redundancy: Int, limit: float) -> Int:
