@@ -46,7 +46,7 @@ def ratios(block: Block, solution: Solution) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def main(count: int) -> None:
+def main(seeds: range) -> None:
     """Run and tell."""
     for size in SIZES:
         made = sized(size)
@@ -54,13 +54,13 @@ def main(count: int) -> None:
             calibration = {**made.options["self_calibration"], "remove": remove}
             options = BundleOptions(blunders="none", self_calibration=calibration)  # type: ignore[arg-type]
             found, unknowns = [], []
-            for seed in range(1, count + 1):
+            for seed in seeds:
                 block, points = made.made(seed)
                 solution = bundle(block, points, options=options)
                 found.append(ratios(block, solution))
                 unknowns.append(solution.unknowns)
             squares = np.array(found)
-            mean, band = squares.mean(axis=0), squares.std(axis=0) / np.sqrt(count)
+            mean, band = squares.mean(axis=0), squares.std(axis=0) / np.sqrt(len(seeds))
             rms, band = np.sqrt(mean), 0.5 * band / np.sqrt(mean)
             said = "remove" if remove else "all kept"
             print(  # noqa: T201
@@ -73,4 +73,6 @@ def main(count: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=5)
-    main(parser.parse_args().count)
+    parser.add_argument("--first", type=int, default=1)
+    chosen = parser.parse_args()
+    main(range(chosen.first, chosen.first + chosen.count))

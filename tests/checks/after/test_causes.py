@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -166,3 +167,17 @@ def test_parameters_are_told_with_what_they_free() -> None:
 
 def test_an_error_that_names_no_combinations_has_no_remedy_of_its_own() -> None:
     assert rank_advice(GeometryError("shift X of the whole block"), ("c",), {}) == ""
+
+
+# Standard deviations of a few observations, of those that the images control well.
+
+
+@pytest.mark.parametrize(("factor", "named"), [(1.0, False), (1000.0, True)])
+def test_three_distances_with_standard_deviations_in_m_for_mm_are_named(factor: float, named: bool) -> None:
+    block = simulated(4, preset="uav", flight={"strips": 2, "images_per_strip": 4}, survey={"distances": 3})
+    chain = run_chain(block)
+    surveyed, told = replace(block.geodetic, sigma=factor * block.geodetic.sigma), Told()
+    bundle(replace(block, geodetic=surveyed), chain.refined, chain.strip_block, context=told)
+    lines = [text for text in told.warnings if text.startswith("distance: sigma0 of these 3 observations alone is")]
+    assert bool(lines) == named
+    assert all("times too large; is it a unit?" in text for text in lines)
