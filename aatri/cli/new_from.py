@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,7 +98,7 @@ def pipeline_from(paths: Sequence[Path], folder: Path, *, lens_misfit_px: float 
             narrate(f"    {note}")
     if alone and "geodetic" in parts[0].others and not parts[0].images:
         return _text(sources, folder, _of_network(bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())))
-    block = assembled(parts)
+    block = assembled([replace(of_source, notes=[]) for of_source in parts], reporter=NARRATED)
     lacking = _lacking(block)
     narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
     if lacking:

@@ -52,6 +52,18 @@ def test_the_pipeline_runs_as_it_is(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
 
 
+def test_names_that_match_by_rule_alone_and_those_that_match_nothing_are_told(tmp_path: Path) -> None:
+    """IMG_0.JPG is img_0 of the list; img_99 is of another flight; a file of notes is of no format."""
+    folder = write_project(tmp_path / "odm")
+    (folder / "notes.txt").write_text("nothing\n")
+    rows = "".join(f"img_{name} {k} {k} 100\n" for k, name in enumerate((0, 1, 2, 99)))
+    (tmp_path / "positions.txt").write_text("image X Y Z\n" + rows)
+    result = invoked("new", tmp_path / "mine", "--from", folder, "--from", tmp_path / "positions.txt")
+    assert "3 image names matched by without folder and extension, whatever the case" in result.stderr
+    assert "1 of its 4 images are not in the block, and are left out: img_99" in result.stderr
+    assert f"of no known format, not read: {folder / 'notes.txt'}" in result.stderr
+
+
 def test_sources_may_be_named_one_by_one(tmp_path: Path) -> None:
     folder = write_project(tmp_path / "odm")
     more = ["--from", folder / "reconstruction.json", "--from", folder / "tracks.csv"]

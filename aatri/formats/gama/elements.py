@@ -212,6 +212,8 @@ class _Reader:
         values = [e.parsed(word, "cov-mat") for word in e.text.split()]
         if len(values) != len(places):
             raise e.error(f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
+        if negative := [value for (i, j), value in zip(places, values) if i == j and value < 0]:
+            raise e.error(f"cov-mat has the variance {negative[0]:g}", "the diagonal is not negative")
         return [(i, j, value) for (i, j), value in zip(places, values)]
 
     def _children(self, e: XmlElement, allowed: tuple[str, ...]) -> list[XmlElement]:

@@ -86,7 +86,9 @@ def read_list(
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
     header = header_cells(lines[form.header - 1], form.separator) if stated is None else []
     unread = [name for name, word in zip(header, columns.words) if word == "-"]
-    parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines)
+    parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(
+        path, lines, form.header * (stated is None)
+    )
     if unread:
         parts.notes.append(f"columns that are not read: {shown(unread)}; `columns` says what they are")
     if observed and parts.exterior:
@@ -119,9 +121,9 @@ class _Rows:
                     values[i, j] = self.sign[name] * self.rows[i].number(self.at[name])
         return values
 
-    def parts(self, path: Path, lines: list[str]) -> BlockParts:
-        """What the list gives of a block."""
-        parts = BlockParts("table", [path], name=path.stem, notes=self._notes(lines))
+    def parts(self, path: Path, lines: list[str], header: int) -> BlockParts:
+        """What the list gives of a block; its columns are named in line `header`, 0: in none."""
+        parts = BlockParts("table", [path], name=path.stem, notes=self._notes(lines, header))
         at = places(self.rows, [path])
         geographic = "longitude" in self.at
         xyz = self.numbers(*(("longitude", "latitude", "Z") if geographic else ("X", "Y", "Z")))
@@ -147,13 +149,14 @@ class _Rows:
             parts.frame = GEOGRAPHIC if geographic else Frame("list", ("east", "north", "up"), crs) if crs else PLANE
         return parts
 
-    def _notes(self, lines: list[str]) -> list[str]:
+    def _notes(self, lines: list[str], header: int) -> list[str]:
         """What was read how, for the user to see that it is right."""
         system = self.reading.rotation or self.columns.system
         angles = f", angles {system} in {self.unit}" if system and self.columns.system else ""
         first = self.rows[:SHOWN]
         shown = [", ".join(f"{n} = {self.texts(n)[k]}" for n in self.at) for k in range(len(first))]
-        before = [text.strip() for text in lines[: self.rows[0].line - 1] if text.strip()]
+        above = enumerate(lines[: self.rows[0].line - 1], 1)
+        before = [text.strip() for k, text in above if text.strip() and k != header]
         skipped = [f"not read, before the first row: {clipped(' | '.join(before), 200)}"] if before else []
         read = [f"columns read as {' '.join(self.columns.words)}{angles}"]
         return [*read, *(f"line {row.line}: {text}" for row, text in zip(first, shown)), *skipped]

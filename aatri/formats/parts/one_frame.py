@@ -88,11 +88,12 @@ def in_frame(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts
     if "local" in (source.crs, target.crs):
         return _without_coordinates(parts, target, reporter)
     ground, exterior = dict(parts.ground_points), dict(parts.exterior)
+    where = str(parts.files[0]) if parts.files else parts.name
     if "xyz_m" in ground:
-        _move(ground, "xyz_m", "covariance_m2", source, target, str(parts.files[0]))
+        _move(ground, "xyz_m", "covariance_m2", source, target, where)
     if "position_m" in exterior:
         place = np.atleast_2d(np.asarray(exterior["position_m"], dtype=np.float64))
-        _move(exterior, "position_m", "position_covariance_m2", source, target, str(parts.files[0]))
+        _move(exterior, "position_m", "position_covariance_m2", source, target, where)
         if "angles_rad" in exterior and "ground_from_image" not in exterior:
             exterior["ground_from_image"] = rotation_from_angles(exterior.pop("angles_rad"))
         if "ground_from_image" in exterior and _plane(source) != _plane(target):

@@ -97,6 +97,8 @@ def read_points(
             k += 1
     if len(points) != count:
         raise lines[at].error(f"{count} points are announced, {len(points)} are there", EXPORT)
+    if not any(point.flags[0] for point in points):
+        raise lines[at].error(f"none of {count} points is used", "give a file with points that are switched on")
     return header, points
 
 

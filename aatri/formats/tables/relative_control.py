@@ -20,7 +20,7 @@ from aatri.formats.tables.geodetic import right_handed_axis
 from aatri.formats.tables.source import FILES, Source
 from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import Document, load
-from aatri.units import ANGLE_RAD
+from aatri.units import ANGLE_RAD, LARGEST
 
 FILE = "relative_control.yaml"
 
@@ -216,7 +216,7 @@ def _figures(source: Source, item: dict[str, Any], kind: str, form: ConditionFor
     key = "radius" if form.value == "optional" else "value"
     for name in ("value", "radius", "sigma"):
         if name in item and (
-            isinstance(item[name], bool) or not isinstance(item[name], int | float) or not np.isfinite(item[name])
+            isinstance(item[name], bool) or not isinstance(item[name], int | float) or not abs(item[name]) <= LARGEST
         ):
             fault(f"{name} is {item[name]!r}, not a number", name, remedy="write a plain number")
             return np.nan, np.nan

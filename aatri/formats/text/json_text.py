@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from json.decoder import WHITESPACE, scanstring  # type: ignore[attr-defined]
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from aatri.errors import InputError
 from aatri.formats.text.text_file import read_bytes
@@ -47,7 +47,11 @@ class JsonText:
             raise InputError("not UTF-8", where=f"{path}:{line}", remedy="save the file as UTF-8") from error
         try:
             self.value: Any = json.loads(
-                self.text, object_pairs_hook=self._object, parse_constant=self._constant, parse_float=self._float
+                self.text,
+                object_pairs_hook=self._object,
+                parse_constant=self._constant,
+                parse_float=self._float,
+                parse_int=self._whole,
             )
         except InputError:
             raise
@@ -78,6 +82,10 @@ class JsonText:
             line = 1 + self.text.count("\n", 0, max(self.text.find(text), 0))
             raise InputError(f"{clipped(text)} is too large", where=f"{self.path}:{line}", remedy="mend the number")
         return value
+
+    def _whole(self, text: str) -> int:
+        self._float(text)
+        return int(text)
 
     @cached_property
     def _line_ends(self) -> list[int]:
@@ -134,7 +142,7 @@ class JsonText:
         if not isinstance(value, allowed) or isinstance(value, bool):
             what = f"{clipped(str(keys[-1])) if keys else 'the document'!r} is not {OF_KIND[kind]}"
             raise self.fault(keys, what, f"give {self._wanted}")
-        return value
+        return float(cast(float, value)) if kind is float else value
 
     def numbers(self, *keys: Key, count: int) -> list[float]:
         """The list of so many numbers at these keys."""

@@ -89,6 +89,7 @@ def test_a_negative_exponent_makes_no_degrees(tmp_path: Path) -> None:
         ('dim="2"', 'dim="1e99"', 17, "whole number"),
         ('dim="2"', 'dim="9999999999"', 17, "dimension"),
         ("25 10 100", "25 50 100", 16, "not positive definite"),
+        ("25 10 100", "-25 10 100", 17, "the variance -25"),
         ("25 10 100", "25 1٠ 100", 17, "not ASCII"),
         ('"P"', f'"{"P" * 256}"', 8, "no id"),
         ('"P"', '"P&#x85;"', 8, "no id"),

@@ -161,6 +161,11 @@ def test_headers_of_surveyors_and_of_cameras_are_understood(tmp_path: Path, text
     assert len(unread) == ("-" in SURVEYED[text].split())
 
 
+def test_what_stands_above_the_header_is_told_and_the_header_is_not(tmp_path: Path) -> None:
+    parts = read_source(written(tmp_path, "a report\npoint,X,Y,Z\nA,1,2,3\n"), Reading(), SILENT)
+    assert [note for note in parts.notes if note.startswith("not read")] == ["not read, before the first row: a report"]
+
+
 def test_columns_that_are_said_make_a_list_of_a_file_without_a_header(tmp_path: Path) -> None:
     path = written(tmp_path, "1 a.jpg 400.0 -200.0 1500.0 0 0 90\n")
     assert read_source(path, Reading(columns="erdas"), SILENT).images["id"] == ["a.jpg"]

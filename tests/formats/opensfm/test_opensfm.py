@@ -137,6 +137,7 @@ DAMAGED = {
     "wrong unit": (_pixels, "outside of an image"),
     "decimal commas": (_text("tracks.csv", "0.001\t", "0,001\t0\t"), "12 columns"),
     "HTML": (_bytes("tracks.csv", b"<!DOCTYPE html>\n<html></html>\n"), "web page"),
+    "number of 200 digits": (_json("0/shots/IMG_3.JPG/capture_time", 10**200), "is too large"),
     "unknown camera": (_json("0/shots/IMG_3.JPG/camera", "d"), "'d', which is not there"),
     "no numbers": (_json("0/shots/IMG_3.JPG/rotation", [0, 0]), "not a list of 3 numbers"),
 }

@@ -119,6 +119,7 @@ DAMAGE = [
     (read_gpf, GPF.replace("0.086", "nan"), r":10: 'nan'"),
     (read_gpf, GPF.replace("0.1 0.2 1.7", "0.1 0.2"), r":6: 2 words where 3 numbers of point A should stand"),
     (read_gpf, GPF.split("point_id")[0].replace("2\n", ""), r":1: the number of points is not there"),
+    (read_ipf, IPF.replace("A 1 0 0", "A 0 0 0"), r":2: none of 2 points is used"),
     (read_ipf, "<html>", r":1: this is a web page"),
     (read_ipf, GPF, r":1: the first line is not 'IMAGE POINT FILE'"),
     (read_ipf, IPF.replace("10 20", "10 20 30"), r":11: 3 words where 2 numbers of point B should stand"),

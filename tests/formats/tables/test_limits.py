@@ -40,6 +40,7 @@ LIMITS: dict[str, tuple[str, str, str, str, str]] = {
     "last row of a covariance": (COVARIANCES, "4,5,1e-6", "4,5,-1e-6", "4,8,1e-6", "rows 1 to 7"),
     "size of a covariance": (COVARIANCES, "1e-6", "3.999e-6", "4.001e-6", "not positive definite"),
     "sigma of a condition": (RELATIVE, "sigma: 0.0002", "sigma: 1e-9", "sigma: 0", "more than 0"),
+    "value of a condition": (RELATIVE, "200.05", "99999999999999999999", "1e101", "too large"),
     "points of a plane": (RELATIVE, '["1", "2", "3"]', '["1", "2", K, "3"]', '["1", "2"]', "at least 3"),
     "points of a distance": (RELATIVE, "[K, 0123]", "[0123, K]", "[K, 0123, 2]", "exactly 2"),
     "points of a sphere": (RELATIVE, "[K, 1, 2, 3]", "[K, 1, 2, 3, 0123]", "[K, 1, 2]", "at least 4"),
