@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -12,8 +13,15 @@ from tests.campaigns.legal.flight import scene_of
 from tests.campaigns.legal.judged import Ear, read, through
 
 
-def _solution(kind: str, way: str, seed: int) -> Solution:
-    cell, ear = replace(KINDS[kind], seed=seed, noise="t5"), Ear()
+class Notes(Ear):
+    """Everything that is said."""
+
+    def log(self, message: str) -> None:
+        self.warnings.append(message)
+
+
+def _solution(kind: str, way: str, seed: int, ear: Ear | None = None) -> Solution:
+    cell, ear = replace(KINDS[kind], seed=seed, noise="t5"), ear or Ear()
     made = through(cell, read(scene_of(cell), ear), way, ear)["bundle"]
     assert isinstance(made, Solution)
     return made
@@ -28,3 +36,20 @@ def test_student_errors_are_no_gross_errors(way: str) -> None:
 def test_points_lost_with_an_earlier_rejection_come_back() -> None:
     """The graph leaves a point of two rays out altogether: the block, which knows the tail, takes it."""
     assert _solution("film", "graph", 2).suspects.verdict.tolist() == ["readmitted"] * 2
+
+
+def test_what_only_a_long_tail_explains_is_used_and_named() -> None:
+    """A |w| beyond the limit of normal errors may be a gross error all the same: whoever measured it is told which."""
+    named = 0
+    for seed in (1, 2, 3, 5):
+        said = Notes()
+        solution = _solution("film", "graph", seed, said)
+        (text,) = [text for text in said.warnings if "longer tails than normal ones" in text]
+        limit = float(text.split("not ")[1].split(";")[0])
+        names = re.findall(r"(s\d+i\d+)/(p\d+) \((\d+\.\d)\)", text)
+        assert all(float(w) >= round(limit, 1) for _, _, w in names)
+        r = solution.residuals
+        used = set(zip(r.image[r.active].tolist(), r.point[r.active].tolist()))
+        assert {(image, point) for image, point, _ in names} <= used
+        named += len(names)
+    assert named >= 4

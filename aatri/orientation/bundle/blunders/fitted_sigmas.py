@@ -16,6 +16,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -107,18 +108,30 @@ class FittedSigmas(Rejections):
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
         return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
 
-    def _tail_notes(self) -> list[Note]:
-        """Classes of observations whose errors have long tails."""
-        limit = self.options.limit
+    def _tail_notes(self, use: Bool, test: Float) -> list[Note]:
+        """Classes of observations whose errors have long tails, and what is used though normal errors are smaller."""
+        limit, notes = self.options.limit, list[Note]()
         text = (
             "{}: errors have longer tails than normal ones (as Student's of {:.0f} degrees of freedom): gross is what "
+            "is beyond {:.3g} sigma, not {:.3g}"
         )
-        text += "is beyond {:.3g} sigma, not {:.3g}"
-        return [
-            Note("note", text.format(name, tail.freedom, tail.limit, limit))
-            for name, tail in zip(self.scaling.classes.names, self.tails)
-            if tail.limit > limit
-        ]
+        for k, (name, tail) in enumerate(zip(self.scaling.classes.names, self.tails)):
+            if tail.limit <= limit:
+                continue
+            between = use & (test > limit) & self._in_class(k)
+            names = [
+                f"{label} ({w:.1f})"
+                for o, which, of_kind in zip(self.all.observed, self.all.split(between), self.all.split(test))
+                for label, w in zip(labels(o, which), of_kind[which].tolist())
+            ]
+            more = f"; {len(names)} are used that one of normal errors would not be, their |w|" if names else ""
+            notes.append(Note("note", text.format(name, tail.freedom, tail.limit, limit) + more, tuple(names)))
+        return notes
+
+    def _in_class(self, number: int) -> Bool:
+        """Records with a component of a class, (n,)."""
+        parts = ((of_kind == number).any(axis=1) for of_kind in self.scaling.classes.number)
+        return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def _harmful(self, tried: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
         return bool((active & (tried.test > HARMLESS * self.options.limit * scale)).any())

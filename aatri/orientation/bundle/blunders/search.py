@@ -130,7 +130,7 @@ class _Search(ExactCoordinates):
         told = SearchOutcome(use, undecided, above, doubted, renumbered, tried.small, tried.plain, self.whole)
         notes = (
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
-            *self._tail_notes(),
+            *self._tail_notes(use, tried.plain),
             *findings(tried.block, self.all, told, self.options),
             *exact_notes(self.all, wrong & use),
             *turn.notes,
