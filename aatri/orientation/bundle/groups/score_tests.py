@@ -8,7 +8,8 @@ Tested is at `ALARM` over the number of tests made, so that of a thousand blocks
 and with the standard deviations that the kind has by its own residuals. A cause of fewer parameters is preferred to
 one that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are
 named too. Where single observations are tested as well, the group must gain more than the largest of them alone, and
-most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip.
+most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip. Nor is one
+that carries neighbours along which nothing holds: without the one that gains most it must be significant still.
 """
 
 from collections.abc import Iterator, Sequence
@@ -207,7 +208,8 @@ def _confirmed(
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
-    if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm):
+    limit = scale**2 * chdtri(t.joint.rank, t.alarm)
+    if t.gain <= limit or gain_without_largest(before, after) <= limit:
         return None
     if single and not _most_fit_better(before, after):
         return None
@@ -237,6 +239,12 @@ def _residuals(
         after[of_group],
         float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0))),
     )
+
+
+def gain_without_largest(before: Float, after: Float) -> float:
+    """What a group gains at all its members but the one that gains most: of one alone it is none."""
+    gain = (before**2).sum(axis=1) - (after**2).sum(axis=1)
+    return float(gain.sum() - gain.max(initial=0.0))
 
 
 def _most_fit_better(before: Float, after: Float) -> bool:
