@@ -40,6 +40,7 @@ from aatri.formats.results.column_names import (
     named,
     standard_deviations,
 )
+from aatri.formats.results.covariance_tables import covariance_tables
 from aatri.formats.results.frame_tp import frame_tp
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
@@ -107,7 +108,7 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
         tables["parameters.csv"] = _parameters(solution)
     if solution.parameter_covariances is not None and len(solution.parameter_covariances):
         tables["parameter_covariances.csv"] = _covariances(solution.parameters, solution.parameter_covariances)
-    return write_tables(tables, folder)
+    return write_tables(tables | covariance_tables(solution), folder)
 
 
 def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:

@@ -12,7 +12,7 @@ import pytest
 
 from aatri.artifacts import block as b
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, SingleModels
-from aatri.artifacts.solution import Parameters, ProposedNumbers, Uncontrolled
+from aatri.artifacts.solution import Parameters, PointCovariances, ProposedNumbers, Uncontrolled
 from aatri.errors import ResourceError
 from aatri.formats.results.crs import write_crs
 from aatri.formats.results.solution_tables import point_roles, write_evaluation_tables, write_solution_tables
@@ -39,6 +39,25 @@ def test_numbers_read_back_to_the_same_bits(tmp_path: Path) -> None:
     read = np.array([[float(row[axis]) for axis in ("X_m", "Y_m", "Z_m")] for row in rows])
     np.testing.assert_array_equal(read, solution.points.xyz_m)
     assert {row["sX_m"] for row in rows} == {"0.02"}
+
+
+def test_covariances_of_points_between_them_and_of_orientations_are_tables(tmp_path: Path) -> None:
+    block = made_block()
+    solution = made_solution(block)
+    matrix = np.arange(9.0).reshape(3, 3)
+    own = solution.points.covariance_m2[:1]
+    pairs = PointCovariances.of(first=[0, 0], second=[0, 2], covariance_m2=np.concatenate([own, [matrix]]))
+    write_solution_tables(dataclasses.replace(solution, point_covariances=pairs), block, tmp_path)
+    rows = _read(tmp_path / "point_covariances.csv")
+    assert len(rows) == len(solution.points) + 1
+    ids = solution.points.id.tolist()
+    assert [rows[-1]["point_1"], rows[-1]["point_2"]] == [ids[0], ids[2]]
+    names = [f"{i}{j}_m2" for i in "XYZ" for j in "XYZ"]
+    assert [float(rows[-1][name]) for name in names] == matrix.ravel().tolist()
+    assert [float(rows[1][name]) for name in names] == solution.points.covariance_m2[1].ravel().tolist()
+    images = _read(tmp_path / "image_covariances.csv")
+    read = [float(images[0][name]) for name in images[0] if name != "image"]
+    assert read == solution.images.covariance[0][np.triu_indices(6)].tolist()
 
 
 def test_both_angle_systems_are_in_degrees_and_kappa_takes_the_whole_turn(tmp_path: Path) -> None:
@@ -123,10 +142,12 @@ def test_parameters_have_a_table_only_if_there_are_any(tmp_path: Path) -> None:
         "cameras.csv",
         "residuals.csv",
         "frame.csv",
+        "point_covariances.csv",
+        "image_covariances.csv",
     ]
     parameters = Parameters(group=["interior"], object=["1-0"], name=["d0"], value=[1e-3], sigma=[np.nan])
     solution = made_solution(block, parameters=parameters)
-    assert write_solution_tables(solution, block, tmp_path / "b")[-1].name == "parameters.csv"
+    assert "parameters.csv" in [path.name for path in write_solution_tables(solution, block, tmp_path / "b")]
     assert _read(tmp_path / "b" / "parameters.csv")[0]["sigma"] == ""
 
 
