@@ -11,7 +11,10 @@ def _recognised(view: FileView) -> str:
     if "doc.xml" in view.names and not view.is_folder:
         return "an archive with doc.xml"
     seen = re.search(r"<document\s+version=.*?<chunk", view.head, re.DOTALL)
-    return "XML with <document version> and <chunk>" if seen else ""
+    if seen:
+        return "XML with <document version> and <chunk>"
+    seen = re.search(r"<calibration>\s*<projection>", view.head)
+    return "XML with <calibration> and <projection>" if seen else ""
 
 
 METASHAPE = Format(

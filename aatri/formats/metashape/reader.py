@@ -22,12 +22,12 @@ from aatri.arrays import Float
 from aatri.codes import CHECK, CONTROL, NO_ROLE
 from aatri.errors import InputError
 from aatri.formats.conventions.lens_conversion import camera_parts
-from aatri.formats.conventions.pixel_origins import PIXEL_AXES
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES, PIXEL_MM
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_of
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.rigs import rigs_of
-from aatri.formats.metashape.sensors import Sensor, sensors_of
+from aatri.formats.metashape.sensors import Sensor, lens_of, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
@@ -51,7 +51,10 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
         If it is not of this form, or has what is not supported; the message names line and element.
     """
     archive = _archive(path)
-    chunk = _chunk(_root(path, archive))
+    root = _root(path, archive)
+    if root.tag == "calibration":
+        return _calibration(root, path, reading, reporter)
+    chunk = _chunk(root)
     cameras, disabled = cameras_of(chunk)
     sensors = sensors_of(chunk, {camera.sensor for camera in cameras})
     lenses = [sensor.lens for sensor in sensors.values() if sensor.lens is not None]
@@ -109,6 +112,14 @@ def _not_read(chunk: XmlElement, cameras: list[ImageElement], aligned: Collectio
     return notes
 
 
+def _calibration(root: XmlElement, path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+    """The camera of a calibration file (Tools, Camera Calibration, Save); it is called as the file."""
+    size = (root.number("width"), root.number("height"))
+    lens = lens_of(root, path.stem, root.one("projection").text, size, PIXEL_MM)
+    cameras = camera_parts([lens], reporter, allowed_px=reading.lens_misfit_px)
+    return BlockParts("metashape", [path], name=path.stem, pixel_axes=PIXEL_AXES["metashape"], **cameras)
+
+
 def _archive(path: Path) -> Archive | None:
     """The archive that a file is; None of another."""
     return Archive(path) if FileView(path).head.startswith("PK\x03\x04") else None
@@ -116,7 +127,7 @@ def _archive(path: Path) -> Archive | None:
 
 def _root(path: Path, archive: Archive | None) -> XmlElement:
     if archive is None:
-        return read_xml(path, ("document",), WANTED)
+        return read_xml(path, ("document", "calibration"), WANTED)
     if DOCUMENT not in archive.names:
         raise InputError(f"no {DOCUMENT} in the archive", where=str(path), remedy=f"give {WANTED}")
     return read_xml(path, ("document",), WANTED, decoded_xml(archive.bytes_of(DOCUMENT), archive.at(DOCUMENT)))

@@ -71,17 +71,29 @@ def _lens(sensor: XmlElement, name: str) -> Lens | None:
     if not calibrations:
         return None
     calibration = (adjusted or calibrations)[0]
-    kind = calibration.get("type") or sensor.get("type", "frame")
-    if kind != "frame":
-        raise calibration.error(f"a camera of type {clipped(kind)!r} has no like here", "frame cameras are read")
-    for name_of in NO_LIKE:
-        if calibration.number(name_of, default=0.0):
-            raise calibration.one(name_of).error(f"{name_of} has no like here", "calibrate without it")
     place = calibration.optional("resolution") or sensor.one("resolution")
     width, height = (place.parsed(place.get(side), side) for side in ("width", "height"))
     values = {p.get("name"): p for p in sensor.all("property")}
     pixel = values.get("pixel_width")
     pixel_mm = pixel.parsed(pixel.get("value"), "pixel_width") if pixel is not None else PIXEL_MM
+    kind = calibration.get("type") or sensor.get("type", "frame")
+    return lens_of(calibration, name, kind, (width, height), pixel_mm)
+
+
+def lens_of(calibration: XmlElement, name: str, kind: str, size_px: tuple[float, float], pixel_mm: float) -> Lens:
+    """The camera of a calibration, in either dialect; `kind` is what Metashape calls its projection.
+
+    Raises
+    ------
+    InputError
+        If it has no like.
+    """
+    width, height = size_px
+    if kind != "frame":
+        raise calibration.error(f"a camera of type {clipped(kind)!r} has no like here", "frame cameras are read")
+    for name_of in NO_LIKE:
+        if calibration.number(name_of, default=0.0):
+            raise calibration.one(name_of).error(f"{name_of} has no like here", "calibrate without it")
     parameters = {k: calibration.number(k, default=0.0) for k in FORMS["metashape"].terms}
     cx, cy = (calibration.number(axis, default=0.0) for axis in ("cx", "cy"))
     if calibration.optional("fx") is not None:

@@ -16,6 +16,7 @@ from aatri.errors import AatriError
 from aatri.formats.conventions.poses import carrier_angles
 from aatri.formats.metashape.reader import read_metashape
 from aatri.formats.parts.assembled import assembled
+from aatri.formats.registry.recognised import recognised_file
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.observations.rigs import rig_pairs
 from tests.formats.lens_projection import misfit_px
@@ -125,6 +126,23 @@ def test_a_point_falls_where_the_formula_puts_it_in_both_dialects(
     xy = [formula_px(0.1, -0.2), formula_px(-10 / 120, 20 / 120)]
     assert misfit_px(block, "a.jpg", xy, xyz).max() < 1e-9
     np.testing.assert_allclose(block.exterior.position_m[block.exterior.image == 0], [[21.0, 42.0, 103.0]])
+
+
+def test_a_calibration_file_is_the_camera_of_a_document_with_the_same_parameters(tmp_path: Path) -> None:
+    path = tmp_path / "cam.xml"
+    size = "<projection>frame</projection><width>4000</width><height>3000</height>"
+    path.write_text(f"<?xml version='1.0'?>\n<calibration>\n{size}{NEW}<date>2020</date>\n</calibration>\n")
+    assert recognised_file(path).format.name == "metashape"
+    parts = read_metashape(path)
+    document = read_metashape(written(tmp_path, local()))
+    assert parts.cameras["id"] == ["cam"]
+    c_px = [
+        np.asarray(of.cameras["principal_distance_mm"])[0] / pixel for of, pixel in ((parts, 1e-3), (document, 4e-3))
+    ]
+    assert c_px[0] == pytest.approx(c_px[1], rel=1e-9)
+    path.write_text(path.read_text().replace("frame", "fisheye"))
+    with pytest.raises(AatriError, match=r"cam.xml:2: a camera of type 'fisheye'"):
+        read_metashape(path)
 
 
 def test_only_pinned_marks_are_measured_and_roles_and_accuracies_are_those_of_the_document(tmp_path: Path) -> None:

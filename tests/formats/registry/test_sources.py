@@ -18,7 +18,7 @@ from tests.formats.lens_projection import misfit_px
 
 EXPECTED = {
     "borea": {"ign_opk", "ign_camera", "ign_app", "ign_mes"},
-    "bingo": {"bingo", "bingo_geoin"},
+    "bingo": {"bingo", "bingo_geoin", "metashape"},
     "socet": {"socet_gpf", "socet_ipf"},
     "sfm": {"opensfm", "nvm", "colmap"},
     "pix4d": {"pix4d"},
