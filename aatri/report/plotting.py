@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from aatri.arrays import Float
 from aatri.errors import InputError, SpecError
 from aatri.ids import did_you_mean
 from aatri.report.drawing.picture import COLOURS, ChartAxis, Marks, Picture
@@ -14,6 +15,8 @@ FORMATS = ("svg", "png", "pdf")
 INCHES_PER_PX = 1 / 96
 POINTS_PER_PX = 0.75
 MOST_LABELS = 200
+LEAST_HEIGHT, MOST_HEIGHT = 0.35, 1.4
+"""Of the file of a plan, by its width: that of what it shows between these."""
 SYMBOLS = {"dots": "o", "triangles": "^", "circles": "o", "crosses": "x"}
 SIZE_PX = 9.0
 """Width of triangles, circles and crosses."""
@@ -65,7 +68,9 @@ def plotted(picture: Picture, form: str) -> bytes:
             _scale(axes.xaxis, axes.set_xlim, axes.set_xscale, picture.across)
             _scale(axes.yaxis, axes.set_ylim, axes.set_yscale, picture.up)
         else:
-            figure.set_size_inches(picture.width * INCHES_PER_PX, picture.width * INCHES_PER_PX)
+            west_east, south_north = np.ptp(_places(picture), axis=0)
+            share = min(max(south_north / max(west_east, 1e-9), LEAST_HEIGHT), MOST_HEIGHT)
+            figure.set_size_inches(*(picture.width * INCHES_PER_PX * np.array([1.0, share])))
             axes.set_aspect("equal", adjustable="datalim")
             axes.set_axis_off()
             _lengths(axes, picture)
@@ -123,10 +128,15 @@ def _scale(axis: Any, limits: Any, scale: Any, of: ChartAxis) -> None:
         axis.grid(linewidth=0.4, color=COLOURS["line"])
 
 
+def _places(picture: Picture) -> Float:
+    """All places of a plan, (n, 2)."""
+    return np.concatenate([m.xy.reshape(-1, 2) for m in picture.marks if len(m.xy)])
+
+
 def _lengths(axes: Any, picture: Picture) -> None:
     """Bar of the scale and vector of round length, below the plan."""
     axes.autoscale_view()
-    places = np.concatenate([m.xy.reshape(-1, 2) for m in picture.marks if len(m.xy)])
+    places = _places(picture)
     (west, south), (east, north) = places.min(axis=0), places.max(axis=0)
     extent = max(east - west, north - south, 1e-9)
     below = south - 0.06 * extent

@@ -206,3 +206,13 @@ def test_without_a_browser_the_error_says_what_to_do(tmp_path: Path, monkeypatch
     with pytest.raises(ResourceError, match="no Chromium, Chrome or Edge") as raised:
         write_pdf(make_run(tmp_path / "run", {}))
     assert "print it" in raised.value.remedy
+
+
+def test_labels_of_a_large_plan_stand_above_its_marks(browser: sync_api.Browser, tmp_path: Path) -> None:
+    opened = browser.new_page(viewport={"width": 1400, "height": 1000})
+    opened.goto(write_report(_large(tmp_path / "run")).as_uri())
+    opened.locator("#plan svg.many").scroll_into_view_if_needed()
+    opened.wait_for_selector("#plan canvas", state="attached")
+    above = "svg => +getComputedStyle(svg).zIndex > (+getComputedStyle(svg.nextElementSibling).zIndex || 0)"
+    assert opened.locator("#plan svg.many").evaluate(above)
+    opened.close()
