@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from aatri.adjustment.statistics.limits import ALARM
-from aatri.orientation.bundle.groups.score_tests import gain_without_largest, is_significant
+from aatri.orientation.bundle.groups.score_tests import is_significant, share_without_largest
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,6 @@ def test_where_no_covariance_is_known_nothing_is_dropped() -> None:
 def test_one_wrong_member_that_carries_others_along_is_no_group() -> None:
     """Two points of two rays each move with it along their bases, where nothing holds them: nothing is gained."""
     before, after = np.array([[80.0, 0.0], [0.5, 0.9], [1.1, -0.3]]), np.array([[0.2, 0.0], [0.5, 0.8], [1.1, -0.3]])
-    assert gain_without_largest(before, after) == pytest.approx(0.9**2 - 0.8**2)
+    assert share_without_largest(before, after) == pytest.approx((0.9**2 - 0.8**2) / (80**2 - 0.2**2 + 0.9**2 - 0.8**2))
     together = np.array([[9.0, 0.0], [8.0, 1.0], [0.0, 10.0]])
-    assert gain_without_largest(together, np.zeros((3, 2))) == pytest.approx(81 + 65)
+    assert share_without_largest(together, np.zeros((3, 2))) == pytest.approx((81 + 65) / (81 + 65 + 100))

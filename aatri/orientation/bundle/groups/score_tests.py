@@ -9,7 +9,7 @@ and with the standard deviations that the kind has by its own residuals. A cause
 one that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are
 named too. Where single observations are tested as well, the group must gain more than the largest of them alone, and
 most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip. Nor is one
-that carries neighbours along which nothing holds: without the one that gains most it must be significant still.
+that carries neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of other members.
 """
 
 from collections.abc import Iterator, Sequence
@@ -208,8 +208,7 @@ def _confirmed(
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
-    limit = scale**2 * chdtri(t.joint.rank, t.alarm)
-    if t.gain <= limit or gain_without_largest(before, after) <= limit:
+    if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm) or share_without_largest(before, after) < EXPLAINS:
         return None
     if single and not _most_fit_better(before, after):
         return None
@@ -241,10 +240,11 @@ def _residuals(
     )
 
 
-def gain_without_largest(before: Float, after: Float) -> float:
-    """What a group gains at all its members but the one that gains most: of one alone it is none."""
+def share_without_largest(before: Float, after: Float) -> float:
+    """Share of what a group gains at its members that is not that of the one which gains most: of one alone it is 0."""
     gain = (before**2).sum(axis=1) - (after**2).sum(axis=1)
-    return float(gain.sum() - gain.max(initial=0.0))
+    whole = float(gain.sum())
+    return 1.0 - float(gain.max(initial=0.0)) / whole if whole > 0 else 1.0
 
 
 def _most_fit_better(before: Float, after: Float) -> bool:
