@@ -30,15 +30,11 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
 from aatri.orientation.bundle.groups.group import Group, Key
-from aatri.orientation.bundle.groups.members import with_members
 from aatri.orientation.bundle.result import BundleResult
 
 MOST_TRIED, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
 is far off tells them apart only so far, an adjustment with each of them does."""
-
-MOST_WINDOWS = 8
-"""Windows of which the points that are moved are sought: those around one point, of all sizes."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,6 @@ def significant_groups(
     adjusted = with_factor(adjusted)
     candidates = list(candidates_of(block, result))
     left = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
-    left += _by_members(adjusted, result, [t for t in left if t.candidates.per == NEIGHBOURHOOD])
     groups: list[Group] = []
     while left and len(groups) < MOST_TRIED:
         gain = np.array([t.gain for t in left])
@@ -144,17 +139,6 @@ def _significant(
         gain /= _dispersion(candidates, gain, rank)
         for unit in np.flatnonzero((rank > 0) & (gain > chdtri(np.maximum(rank, 1), alarm))).tolist():
             yield _Significant(candidates, unit, cause, scores.joint(unit, cause.columns), float(gain[unit]), alarm)
-
-
-def _by_members(adjusted: Adjusted, result: BundleResult, windows: list[_Significant]) -> Iterator[_Significant]:
-    """Of the windows that gain most the points that are moved."""
-    for t in sorted(windows, key=lambda t: -t.gain)[:MOST_WINDOWS]:
-        chosen = with_members(adjusted, result, t.candidates, t.unit)
-        if chosen is not None:
-            candidates, joint = chosen
-            gain, rank = np.array([joint.gain]), np.array([joint.rank])
-            gain = gain / _variance(adjusted, gain, rank) / _dispersion(candidates, gain, rank)
-            yield replace(t, candidates=candidates, unit=0, joint=joint, gain=float(gain[0]))
 
 
 def _variance(adjusted: Adjusted, gain: Float, rank: Int) -> Float:
