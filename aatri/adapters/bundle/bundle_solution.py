@@ -124,16 +124,16 @@ def _tests(result: BundleResult) -> Tests:
 
 
 def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
-    """Interior orientations as adjusted: of camera models, or by c, x0, y0 of a set that each camera has one of."""
+    """Interior orientations as adjusted: of camera models, changed by c, x0, y0 of sets of single cameras."""
     sets = [] if tables.sets is None else tables.sets.set.tolist()
     ideal = any(is_ideal(name) for name in sets)
     cameras, p = assemble.solved_cameras(block), assemble.stacked([Parameters.empty(), *tables.parameters])
-    calibrated = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
-    by_set = _by_camera(cameras.id, p, ADDITIONAL, INTERIOR.parameters, np.zeros((len(calibrated), 3)))
-    values = calibrated + by_set
-    for k, c0 in enumerate(calibrated[:, 0] if not ideal else ()):
-        values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *calibrated[k, 1:]]
-    values = _by_camera(cameras.id, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), values)
+    interior = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
+    interior = _by_camera(cameras.id, p, CAMERA, ("principal_distance", *PRINCIPAL_POINT), interior)
+    by_set = _by_camera(cameras.id, p, ADDITIONAL, INTERIOR.parameters, np.zeros_like(interior))
+    values = interior + by_set
+    for k, c0 in enumerate(interior[:, 0] if not ideal else ()):
+        values[k] = interior_orientation(c0, by_set[k])[0] + [0.0, *interior[k, 1:]]
     return replace(cameras, principal_distance_mm=values[:, 0], principal_point_mm=values[:, 1:])
 
 

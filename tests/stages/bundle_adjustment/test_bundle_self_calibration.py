@@ -15,6 +15,7 @@ from aatri.camera.parameters.parameter_set import scale_of_format
 from aatri.errors import GeometryError, SpecError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.collocation import collocation
+from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from tests.camera.parameters.spans import outside_span
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
@@ -190,6 +191,20 @@ def test_the_rank_loss_of_brown21_is_refused_with_advice() -> None:
     assert "a21 of additional" in caught.value.what
     assert "observed projection centres" in caught.value.remedy
     assert "sigma_um" in caught.value.remedy
+
+
+def test_the_camera_of_a_solution_has_the_principal_distance_that_a_set_gives_beside_a_known_lens() -> None:
+    block = simulated(**SMALL, camera={"distortion": "brown", "brown": UNCORRECTED}, gnss={"observed": True})
+    c = float(block.cameras.principal_distance_mm[0])
+    wrong = replace(block, cameras=replace(block.cameras, principal_distance_mm=np.array([c + 0.2])))
+    chain = run_chain(wrong, FILM)
+    uncorrected = systematic(wrong, chain.interior, options=SystematicOptions(distortion=False))
+    solution = _with(replace(chain, refined=uncorrected), set="brown_conrady")
+    p = solution.parameters
+    assert "camera" in p.group
+    sigma = float(p.sigma[p.name == "c"][0])
+    assert 0.0 < sigma < 0.05
+    assert abs(float(solution.cameras.principal_distance_mm[0]) - c) < 4.0 * sigma
 
 
 def test_interior_belongs_to_sets_without_it(distorted: Chain) -> None:
