@@ -21,6 +21,10 @@ REJECTED = "rejected as gross errors"
 """What a warning says of observations that the report names by the suspects of the result."""
 
 
+FAR_OFF = "far off what their standard deviations allow"
+"""What a warning says of check points that a light of the report names."""
+
+
 @dataclass(frozen=True)
 class Note:
     """One thing to say."""

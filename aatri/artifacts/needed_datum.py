@@ -18,18 +18,12 @@ def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all
     """
     names: tuple[str, ...] = ("ground_points.xyz_m", "exterior.position_m")
     text = "neither control nor observed positions"
-    remedy = "give control (ground_points.csv) or observed positions (exterior.csv); "
+    remedy = "give control (ground_points.csv) or observed positions (exterior.csv)"
     if not positions:
         names, text = names[:1], "no control"
     elif shift != "none":
         names = (names[0], WITHOUT_SHIFT) if shift == "group" else names[:1]
-        text += " that say where it lies (those of a group share an unknown shift)"
-        remedy = (
-            "give control (ground_points.csv), or positions in no group (`drift_group` in exterior.csv, empty), or "
-            "take the positions as they are by `positions: {drift: none}`; "
-        )
-    remedy += (
-        "a bundle with `datum: free` or `datum: minimal`, that starts from initial_orientation/graph, adjusts the "
-        "block without"
-    )
+        text = "no control and no observed position outside drift groups" if shift == "group" else "no control"
+        remedy = "give control (ground_points.csv), or take the positions as they are: `positions: {drift: none}`"
+    remedy += "; or `datum: free` in a bundle, after initial_orientation/graph if there are images"
     return (Need("block", names, f"the block has {text}", remedy),)

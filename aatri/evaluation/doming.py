@@ -19,7 +19,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.ids import rows_of
-from aatri.notes import Note
+from aatri.notes import FAR_OFF, Note
 
 FEWEST = 6
 NOTHING_M = 1e-6
@@ -98,4 +98,4 @@ def _far(evaluation: Evaluation) -> list[Note]:
         return []
     off = np.nan_to_num(np.abs(d.difference_m[rows])).max(axis=1)
     points = tuple(f"{d.point[rows[k]]} ({off[k]:.3g} m, {size[k]:.3g} sigma)" for k in far.tolist())
-    return [Note("warning", f"{len(far)} check points lie far off", points)]
+    return [Note("warning", f"{len(far)} of {len(rows)} check points {FAR_OFF}", points)]

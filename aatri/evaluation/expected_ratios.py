@@ -53,13 +53,14 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
             continue
         low, high = _limits(n, 1.0 - ALARM)
         if not low <= value <= high:
-            beyond.append(f"{axis.upper()} {value:.2f} (expected {low:.2f} to {high:.2f}, {n:.0f} independent errors)")
+            chance = f"{low:.2f} to {high:.2f} by chance of {n:.0f} independent errors"
+            beyond.append(f"{value:.2f} times their standard deviations in {axis.upper()} ({chance})")
     names = {
-        "check": "check errors over theory",
-        "new": "true errors over theory",
-        "left_out": "control without itself over theory",
+        "check": "Errors at check points",
+        "new": "True errors",
+        "left_out": "Errors of control predicted without itself",
     }
-    return [f"Beyond chance, {names[points]}: {', '.join(beyond)}."] if beyond else []
+    return [f"{names[points]} are {', '.join(beyond)}."] if beyond else []
 
 
 def _limits(n: float, confidence: float) -> tuple[float, float]:

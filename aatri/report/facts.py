@@ -19,6 +19,8 @@ from aatri.report.drawing.plan import footprints, image_rows, principal_distance
 from aatri.report.view.numbers import counted, number, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
+COORDINATES = ("dX", "dY", "dZ")
+"""Types of geodetic observations that are those of one: a baseline."""
 DOWNWARDS = -0.9
 """Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
 PARALLEL = 0.9
@@ -32,11 +34,14 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     if block is None:
         return {}
     made = {}
-    if solution is not None and not solution.images.oriented.any():
+    of_images = len(block.images) and (solution is None or solution.images.oriented.any())
+    if not of_images:
         made["points"] = number(len(block.points))
-        counts = [counted(int((block.geodetic.type == t).sum()), str(t)) for t in np.unique(block.geodetic.type)]
+        kinds = block.geodetic.type[block.geodetic.active]
+        names = np.where(np.isin(kinds, COORDINATES), "coordinate difference", kinds)
+        counts = [counted(int((names == name).sum()), str(name)) for name in np.unique(names)]
         made["observed"] = shown(counts, MOST_TYPES)
-    elif len(block.images):
+    else:
         strips = f" in {number(len(block.strips))} strips" if len(block.strips) else ""
         made["images"] = f"{number(int(block.images.active.sum()))}{strips}"
     c = block.cameras
@@ -116,5 +121,5 @@ def accuracy_statement(figures: Mapping[str, float]) -> str:
         return ""
     text = f"Tested at {number(n)} check points: {', '.join(parts)} (ASPRS edition 2, 2023)."
     if n < ENOUGH_CHECK_POINTS:
-        text += f" The standard asks for {ENOUGH_CHECK_POINTS}: with fewer it knows no accuracy class."
+        text += f" The standard asks for at least {ENOUGH_CHECK_POINTS}."
     return text

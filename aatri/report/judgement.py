@@ -13,7 +13,8 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
-from aatri.report.verdict import with_check_counts
+from aatri.ids import shown
+from aatri.report.verdict import far_off, with_check_counts
 from aatri.report.view.numbers import counted, number, small_angle, spoken, together
 from aatri.report.view.run_view import RunView
 
@@ -30,11 +31,10 @@ def judgement(run: RunView) -> str:
     failed = [stage for stage in run.stages if stage.status == "failed"]
     solutions, solution = run.of_kind(Solution), run.last(Solution)
     if failed:
-        return f"The run ended in stage {failed[0].name}; what stands here is what was made before."
+        return f"The run failed in stage {failed[0].name}; what stands here was made before."
     if run.overview.get("refused"):
-        return "The pipeline does not fit the block and was not run on; what stands here is what was made before."
-    done = sum(stage.status == "done" for stage in run.stages)
-    left = f"The run is not complete: {done} of {len(run.stages)} stages are done." if done < len(run.stages) else ""
+        return "The pipeline does not fit the block and was not run on; what stands here was made before."
+    left, to_follow = _left_to_do(run), run.to_follow()
     purpose = _of_purpose(run)
     if not solutions or solution is None:
         return " ".join(filter(None, [left, purpose or "Nothing has been adjusted yet."]))
@@ -44,11 +44,28 @@ def judgement(run: RunView) -> str:
         left,
         _contradiction(solution),
         purpose or _accuracy(figures),
-        _sigma0(solutions[-1].metrics),
+        _far_off(run.last(Evaluation)),
+        "" if to_follow else _sigma0(solutions[-1].metrics),
         *wrong_observations(solution).values(),
         _image_points_left_out(solution),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _left_to_do(run: RunView) -> str:
+    """How far a run came that was stopped, and whose result it has."""
+    done = sum(stage.status == "done" for stage in run.stages)
+    if done == len(run.stages):
+        return ""
+    last = run.to_follow() and f", {run.of_kind(Solution)[-1].name} the last; {run.to_follow()} is to follow"
+    return f"The run is not complete: {done} of {len(run.stages)} stages are done{last}."
+
+
+def _far_off(evaluation: Evaluation | None) -> str:
+    """Check points that are wrong, or show that the block is, by name."""
+    far = far_off(evaluation)
+    named = shown([f"{name}, {together([size])}" for name, _, size in far], MOST_NAMED)
+    return f"{counted(len(far), 'check')} {'is' if len(far) == 1 else 'are'} far off: {named}." if far else ""
 
 
 def _of_purpose(run: RunView) -> str:
@@ -84,7 +101,9 @@ def _accuracy(figures: Mapping[str, float]) -> str:
         if figures.get(count) and values:
             lengths, points = together(values.values()), number(int(figures[count]))
             return f"{text.format(lengths, _and(values), points)}{_theory(figures, what)}."
-    return "Nothing independent is known of the accuracy: there is no check point."
+    theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
+    known = f"; by their standard deviations new points are known to {together(theory)}" if theory else ""
+    return f"Nothing independent is known of the accuracy: there is no check point{known}."
 
 
 def _theory(figures: Mapping[str, float], what: str) -> str:

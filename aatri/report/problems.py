@@ -8,10 +8,10 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
-from aatri.notes import CONTRADICTION, REJECTED
+from aatri.notes import CONTRADICTION, FAR_OFF, REJECTED
 from aatri.report.judgement import wrong_observations
 from aatri.report.verdict import BAD, LOOK, Light
-from aatri.report.view.numbers import number
+from aatri.report.view.numbers import NOUNS, number, spoken
 from aatri.report.view.run_view import RunView
 
 MOST_IMAGES = 5
@@ -60,7 +60,7 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
     of_lights = [
         ReportedProblem(f"{light.title}: {light.words}", *_remedy(light.title))
-        for light in lights
+        for light in sorted(lights, key=lambda light: light.state != BAD)
         if light.state in (BAD, LOOK) and light.title in REMEDIES  # of the others failures and observations tell
     ]
     others = [warning for warning in warnings if warning not in contradictions]
@@ -72,13 +72,21 @@ def _of_stages(run: RunView) -> list[ReportedProblem]:
 
     Stages on the way have theirs beside them: the next one tests again what they tell.
     """
-    asked = [*run.of_kind(Block), *run.of_kind(Solution)[-1:], *run.of_kind(Evaluation)]
+    solutions = run.of_kind(Solution)
+    asked = [*run.of_kind(Block), *solutions[-1:], *run.of_kind(Evaluation)] if solutions else run.stages
     return [
-        ReportedProblem(str(warning), stage=stage.name)
+        ReportedProblem(_in_words(str(warning)), stage=stage.name)
         for stage in asked
         for warning in (stage.record or {}).get("warnings", ())
-        if REJECTED not in warning
+        if REJECTED not in warning and FAR_OFF not in warning  # of them observations and a light tell
     ]
+
+
+def _in_words(warning: str) -> str:
+    """A warning that begins with a kind of observation, with its name: `image_point: 3 of 9 ...`."""
+    kind, colon, rest = warning.partition(": ")
+    named = colon and (kind in NOUNS or (kind.isidentifier() and "_" in kind))
+    return f"{spoken(kind).capitalize()}s: {rest}" if named else warning
 
 
 def _unreadable(run: RunView) -> list[ReportedProblem]:
@@ -99,7 +107,7 @@ def _of_solution(run: RunView) -> list[ReportedProblem]:
     stage = run.of_kind(Solution)[-1].name
     made = [
         ReportedProblem(
-            text, f"{OF_OBSERVATIONS.get(kind, OTHERWISE)}; aatri edit proposes how to set it right", stage, "tests"
+            text, f"{OF_OBSERVATIONS.get(kind, OTHERWISE)}; `aatri edit` proposes how to set it right", stage, "tests"
         )
         for kind, text in wrong_observations(solution).items()
     ]

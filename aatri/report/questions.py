@@ -39,7 +39,8 @@ def questions(run: RunView, around: Surroundings) -> list[PageSection]:
     block, last = around.block, around.solution
     made = [_where(around), _accuracy(run, around)]
     if last is None:
-        made.append(_ties(block, None))
+        network = _network(block, None)
+        made = [*made, _ties(block, None), network] if block is None or len(block.images) else [network, *made[1:]]
     else:
         observed = _network(block, last)
         made += [_certainty(block, last), _ties(block, last)]
@@ -137,11 +138,11 @@ def _ties(block: Block | None, last: Solution | None) -> PageSection:
     return made
 
 
-def _network(block: Block | None, last: Solution) -> PageSection:
+def _network(block: Block | None, last: Solution | None) -> PageSection:
     made = PageSection("network", "What holds the network together?")
     if block is not None and (len(block.geodetic) or len(block.relative_control)):
         made.pictures.extend(present(network_picture(block, last)))
-        made.tables.extend(network.tables(block, last))
+        made.tables.extend(network.tables(block, last) if last is not None else [])
     return made
 
 

@@ -45,7 +45,7 @@ def internal_lights(run: RunView, solution: Solution | None) -> list[Light]:
     """Chain, convergence, sigma0 and suspects; `solution` is the last one."""
     solutions = run.of_kind(Solution)
     best = solutions[-1] if solutions else None
-    return [_chain(run), _converged(best, solution), _sigma0(best), _suspects(best, solution)]
+    return [_chain(run), _converged(best, solution), _sigma0(best, run.to_follow()), _suspects(best, solution)]
 
 
 def external_lights(run: RunView) -> list[Light]:
@@ -55,7 +55,9 @@ def external_lights(run: RunView) -> list[Light]:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
     expected = _expected(figures)
-    lights = [_check(figures, expected), expected, *_far_off(run.last(Evaluation))]
+    lights = [_check(figures, expected), *_far_off(run.last(Evaluation))]
+    if figures.get("check_points"):
+        lights.insert(1, expected)
     if figures.get("truth_points"):
         lights.append(_truth(figures))
     return lights
@@ -83,13 +85,15 @@ def _converged(stage: StageView | None, solution: Solution | None) -> Light:
     return Light(title, GOOD if decrement <= CONVERGED else LOOK, words)
 
 
-def _sigma0(stage: StageView | None) -> Light:
+def _sigma0(stage: StageView | None, to_follow: str) -> Light:
     sigma0 = stage.metrics.get("sigma0") if stage else None
     figures = stage.metrics if stage else {}
     redundancy = round(figures.get("sigma0_redundancy") or figures.get("redundancy") or 0)
     if stage is None or sigma0 is None or redundancy < 1:
         return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
     scale = float(figures.get("sigma_scale") or 1.0)
+    if to_follow:  # strips and similarities leave to it what they do not model
+        return Light("sigma0", NONE, f"{stage.name}: {sigma0:.3f}, not judged before {to_follow} is done")
     test = global_test(float(sigma0) / scale, redundancy)
     low, high = sigma0_interval(redundancy, ALARM)
     expected = f"expected {low:.3f} to {high:.3f} ({100 * (1 - ALARM):g} %)"
@@ -129,7 +133,7 @@ def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
     """RMSE at check points; of few of them it is good where theory was compared and chance explains the rest."""
     n = int(figures.get("check_points") or 0)
     if not n:
-        return Light("Independent check", NONE, "no independent check: no check points")
+        return Light("Independent check", NONE, "no check points")
     values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
     texts, unit = alike(float(value) for value in values.values() if value is not None)
     words = (
@@ -143,6 +147,13 @@ def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
 
 def _far_off(evaluation: Evaluation | None) -> list[Light]:
     """Check points that no standard deviation explains, by name, the worst first."""
+    far = far_off(evaluation)
+    named = [f"{name} ({number(round(sigmas, 1))} sigma, {together([size])})" for name, sigmas, size in far]
+    return [Light("Check points far off", BAD, shown(named, MOST_FAR))] if far else []
+
+
+def far_off(evaluation: Evaluation | None) -> list[tuple[str, float, float]]:
+    """Check points that no standard deviation explains, the worst first: name, in standard deviations, in metres."""
     if evaluation is None:
         return []
     d = evaluation.differences
@@ -151,14 +162,11 @@ def _far_off(evaluation: Evaluation | None) -> list[Light]:
         size = np.fmax.reduce(
             np.where(d.sigma_m[checks] > 0, np.abs(d.difference_m[checks]) / d.sigma_m[checks], np.nan), axis=1
         )
-    far = checks[np.nan_to_num(size) > WRONG_SIGMAS]
-    if not len(far):
-        return []
-    size = dict(zip(checks.tolist(), size.tolist()))
-    worst = sorted(far.tolist(), key=lambda k: -size[k])
-    largest = [float(np.nanmax(np.abs(d.difference_m[k]))) for k in worst]
-    named = [f"{d.point[k]} ({number(round(size[k], 1))} sigma, {together([m])})" for k, m in zip(worst, largest)]
-    return [Light("Check points far off", BAD, shown(named, MOST_FAR))]
+    size = np.nan_to_num(size)
+    worst = np.argsort(-size, kind="stable")[: int((size > WRONG_SIGMAS).sum())]
+    return [
+        (str(d.point[checks[k]]), float(size[k]), float(np.nanmax(np.abs(d.difference_m[checks[k]])))) for k in worst
+    ]
 
 
 def _expected(figures: Mapping[str, float | int | None]) -> Light:

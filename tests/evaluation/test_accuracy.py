@@ -261,12 +261,12 @@ def test_limits_are_those_of_chi_square_tables() -> None:
 
 
 def test_a_ratio_beyond_chance_is_told_and_one_within_is_not() -> None:
-    assert "Beyond chance" not in _evaluated([[10.0] * 3, [4.0] * 3], 0.02).verdict
+    assert "by chance" not in _evaluated([[10.0] * 3, [4.0] * 3], 0.02).verdict
     verdict = _evaluated([[10.0, 10.0, 3.0], [1.5] * 3], 0.01).verdict  # a ratio of 2
-    assert "true errors over theory: X 2.00 (expected 0.3" in verdict
-    assert "Y 2.00" in verdict
-    assert "Z 2.00" not in verdict
-    assert "check errors" not in verdict
+    assert "True errors are 2.00 times their standard deviations in X (0.3" in verdict
+    assert "2.00 times their standard deviations in Y" in verdict
+    assert "standard deviations in Z" not in verdict
+    assert "Errors at check points" not in verdict
 
 
 def test_the_ratio_of_control_left_out_has_its_number_and_limits() -> None:
@@ -277,4 +277,4 @@ def test_the_ratio_of_control_left_out_has_its_number_and_limits() -> None:
     assert "left_out_independent_y" not in found
     ratios = {"left_out_theory_ratio_x": 1.1, "left_out_theory_ratio_z": 3.1}
     (text,) = outside_expected({**found, **ratios}, "left_out")
-    assert text.startswith("Beyond chance, control without itself over theory: Z 3.10")
+    assert text.startswith("Errors of control predicted without itself are 3.10 times their standard deviations in Z (")

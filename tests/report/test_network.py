@@ -9,6 +9,7 @@ import pytest
 
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
+from aatri.report.facts import facts
 from aatri.report.sections import network
 from aatri.report.sections.shapes import shapes_table
 from aatri.stages.block.tables import TablesOptions, tables
@@ -71,6 +72,18 @@ def test_lines_are_drawn_once_and_rejected_ones_as_such(adjusted) -> None:
     assert [len(drawn[name].xy) for name in ("observed", "with a rejected observation")] == [6, 1]
     assert list(drawn["with a rejected observation"].ids) == ["B to P"]
     assert list(drawn["standard ellipses"].ids) == ["P", "Q"]
+
+
+def test_a_network_that_is_not_adjusted_is_drawn_and_its_observations_are_counted(adjusted) -> None:
+    """A run that was refused or stopped before the adjustment; P and Q have approximate places."""
+    block, _ = adjusted
+    picture = network_picture(block, None)
+    drawn = {m.name: len(m.xy) for m in picture.marks}
+    assert drawn["observed"] == 7
+    assert (drawn["control"], drawn["new points"]) == (3, 2)
+    counted = facts(block, None)
+    assert (counted["points"], counted["observed"]) == ("5", f"{len(block.geodetic)} distances")
+    assert "images" not in counted
 
 
 def test_control_of_a_network_takes_part_though_no_image_shows_it(adjusted) -> None:

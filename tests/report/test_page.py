@@ -210,7 +210,7 @@ def test_a_folder_without_a_run_is_an_error(tmp_path: Path) -> None:
 def test_without_check_points_there_is_no_check_figure_on_the_page(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts(made_block(check=False)))
     text = write_report(run).read_text(encoding="utf-8")
-    assert "no independent check" in text
+    assert "<b>Independent check</b> no check points" in text
     assert "No independent check" in text
 
 

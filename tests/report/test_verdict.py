@@ -25,7 +25,7 @@ from tests.made_solutions import made_block, made_solution
 def test_sigma0_is_tested_with_the_redundancy_that_it_counts(figures: dict[str, float], state: str) -> None:
     """99.9 % limits: 0.600 to 1.439 for a redundancy of 30, 0.868 to 1.136 for 300 (tables of chi-square)."""
     stage = SimpleNamespace(name="bundle", metrics={"sigma0": 1.20, **figures}, status="done")
-    run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage], evaluated=lambda: [stage])
+    run = SimpleNamespace(stages=[stage], of_kind=lambda kind: [stage], evaluated=lambda: [stage], to_follow=str)
     (light,) = [x for x in internal_lights(run, None) if x.title == "sigma0"]  # type: ignore[arg-type]
     assert light.state == state
     assert f"redundancy {round(figures.get('sigma0_redundancy', figures['redundancy']))}," in light.words

@@ -116,7 +116,7 @@ def ellipses_picture(block: Block, solution: Solution) -> Picture | None:
     return Picture("ellipses", "Error ellipses", caption, marks)
 
 
-def network_picture(block: Block, solution: Solution) -> Picture | None:
+def network_picture(block: Block, solution: Solution | None) -> Picture | None:
     """What is observed between points; None where fewer than two points are observed from each other."""
     ground = ground_positions(block, solution)[:, :2]
     lines, wrong = observed_lines(block, solution)
@@ -128,12 +128,12 @@ def network_picture(block: Block, solution: Solution) -> Picture | None:
     drawn = thinned(len(lines), MOST_LINES)
     right = drawn[~wrong[drawn]]
     control = (roles(block) == CONTROL)[points]
-    out = np.isin(block.points.id[points], rejected_control(solution))
+    out = np.isin(block.points.id[points], rejected_control(solution)) if solution is not None else ~control & False
     extent = float(np.ptp(ground[points], axis=0).max())
-    names = block.points.id[points].tolist()
-    rims, scale = ellipse_marks(
-        {"standard ellipses": ("blue", ground[points], solution.points.covariance_m2[points], names)}, extent
-    )
+    names, rims, scale = block.points.id[points].tolist(), list[Marks](), 0.0
+    if solution is not None:
+        C = solution.points.covariance_m2[points]
+        rims, scale = ellipse_marks({"standard ellipses": ("blue", ground[points], C, names)}, extent)
     between = [" to ".join(block.points.id[line]) for line in lines]
     marks = [
         Marks("segments", ground[lines[right]], "soft", "observed", 0.8),
@@ -165,11 +165,11 @@ def network_picture(block: Block, solution: Solution) -> Picture | None:
     return Picture("network", "Network", f"{caption}.", marks, width=720.0)
 
 
-def observed_lines(block: Block, solution: Solution) -> tuple[Int, Bool]:
+def observed_lines(block: Block, solution: Solution | None) -> tuple[Int, Bool]:
     """Rows of the two points of every observed line, each once, and whether an observation of it is rejected."""
     number = {str(name): k for k, name in enumerate(block.points.id)}
     g, control, members = block.geodetic, block.relative_control, block.relative_control_members
-    out = {str(p) for p in solution.residuals.point[~solution.residuals.active]}
+    out = set(solution.residuals.point[~solution.residuals.active].tolist()) if solution is not None else set()
     lines: dict[tuple[int, int], bool] = {}
 
     def add(a: str, b: str) -> None:

@@ -51,6 +51,8 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
     caption = (
         "Projection centres along their strips, and the points on the ground. A click on an image or a point leaves "
         f"only its rays.{details}"
+        if len(images)
+        else f"The points whose coordinates are known.{details}"
     )
     marks = [
         Marks("areas", drawn_feet, "soft", "footprints", width=0.6, fill=0.05),

@@ -165,8 +165,9 @@ def observation_classes(solution: Solution) -> PageTable | None:
         v, sigma = residuals.residual[used], residuals.sigma[used]
         weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
         factor, unit = in_trade_unit(str(residuals.unit[used[0]]))
-        if not unit and weighted.all():  # of several units, as film corrections: in standard deviations
-            v, sigma, unit = v / sigma, np.ones_like(sigma), "sigma"
+        if not unit and weighted.any():  # of several units, as film corrections: in standard deviations
+            v = np.divide(v, sigma, out=np.full_like(v, np.nan), where=weighted)
+            sigma, unit = weighted.astype(float), "sigma"
         given = float(np.median(sigma[weighted])) if weighted.any() else np.nan
         after = given * sigma0
         if tests is not None and weighted.any():

@@ -12,7 +12,7 @@ from aatri.units import ANGLE_RAD
 
 DASH = "–"
 
-NOUNS = {"control": "control point", "model_tie": "model point"}
+NOUNS = {"control": "control point", "check": "check point", "model_tie": "model point", "zenith": "zenith angle"}
 """What one observation of a kind is called, where that is not the name of the kind."""
 
 

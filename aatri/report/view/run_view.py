@@ -71,6 +71,18 @@ class RunView:
             there += [before for before in inputs.get(name, ()) if before not in there]
         return [s for s in stages if s.name in there] or stages
 
+    @property
+    def status(self) -> str:
+        """How the run ended; `not complete` where it was stopped before its last stage."""
+        ended = str(self.overview.get("status", ""))
+        return "not complete" if ended == "done" and any(s.status != "done" for s in self.stages) else ended
+
+    def to_follow(self) -> str:
+        """The stage that was to adjust the last Solution further and was not run or failed; empty without one."""
+        last = [s.name for s in self.of_kind(Solution)][-1:]
+        further = (s for s in self.stages if s.kind == Solution.kind and s.status != "done")
+        return next((s.name for s in further if set(last) & set(s.inputs.values())), "")
+
     def evaluated(self) -> list[StageView]:
         """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups."""
         stages = self.of_kind(Evaluation)
