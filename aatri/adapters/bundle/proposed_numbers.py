@@ -4,7 +4,7 @@ import numpy as np
 
 from aatri.artifacts.solution import ProposedNumbers
 from aatri.observations.observed import Observed
-from aatri.orientation.bundle.blunders.swaps import is_of_rays
+from aatri.orientation.bundle.blunders.swaps import are_image_points
 from aatri.orientation.bundle.rounds import AdjustedBlock, Key, with_keys
 
 
@@ -17,7 +17,7 @@ def proposed_numbers(done: AdjustedBlock) -> ProposedNumbers:
             (o, row), (of_other, other_row) = (_place_of(observed, key) for key in (one, other))
             rows.append((o, row, str(of_other.names(np.array([other_row]))[1][0]), True))
     if done.renumbered and done.inputs.rays is not None:
-        o = next(o for o in observed if is_of_rays(o, done.inputs.rays))
+        o = next(o for o in observed if are_image_points(o, done.inputs.rays))
         rows += [(o, one.row, str(done.inputs.point_ids[one.point]), False) for one in done.renumbered]
     if not rows:
         return ProposedNumbers.empty()

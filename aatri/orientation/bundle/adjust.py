@@ -38,10 +38,10 @@ from aatri.orientation.bundle.block import (
     unknowns_of,
     with_own_observations,
 )
-from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, minimally_held, onto_inner_constraints
+from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, onto_inner_constraints, with_minimum_datum
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum
-from aatri.orientation.bundle.shared_unknowns import told_apart
+from aatri.orientation.bundle.shared_unknowns import separable_unknowns
 from aatri.progress import SILENT, Reporter
 
 
@@ -73,7 +73,7 @@ def adjust_bundle(
     poses = _free_poses(part.of[POSE], inputs.held_images, inputs.poses.position_m, settings.datum)
     chain = settings.solution.ordering in ("across_strips", "along_strips")  # textbooks number images by their strips
     places = inputs.numbering.place if chain and inputs.numbering is not None else inputs.poses.position_m
-    unknowns, held = told_apart(inputs, part, unknowns_of(inputs, part, poses, places))
+    unknowns, held = separable_unknowns(inputs, part, unknowns_of(inputs, part, poses, places))
     records, constraints, vetoes = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
@@ -86,7 +86,7 @@ def adjust_bundle(
         marked = np.zeros(len(inputs.point_ids), dtype=bool) if inputs.marked is None else inputs.marked
         onto = _datum_of(inputs.datum, start)
         free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
-    datum_held = unknowns if free is None else minimally_held(free)
+    datum_held = unknowns if free is None else with_minimum_datum(free)
 
     def adjusted_from(values: State) -> Adjusted:
         return adjust(

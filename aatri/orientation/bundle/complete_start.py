@@ -91,7 +91,7 @@ def _off_mm(rays: ImagePointRows, poses: Poses, rows: Int, xyz_m: Float) -> Floa
     return np.where(ahead, off, np.inf)
 
 
-def where_most_meet(rays: ImagePointRows, poses: Poses, points: Int, n_points: int) -> Float:
+def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_points: int) -> Float:
     """Points where two of their rays meet that more than half of all agree with best, (n_points, 3), m; others NaN.
 
     Source: Rousseeuw 1984, Least median of squares regression.

@@ -82,7 +82,7 @@ NEARLY_SAME_COST = 1e-12
 """The same, below which all that moves has followed exactly."""
 
 
-def minimally_held(free: FreeDatum) -> list[Unknowns]:
+def with_minimum_datum(free: FreeDatum) -> list[Unknowns]:
     """The unknowns with as many scalars of the poses (without images: points) held as are open, far apart.
 
     Raises

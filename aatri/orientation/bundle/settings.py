@@ -12,7 +12,7 @@ DatumOver = Literal["points", "images", "marked"]
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """SolverSettings of a bundle adjustment."""
+    """Settings of a bundle adjustment."""
 
     datum: Datum = "given"
     """`given` by control and positions, or `minimal`: the pose of the first image and one coordinate of the image

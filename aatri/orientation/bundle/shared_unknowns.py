@@ -21,7 +21,7 @@ SAME = 1e-12
 """Square of the sine between a column and those before it below which it is one of them: that of rounding in J'J."""
 
 
-def told_apart(
+def separable_unknowns(
     inputs: BundleInput, part: Participants, unknowns: Sequence[Unknowns]
 ) -> tuple[list[Unknowns], list[Note]]:
     """Unknowns, those held that the observations in use cannot tell from others of their group; and which these are."""

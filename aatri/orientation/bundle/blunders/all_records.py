@@ -45,27 +45,27 @@ class AllRecords:
     def of(cls, block: BundleInput) -> AllRecords:
         """The records of a block."""
         observed = tuple(o.again() for o in block.observed)
-        native, point, image, alone = [], [], [], []
+        native, point, image, alone_at_point = [], [], [], []
         for o in observed:
-            own = not (o.components or o.exact)
-            touched = [of for group, of in o.records.touches if group == POINT]
-            poses = [of.astype(np.int64) for group, of in o.records.touches if group == POSE]
-            native.append(o.records.active & own)
-            one = len(touched) == 1 and own
-            alone.append(np.full(len(o), one and len(o.records.touches) == 1))
+            measured = not (o.components or o.exact)
+            touched = [blocks for group, blocks in o.records.touches if group == POINT]
+            poses = [blocks.astype(np.int64) for group, blocks in o.records.touches if group == POSE]
+            native.append(o.records.active & measured)
+            touches_one_point = len(touched) == 1 and measured
+            alone_at_point.append(np.full(len(o), touches_one_point and len(o.records.touches) == 1))
             image.append(poses[0] if poses else np.full(len(o), -1, dtype=np.int64))
-            point.append(touched[0].astype(np.int64) if one else np.full(len(o), -1, dtype=np.int64))
-        nothing = np.zeros(0, dtype=np.int64)
-        points = np.concatenate([nothing, *point])
+            point.append(touched[0].astype(np.int64) if touches_one_point else np.full(len(o), -1, dtype=np.int64))
+        empty = np.zeros(0, dtype=np.int64)
+        points = np.concatenate([empty, *point])
         first = np.cumsum([0, *(len(o) for o in observed)])
         return cls(
             observed,
             first,
-            np.concatenate([nothing == 1, *native]),
+            np.concatenate([empty == 1, *native]),
             points >= 0,
             points,
-            np.concatenate([nothing, *image]),
-            np.concatenate([nothing == 1, *alone]),
+            np.concatenate([empty, *image]),
+            np.concatenate([empty == 1, *alone_at_point]),
         )
 
     @property
@@ -77,9 +77,9 @@ class AllRecords:
         """Values of all records, kind by kind."""
         return tuple(values[part] for part in self.parts)
 
-    def keys(self, which: Bool) -> tuple[Key, ...]:
+    def keys(self, mask: Bool) -> tuple[Key, ...]:
         """Kind and row of some records."""
-        return tuple(key for o, mine in zip(self.observed, self.split(which)) for key in keys_of(o, mine))
+        return tuple(key for o, kind_mask in zip(self.observed, self.split(mask)) for key in keys_of(o, kind_mask))
 
     @property
     def tests(self) -> int:
@@ -97,17 +97,17 @@ class AllRecords:
             rows = np.flatnonzero(o.used & self.native[self.parts[i]])
             m = o.observed.records.observed_components()[rows].sum(axis=1)
             exact = o.observed.demanded()[rows].sum(axis=1).astype(np.float64)
-            left = max(0.0, 1.0 - DATUM / max(exact.sum(), 1.0))  # seven of them may be all that gives the datum
+            datum_share = max(0.0, 1.0 - DATUM / max(exact.sum(), 1.0))  # seven of them may be all that gives the datum
             r = m - np.einsum("nii->n", o.covariance[rows])
-            redundancy[i] = redundancy_in_records(r + left * exact, m + exact)
+            redundancy[i] = redundancy_in_records(r + datum_share * exact, m + exact)
         return redundancy, count
 
     def smallest(self, number: Sequence[Int], factor: Float) -> Float:
         """Smallest factor of the classes of each record's components, (n,)."""
         if (factor == 1.0).all():
             return np.ones(len(self.native))
-        of_class = np.append(factor, 1.0)
-        return np.concatenate([np.zeros(0), *(of_class[n].min(axis=1) for n in number if n.shape[1])])
+        class_factor = np.append(factor, 1.0)
+        return np.concatenate([np.zeros(0), *(class_factor[n].min(axis=1) for n in number if n.shape[1])])
 
     def rejected_in(self, block: BundleInput) -> Bool:
         """What earlier stages have rejected, (n,)."""
@@ -116,5 +116,11 @@ class AllRecords:
 
     def without(self, observed: Sequence[Observed], active: Bool) -> tuple[Observed, ...]:
         """Observations less those that are not active; conditions that an earlier stage has rejected stay out."""
-        out = self.split(self.native & ~active)
-        return tuple(o if o.exact else o.again().without(r) for o, r in zip(observed, out))
+        rejected = self.split(self.native & ~active)
+        return tuple(o if o.exact else o.again().without(r) for o, r in zip(observed, rejected))
+
+
+def is_ray(o: Observed) -> bool:
+    """Whether these are measurements in images (their points tell which is wrong), or none at all."""
+    groups = {group for group, _ in o.records.touches}
+    return o.exact or bool(o.components) or {POSE, POINT} <= groups

@@ -19,10 +19,9 @@ from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
-from aatri.observations.observed import NEARLY_EXACT, Observed
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.observed import NEARLY_EXACT
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.all_records import AllRecords, is_ray
 from aatri.orientation.bundle.blunders.exact_coordinates import softened
 from aatri.orientation.bundle.blunders.rejections import DOUBT
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
@@ -57,20 +56,20 @@ class AttributionInKind:
     notes : tuple of Note
     """
 
-    tried: TestedBlock
+    tested: TestedBlock
     undecided: Bool
     kept: Bool
     notes: tuple[Note, ...]
 
 
 def attributed_in_kind(
-    tried: TestedBlock, undecided: Bool, exchanged: Bool, records: AllRecords, adjust: Adjust
+    tested: TestedBlock, undecided: Bool, exchanged: Bool, records: AllRecords, adjust: Adjust
 ) -> AttributionInKind:
     """Try what is out against the others of its kind.
 
     Parameters
     ----------
-    tried : TestedBlock
+    tested : TestedBlock
         The end of a search.
     undecided : (n,) bool
         Left out by it though only some of them are wrong.
@@ -79,100 +78,108 @@ def attributed_in_kind(
     records : AllRecords
     adjust : callable
     """
-    state = _Attribution(tried, undecided, records, adjust)
+    state = _Attribution(tested, undecided, records, adjust)
     for kind in dict.fromkeys(o.kind for o in records.observed):
         places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
         if places:
             state.try_kind(places, exchanged)
-    return AttributionInKind(state.tried, state.undecided, state.kept, tuple(state.notes))
+    return AttributionInKind(state.tested, state.undecided, state.kept, tuple(state.notes))
 
 
 class _Attribution:
-    def __init__(self, tried: TestedBlock, doubted: Bool, records: AllRecords, adjust: Adjust) -> None:
-        self.tried, self.doubted, self.records, self.adjust = tried, doubted, records, adjust
-        self.undecided, self.kept = np.zeros_like(doubted), np.zeros_like(doubted)
+    def __init__(self, tested: TestedBlock, undecided_before: Bool, records: AllRecords, adjust: Adjust) -> None:
+        self.tested, self.undecided_before, self.records, self.adjust = tested, undecided_before, records, adjust
+        self.undecided, self.kept = np.zeros_like(undecided_before), np.zeros_like(undecided_before)
         self.notes: list[Note] = []
 
     def try_kind(self, places: list[int], exchanged: Bool) -> None:
         """Try all of a kind that are out."""
         rows = np.concatenate([np.arange(part.start, part.stop) for i in places for part in [self.records.parts[i]]])
-        out = rows[self.records.native[rows] & ~self.tried.active[rows] & ~exchanged[rows]]
-        for row in out.tolist() if len(out) <= MOST else ():
-            if not self.tried.active[row] and not self.undecided[row] and self._may_be_another(places, row):
+        rejected = rows[self.records.native[rows] & ~self.tested.active[rows] & ~exchanged[rows]]
+        for row in rejected.tolist() if len(rejected) <= MOST else ():
+            if not self.tested.active[row] and not self.undecided[row] and self._is_confusable(places, row):
                 self._try(places, rows, row)
 
-    def _may_be_another(self, places: list[int], row: int) -> bool:
+    def _is_confusable(self, places: list[int], row: int) -> bool:
         """Whether some other of the kind is left all but untested without this one."""
         i, k = self._place(places, row)
-        mine = self.tried.result.observations[i]
+        observations = self.tested.result.observations[i]
         if self.records.observed[i].holds is not None:
             return True
-        gain = float(gains_of(mine, self.tried.result.adjusted.state, np.array([k]))[0])
+        gain = float(gains_of(observations, self.tested.result.adjusted.state, np.array([k]))[0])
         if not np.isfinite(gain):
             return False
-        for found in (self.tried.result.observations[p] for p in places):
-            H = found.covariance[found.used]
+        for other in (self.tested.result.observations[p] for p in places):
+            H = other.covariance[other.used]
             R = np.eye(H.shape[1]) - H[np.isfinite(H).all(axis=(1, 2))]
             if len(R) and np.linalg.eigvalsh(R).min() < SEPARABLE / max(gain, SEPARABLE):
                 return True
         return False
 
     def _try(self, places: list[int], rows: Int, row: int) -> None:
-        use = self.tried.active | self._at_points_of([row]) | (self.doubted & self._at_points_of(rows.tolist()))
-        use[rows] = self.tried.active[rows]
+        use = (
+            self.tested.active | self._at_points_of([row]) | (self.undecided_before & self._at_points_of(rows.tolist()))
+        )
+        use[rows] = self.tested.active[rows]
         use[row] = True
         try:
-            back = self._adjusted(use, {p: self._soft(*self._place(places, row)) for p in places})
+            with_record = self._adjusted(use, {p: self._soft(*self._place(places, row)) for p in places})
         except (GeometryError, ConvergenceError):
             return
-        gain = np.concatenate([_gains(back, p, self.records) for p in places])
-        best = rows[as_good(np.where(use[rows], gain, np.nan))]
-        if len(best) == 1 and best[0] == row:
+        gain = np.concatenate([_gains(with_record, p, self.records) for p in places])
+        best_rows = rows[as_good(np.where(use[rows], gain, np.nan))]
+        if len(best_rows) == 1 and best_rows[0] == row:
             return
-        doubt = len(best) > 1 and np.nanmax(gain[np.isin(rows, best)]) <= DOUBT**2
-        less = use.copy()
-        less[best] = False
-        without = None if doubt else self._without(less, back, best)
-        if without is not None:
-            self.tried = without
-            self.undecided[best] = len(best) > 1
+        ambiguous = len(best_rows) > 1 and np.nanmax(gain[np.isin(rows, best_rows)]) <= DOUBT**2
+        use_without = use.copy()
+        use_without[best_rows] = False
+        reduced = None if ambiguous else self._without(use_without, with_record, best_rows)
+        if reduced is not None:
+            self.tested = reduced
+            self.undecided[best_rows] = len(best_rows) > 1
             return
-        self.tried = self._adjusted(use | self._at_points_of(best.tolist()), {})
-        self.kept[best] = True
+        self.tested = self._adjusted(use | self._at_points_of(best_rows.tolist()), {})
+        self.kept[best_rows] = True
         names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
         text = f"{self.records.observed[places[0]].kind}: one of these is wrong, and nothing tells which; "
-        text += "by little: all of them are used" if doubt else STAY
-        self.notes.append(Note("warning", text, tuple(name for some in names for name in some)))
+        text += "by little: all of them are used" if ambiguous else STAY
+        self.notes.append(Note("warning", text, tuple(name for kind_names in names for name in kind_names)))
 
     def _at_points_of(self, rows: list[int]) -> Bool:
         """Some records, and those at their points: a ray that went with its control point is no witness against it."""
         points = self.records.point[rows]
-        found = self.records.native & self.records.at_points & np.isin(self.records.point, points[points >= 0])
-        found[rows] = True
-        return np.asarray(found)
+        records_at = self.records.native & self.records.at_points & np.isin(self.records.point, points[points >= 0])
+        records_at[rows] = True
+        return np.asarray(records_at)
 
-    def _without(self, less: Bool, back: TestedBlock, best: Int) -> TestedBlock | None:
+    def _without(self, use_without: Bool, with_record: TestedBlock, best_rows: Int) -> TestedBlock | None:
         """Adjusted without some records; None where that leaves open what only they determine."""
         try:
-            without = self._adjusted(less, {})
+            reduced = self._adjusted(use_without, {})
         except (GeometryError, ConvergenceError):
             return None
-        gone = sum(
-            int(o.records.observed_components()[best[(best >= p.start) & (best < p.stop)] - p.start].sum())
+        count = sum(
+            int(
+                o.records.observed_components()[
+                    best_rows[(best_rows >= p.start) & (best_rows < p.stop)] - p.start
+                ].sum()
+            )
             for o, p in zip(self.records.observed, self.records.parts)
         )
-        lost = back.result.adjusted.redundancy - gone - without.result.adjusted.redundancy
+        redundancy_lost = with_record.result.adjusted.redundancy - count - reduced.result.adjusted.redundancy
         return (
-            without if lost >= 0 and without.result.point_adjusted.sum() >= back.result.point_adjusted.sum() else None
+            reduced
+            if redundancy_lost >= 0 and reduced.result.point_adjusted.sum() >= with_record.result.point_adjusted.sum()
+            else None
         )
 
     def _adjusted(self, use: Bool, soft: dict[int, float]) -> TestedBlock:
-        block: BundleInput = from_result(self.tried.block, self.tried.result)
+        block: BundleInput = from_result(self.tested.block, self.tested.result)
         observed = list(self.records.without(block.observed, use))
         for place, sigma in soft.items():
             observed[place] = softened(observed[place], sigma)
         block = replace(block, observed=tuple(observed))
-        return replace(self.tried, block=block, result=self.adjust(block, AdjustOptions()), active=use)
+        return replace(self.tested, block=block, result=self.adjust(block, AdjustOptions()), active=use)
 
     def _place(self, places: list[int], row: int) -> tuple[int, int]:
         """Place of a record's observations, and its row there."""
@@ -181,26 +188,20 @@ class _Attribution:
 
     def _soft(self, place: int, k: int) -> float:
         """Standard deviation of exact coordinates for the trial, m; 0 where there are none."""
-        found = self.tried.result.observations[place]
+        observations = self.tested.result.observations[place]
         if self.records.observed[place].holds is None:
             return 0.0
-        exact = found.observed.again().demanded()[k]
-        variance = np.diag(found.covariance[k])[exact] * NEARLY_EXACT**2
+        exact = observations.observed.again().demanded()[k]
+        variance = np.diag(observations.covariance[k])[exact] * NEARLY_EXACT**2
         if not np.isfinite(variance).all():  # its point is lost with it: as good as the others
-            variance = np.nanmedian(np.diagonal(self.tried.result.point_covariance_m2, axis1=1, axis2=2), axis=0)
+            variance = np.nanmedian(np.diagonal(self.tested.result.point_covariance_m2, axis1=1, axis2=2), axis=0)
         return SOFT * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
 
 
-def _gains(tried: TestedBlock, place: int, records: AllRecords) -> Float:
+def _gains(tested: TestedBlock, place: int, records: AllRecords) -> Float:
     """Gains of leaving out each of the observations in use, NaN for the others, (n,)."""
-    found = tried.result.observations[place]
-    gain = np.full(len(found.observed), np.nan)
-    rows = np.flatnonzero(found.used & records.split(records.native)[place])
-    gain[rows] = gains_of(found, tried.result.adjusted.state, rows)
+    observations = tested.result.observations[place]
+    gain = np.full(len(observations.observed), np.nan)
+    rows = np.flatnonzero(observations.used & records.split(records.native)[place])
+    gain[rows] = gains_of(observations, tested.result.adjusted.state, rows)
     return gain
-
-
-def is_ray(o: Observed) -> bool:
-    """Whether these are measurements in images (their points tell which is wrong), or none at all."""
-    groups = {group for group, _ in o.records.touches}
-    return o.exact or bool(o.components) or {POSE, POINT} <= groups

@@ -10,7 +10,7 @@ from dataclasses import replace
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.attribution_in_kind import is_ray
+from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.robust import Adjust
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
@@ -20,13 +20,13 @@ from aatri.orientation.bundle.rounds import AdjustedBlock
 
 
 def search_anew(
-    block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float, squares: BundleResult | None
+    block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float, least_squares: BundleResult | None
 ) -> AdjustedBlock:
     """Search for gross errors, with and without what earlier stages have rejected of other kinds than rays.
 
     Parameters
     ----------
-    block, adjust, options, tolerance, squares
+    block, adjust, options, tolerance, least_squares
         Of `search`.
 
     Raises
@@ -34,15 +34,15 @@ def search_anew(
     GeometryError, ConvergenceError
         If the block cannot be adjusted.
     """
-    done = search(block, adjust, options, tolerance, squares)
+    done = search(block, adjust, options, tolerance, least_squares)
     if not (done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed))):
         return done
-    taken_back = tuple(o.again() if _rejected(o) else o for o in block.observed)
+    with_earlier = tuple(o.again() if _rejected(o) else o for o in block.observed)
     try:
-        again = search(from_result(replace(block, observed=taken_back), done.result), adjust, options, tolerance)
+        anew = search(from_result(replace(block, observed=with_earlier), done.result), adjust, options, tolerance)
     except (ConvergenceError, GeometryError):
         return done
-    return again if misfit(again.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
+    return anew if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
 
 
 def _rejected(o: Observed) -> bool:

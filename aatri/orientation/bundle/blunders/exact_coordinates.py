@@ -22,8 +22,8 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.blunders.all_records import AllRecords
-from aatri.orientation.bundle.blunders.fitted_sigmas import FittedSigmas
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.swaps import Swap
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock
@@ -36,79 +36,75 @@ MEDIAN = 1.26
 """Median of the largest of three normal errors, of either sign."""
 
 
-Searched = tuple[TestedBlock, Bool, tuple[Swap, ...]]
+Snooped = tuple[TestedBlock, Bool, tuple[Swap, ...]]
 """What a search ends with: the block, what is active, exchanged numbers."""
 
 
-class ExactCoordinates(FittedSigmas):
+class ExactCoordinates(RobustStart):
     """A search that knows exact coordinates."""
 
-    def without_wrong_exact(self, found: Searched) -> tuple[Searched, Bool]:
+    def without_wrong_exact(self, snooped: Snooped) -> tuple[Snooped, Bool]:
         """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
 
         One after the other goes, the worst first. What then is not clear of the others comes back: they are not exact.
         """
-        limit, out, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(found[1])
-        while found[0].result.adjusted.has_factor:
-            tried, use, swapped = found
-            test = tests_of_exact(tried, self.all, self.adjust)
+        limit, rejected, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(snooped[1])
+        while snooped[0].result.adjusted.has_factor:
+            tested, use, swapped = snooped
+            test = tests_of_exact(tested, self.all, self.adjust)
             wrong = test > limit
-            worst = int(np.nanargmax(test)) if wrong.any() else -1
-            if worst < 0 or room_left(self.snooping, self.pool, use)[self.pool.source[worst]] < 1:
-                unclear = out[tried.test[out] <= limit * scale_of(test)]
+            largest = int(np.nanargmax(test)) if wrong.any() else -1
+            if largest < 0 or room_left(self.snooping, self.pool, use)[self.pool.source[largest]] < 1:
+                unclear = rejected[tested.test[rejected] <= limit * scale_of(test)]
                 if len(unclear):
                     use = use.copy()
                     use[unclear], wrong[unclear] = True, True
-                    found = self.solve(tried, use), use, swapped
+                    snooped = self.solve(tested, use), use, swapped
                 break
-            less = use.copy()
-            less[worst] = False
+            reduced_use = use.copy()
+            reduced_use[largest] = False
             try:
-                found = self.searched(self._with_fitting_sigmas(self.solve(tried, less)), less)
+                snooped = self.snooped(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
             except (GeometryError, ConvergenceError):
                 break
-            if found[1][worst]:
+            if snooped[1][largest]:
                 break
-            out = np.append(out, worst)
-        return found, wrong & found[1]
+            rejected = np.append(rejected, largest)
+        return snooped, wrong & snooped[1]
 
-    def searched(self, start: TestedBlock, active: Bool) -> Searched:
+    def snooped(self, start: TestedBlock, active: Bool) -> Snooped:
         """Search."""
         raise NotImplementedError
 
-    def solve(self, before: TestedBlock | None, use: Bool) -> TestedBlock:
-        """Adjust."""
-        raise NotImplementedError
 
-
-def tests_of_exact(tried: TestedBlock, records: AllRecords, adjust: Adjust) -> Float:
+def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> Float:
     """Tests of the records in use that are held exactly, (n,); NaN for all others.
 
     Parameters
     ----------
-    tried : TestedBlock
+    tested : TestedBlock
         Adjusted, with covariances.
     records : AllRecords
     adjust : callable
     """
-    held = [o.holds is not None for o in tried.block.observed]
-    variance = np.diagonal(tried.result.point_covariance_m2, axis1=1, axis2=2)
+    is_exact_kind = [o.holds is not None for o in tested.block.observed]
+    variance = np.diagonal(tested.result.point_covariance_m2, axis1=1, axis2=2)
     new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
-    none = np.full(len(records.native), np.nan)
-    if not any(held) or not new.any():
-        return none
+    no_tests = np.full(len(records.native), np.nan)
+    if not any(is_exact_kind) or not new.any():
+        return no_tests
     sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
-    block = from_result(tried.block, tried.result)
+    block = from_result(tested.block, tested.result)
     block = replace(block, observed=tuple(softened(o, sigma_m) for o in block.observed))
-    soft = replace(tried, block=block, result=adjust(block, AdjustOptions(coarse=True)))
-    exact = np.concatenate([np.full(len(o), is_held) for o, is_held in zip(tried.block.observed, held)])
-    return np.where(exact & tried.active, soft.test, none)
+    soft = replace(tested, block=block, result=adjust(block, AdjustOptions(coarse=True)))
+    exact = np.concatenate([np.full(len(o), exact_kind) for o, exact_kind in zip(tested.block.observed, is_exact_kind)])
+    return np.where(exact & tested.active, soft.test, no_tests)
 
 
 def scale_of(test: Float) -> float:
     """Scale of some tests, each the largest of a record's three components, robustly; 1 and more."""
-    known = test[np.isfinite(test)]
-    return max(1.0, float(np.median(known)) / MEDIAN) if len(known) else 1.0
+    finite = test[np.isfinite(test)]
+    return max(1.0, float(np.median(finite)) / MEDIAN) if len(finite) else 1.0
 
 
 def exact_notes(records: AllRecords, wrong: Bool) -> list[Note]:

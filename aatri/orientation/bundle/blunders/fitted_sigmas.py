@@ -34,6 +34,8 @@ class FittedSigmas(Rejections):
     Attributes
     ----------
     adjust : callable
+    tolerance : float
+        Bound of the Newton decrement of the result.
     as_given : tuple of Observed
         The observations with the standard deviations given.
     scaling : Scaling
@@ -44,45 +46,46 @@ class FittedSigmas(Rejections):
         Something is far out of the standard deviations that would fit, so that nobody knows which fit.
     """
 
-    def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions) -> None:
+    def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
         super().__init__(block, options)
-        self.adjust, self.as_given, self.scaling = adjust, self.all.observed, Scaling.of(block)
+        self.tolerance = tolerance
+        self.adjust, self.a_priori_observed, self.scaling = adjust, self.all.observed, Scaling.of(block)
         self.tails: tuple[Tail, ...] = ()
         self.smeared = False
 
-    def _with_fitting_sigmas(self, tried: TestedBlock) -> TestedBlock:
+    def _with_fitting_sigmas(self, tested: TestedBlock) -> TestedBlock:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
-            asked = self.scaling.classes.scales(tried.result)
-            if not (tried.small or self._harmful(tried, tried.active)):
-                asked = self.scaling.classes.of_small_kinds(asked, tried.result)
-            scaling, by = self.scaling.after(asked)
-            self.smeared = self._harmful(tried, tried.active, self._of_classes(by))
+            scales = self.scaling.classes.scales(tested.result)
+            if not (tested.low_redundancy or self._is_harmful(tested, tested.active)):
+                scales = self.scaling.classes.of_small_kinds(scales, tested.result)
+            scaling, factor = self.scaling.after(scales)
+            self.smeared = self._is_harmful(tested, tested.active, self._smallest_factors(factor))
             if self.smeared:
                 break
-            self._rescale(scaling, by, from_result(self.block, tried.result))
-            if (by == 1.0).all():
+            self._rescale(scaling, factor, from_result(self.block, tested.result))
+            if (factor == 1.0).all():
                 break
-            self.block = replace(self.block, observed=self.all.without(self.block.observed, tried.active))
-            tried = self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tried.active)
-        return tried
+            self.block = replace(self.block, observed=self.all.without(self.block.observed, tested.active))
+            tested = self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tested.active)
+        return tested
 
-    def _rescale(self, scaling: Scaling, by: Float, start: BundleInput) -> None:
+    def _rescale(self, scaling: Scaling, factor: Float, start: BundleInput) -> None:
         self.scaling = scaling
-        if (by != 1.0).any():
-            self.block = replace(start, observed=scaling.classes.with_factors(start.observed, by))
+        if (factor != 1.0).any():
+            self.block = replace(start, observed=scaling.classes.with_factors(start.observed, factor))
             self.all = replace(self.all, observed=tuple(o.again() for o in self.block.observed))
 
-    def _with_sigmas_of_the_result(self, tried: TestedBlock) -> tuple[BundleInput, BundleResult]:
+    def _final_adjustment(self, tested: TestedBlock) -> tuple[BundleInput, BundleResult]:
         """The block adjusted with those of the search, or as given where these were for the tests alone."""
         if self.options.sigmas == "estimated" or not self.scaling.changed.any():
-            return tried.block, tried.result
-        start = from_result(tried.block, tried.result)
-        observed = tuple(replace(o, start=now.start) for o, now in zip(self.as_given, start.observed))
-        block = replace(start, observed=self.all.without(observed, tried.active))
+            return tested.block, tested.result
+        start = from_result(tested.block, tested.result)
+        observed = tuple(replace(o, start=current.start) for o, current in zip(self.a_priori_observed, start.observed))
+        block = replace(start, observed=self.all.without(observed, tested.active))
         return block, self.adjust(block, AdjustOptions())
 
-    def _first(self, active: Bool) -> tuple[TestedBlock | None, Exception | None]:
+    def _initial_least_squares(self, active: Bool) -> tuple[TestedBlock | None, Exception | None]:
         """Least squares with everything; None where that fails."""
         try:
             return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), active), None
@@ -93,10 +96,10 @@ class FittedSigmas(Rejections):
         """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
         return TestedBlock(self.block, result, active, self.options, np.ones(len(active)))
 
-    def _of_classes(self, factor: Float) -> Float:
+    def _smallest_factors(self, factor: Float) -> Float:
         return self.all.smallest(self.scaling.classes.number, factor)
 
-    def _tails(self, result: BundleResult, squares: BundleResult | None = None, *, anew: bool = True) -> Float:
+    def _tails(self, result: BundleResult, least_squares: BundleResult | None = None, *, anew: bool = True) -> Float:
         """Limit of each record over that of normal errors; a limit that the user has stated obeys.
 
         Not `anew`, no tail grows longer than it was: gross errors that come back smear, and would bring more back.
@@ -104,9 +107,9 @@ class FittedSigmas(Rejections):
         limit, classes = self.options.limit, self.scaling.classes
         if not self.options.counts:
             return np.ones(len(self.all.native))
-        tails = classes.tails(result, squares, limit)
+        tails = classes.tails(result, least_squares, limit)
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
-        return self._of_classes(np.array([tail.limit for tail in self.tails]) / limit)
+        return self._smallest_factors(np.array([tail.limit for tail in self.tails]) / limit)
 
     def _tail_notes(self, use: Bool, test: Float) -> list[Note]:
         """Classes of observations whose errors have long tails, and what is used though normal errors are smaller."""
@@ -121,17 +124,29 @@ class FittedSigmas(Rejections):
             between = use & (test > limit) & self._in_class(k)
             names = [
                 f"{label} ({w:.1f})"
-                for o, which, of_kind in zip(self.all.observed, self.all.split(between), self.all.split(test))
-                for label, w in zip(labels(o, which), of_kind[which].tolist())
+                for o, above_rows, kind_values in zip(self.all.observed, self.all.split(between), self.all.split(test))
+                for label, w in zip(labels(o, above_rows), kind_values[above_rows].tolist())
             ]
-            more = f"; {len(names)} are used that one of normal errors would not be, their |w|" if names else ""
-            notes.append(Note("note", text.format(name, tail.freedom, tail.limit, limit) + more, tuple(names)))
+            suffix = f"; {len(names)} are used that one of normal errors would not be, their |w|" if names else ""
+            notes.append(Note("note", text.format(name, tail.freedom, tail.limit, limit) + suffix, tuple(names)))
         return notes
 
     def _in_class(self, number: int) -> Bool:
         """Records with a component of a class, (n,)."""
-        parts = ((of_kind == number).any(axis=1) for of_kind in self.scaling.classes.number)
+        parts = ((kind_values == number).any(axis=1) for kind_values in self.scaling.classes.number)
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
-    def _harmful(self, tried: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
-        return bool((active & (tried.test > HARMLESS * self.options.limit * scale)).any())
+    def _is_harmful(self, tested: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
+        return bool((active & (tested.test > HARMLESS * self.options.limit * scale)).any())
+
+    def solve(self, previous: TestedBlock | None, use: Bool) -> TestedBlock:
+        """Adjusted by least squares with some records, from where an earlier adjustment has come to."""
+        if previous is not None and (use == previous.active).all() and self._converged(previous.result):
+            return previous
+        block = self.block if previous is None else from_result(self.block, previous.result)
+        block = replace(block, observed=self.all.without(block.observed, use))
+        result = self.adjust(block, AdjustOptions())
+        return TestedBlock(block, result, use, self.options, self._tails(result, anew=previous is None))
+
+    def _converged(self, result: BundleResult) -> bool:
+        return result.adjusted.history[-1].decrement <= self.tolerance

@@ -21,7 +21,7 @@ from aatri.geometry.collinearity import in_image_axes, project
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import renumbered_records
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.blunders.swaps import MOST_IN_AN_IMAGE, Swap, is_of_rays
+from aatri.orientation.bundle.blunders.swaps import MOST_IN_AN_IMAGE, Swap, are_image_points
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import OtherNumber
 
@@ -33,7 +33,11 @@ COARSE = 0.01
 
 
 def other_numbers(
-    result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ...], limit: float, swapped: Sequence[Swap] = ()
+    result: BundleResult,
+    rays: ImagePointRows | None,
+    rejected: tuple[Bool, ...],
+    limit: float,
+    swapped: Sequence[Swap] = (),
 ) -> list[OtherNumber]:
     """Ground points that rejected image points fit.
 
@@ -42,7 +46,7 @@ def other_numbers(
     result : BundleResult
     rays : ImagePointRows, optional
         The image points.
-    out : tuple of (n,) bool
+    rejected : tuple of (n,) bool
         Rejected, kind by kind.
     limit : float
         In standard deviations.
@@ -51,33 +55,33 @@ def other_numbers(
     """
     if rays is None:
         return []
-    place = next(i for i, o in enumerate(result.observations) if is_of_rays(o.observed, rays))
-    known = [row for swap in swapped if swap.place == place for row in (swap.first, swap.second)]
-    rows = np.setdiff1d(np.flatnonzero(out[place] & result.image_adjusted[rays.image]), known)
+    place = next(i for i, o in enumerate(result.observations) if are_image_points(o.observed, rays))
+    swapped_rows = [row for swap in swapped if swap.place == place for row in (swap.first, swap.second)]
+    rows = np.setdiff1d(np.flatnonzero(rejected[place] & result.image_adjusted[rays.image]), swapped_rows)
     if not len(rows):
         return []
-    seen = _Seen(rays, result.ray_used & result.point_adjusted[rays.point], len(result.xyz_m))
+    visibility = _Visibility(rays, result.ray_used & result.point_adjusted[rays.point], len(result.xyz_m))
     pairs: list[tuple[Int, Int, Float]] = []
     for image in np.unique(rays.image[rows]).tolist():
-        some = rows[rays.image[rows] == image]
-        if len(some) <= MOST_IN_AN_IMAGE:
-            pairs.append(_near(result.adjusted.state, rays, some, seen.around(image), limit))
+        image_rows = rows[rays.image[rows] == image]
+        if len(image_rows) <= MOST_IN_AN_IMAGE:
+            pairs.append(_near(result.adjusted.state, rays, image_rows, visibility.around(image), limit))
     if not pairs:
         return []
     row, point, chance = (np.concatenate(parts) for parts in zip(*pairs))
     return _fitting(result, rays, row, point, chance, limit)
 
 
-class _Seen:
+class _Visibility:
     """Which points which images see, both ways."""
 
     def __init__(self, rays: ImagePointRows, used: Bool, n_points: int) -> None:
         from scipy.sparse import csr_array  # slow to import
 
-        some = np.flatnonzero(used)
+        rows = np.flatnonzero(used)
         n_images = int(rays.image.max(initial=-1)) + 1
-        ones, shape = np.ones(len(some), dtype=np.int32), (n_images, n_points)
-        self.points_of = csr_array((ones, (rays.image[some], rays.point[some])), shape=shape)
+        ones, shape = np.ones(len(rows), dtype=np.int32), (n_images, n_points)
+        self.points_of = csr_array((ones, (rays.image[rows], rays.point[rows])), shape=shape)
         self.images_of = self.points_of.T.tocsr()
 
     def around(self, image: int) -> Int:
@@ -89,17 +93,17 @@ class _Seen:
 
 def _near(state: State, rays: ImagePointRows, rows: Int, points: Int, limit: float) -> tuple[Int, Int, Float]:
     """Image points of one image and the points near them: rows, points, and the chance of such a fit."""
-    nothing = np.zeros(0, dtype=np.int64)
+    empty = np.zeros(0, dtype=np.int64)
     if not len(points):
-        return nothing, nothing, np.zeros(0)
+        return empty, empty, np.zeros(0)
     image, c = int(rays.image[rows[0]]), float(rays.c_mm[rows[0]])
     poses = state[POSE]
     X0, R = poses.position_m[[image]], poses.ground_from_image[[image]]
     u = in_image_axes(np.repeat(X0, len(points), axis=0), np.repeat(R, len(points), axis=0), state[POINT][points])
-    before = u[:, 2] < 0
-    points, xy = points[before], project(u[before], np.full(int(before.sum()), c))
-    mine = rays.xy_mm[rays.image == image]
-    low, high = mine.min(axis=0), mine.max(axis=0)
+    in_front = u[:, 2] < 0
+    points, xy = points[in_front], project(u[in_front], np.full(int(in_front.sum()), c))
+    measured_mm = rays.xy_mm[rays.image == image]
+    low, high = measured_mm.min(axis=0), measured_mm.max(axis=0)
     count = int(((xy >= low) & (xy <= high)).all(axis=1).sum())
     near = (np.abs(rays.xy_mm[rows][:, None, :] - xy) <= COARSE * c).all(axis=2)
     i, k = np.nonzero(near)
@@ -118,6 +122,6 @@ def _fitting(
     v = np.abs(records.evaluate(result.adjusted.state, np.arange(len(row)))[0])
     bound = limit * FITS * rays.sigma_mm[row]
     fits = (v <= bound).all(axis=1) & (chance <= FALSE_ALARM)
-    alone = fits & (np.bincount(row[fits], minlength=len(rays.image))[row] == 1)
-    other = alone & (point != rays.point[row])
-    return [OtherNumber(int(r), int(p)) for r, p in zip(row[other], point[other])]
+    unique = fits & (np.bincount(row[fits], minlength=len(rays.image))[row] == 1)
+    renumbered = unique & (point != rays.point[row])
+    return [OtherNumber(int(r), int(p)) for r, p in zip(row[renumbered], point[renumbered])]

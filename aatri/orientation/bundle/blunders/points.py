@@ -44,9 +44,9 @@ class Members:
     slot: Int
     """(r,) int64. `block` counts the points."""
 
-    def of(self, found: Bool) -> Bool:
+    def of(self, padded: Bool) -> Bool:
         """From padded (n, k) to the records, (r,)."""
-        return np.asarray(found[self.block, self.slot])
+        return np.asarray(padded[self.block, self.slot])
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class AtPoints:
     xyz_m: Float
     """(n, 3), m, reduced."""
 
-    def told_apart(self, gain: Float) -> AtPoints:
+    def decided_by_block(self, gain: Float) -> AtPoints:
         """Decided by the whole block where one record of a point is wrong, and its other unknowns held do not tell.
 
         A control point bends the images around it until its rays disagree as much as it does.
@@ -72,13 +72,13 @@ class AtPoints:
         gain : (r,) float64
             Of leaving out each member, see `leave_one_out`; NaN not known.
         """
-        out, undecided, open_ = self.out.copy(), self.undecided.copy(), self.undecided & self.single
-        for block in np.unique(self.members.block[open_]).tolist():
-            rows = np.flatnonzero(open_ & (self.members.block == block))
+        rejected, undecided, ambiguous = self.out.copy(), self.undecided.copy(), self.undecided & self.single
+        for block in np.unique(self.members.block[ambiguous]).tolist():
+            rows = np.flatnonzero(ambiguous & (self.members.block == block))
             if np.isfinite(gain[rows]).all():
-                best = as_good(gain[rows])
-                out[rows], undecided[rows] = best, best & (best.sum() > 1)
-        return replace(self, out=out, undecided=undecided)
+                equivalent = as_good(gain[rows])
+                rejected[rows], undecided[rows] = equivalent, equivalent & (equivalent.sum() > 1)
+        return replace(self, out=rejected, undecided=undecided)
 
 
 def explained(
@@ -105,17 +105,21 @@ def explained(
         |w| up to which each record agrees with the others.
     """
     members = members_of(observed, native, points, len(state[POINT]))
-    here: dict[str, Any] = dict(state)
-    before: Bool | None = None
+    current: dict[str, Any] = dict(state)
+    previous: Bool | None = None
     for _ in range(PASSES):
-        records = _at(observed, here, members, limit)
-        found = explain(records, suspected)
-        here = _moved(observed, here, members, records, found, limit)
-        if before is not None and (before == found.out).all():
+        records = _at(observed, current, members, limit)
+        explanation = explain(records, suspected)
+        current = _moved(observed, current, members, records, explanation, limit)
+        if previous is not None and (previous == explanation.out).all():
             break
-        before = found.out
+        previous = explanation.out
     return AtPoints(
-        members, members.of(found.out), members.of(found.undecided), found.single[members.block], here[POINT][points]
+        members,
+        members.of(explanation.out),
+        members.of(explanation.undecided),
+        explanation.single[members.block],
+        current[POINT][points],
     )
 
 
@@ -128,10 +132,10 @@ def members_of(observed: tuple[Observed, ...], native: tuple[Bool, ...], points:
         touched = [block for group, block in o.records.touches if group == POINT]
         if len(touched) != 1 or o.components or o.exact:
             continue
-        some = np.flatnonzero(use & (block_of[touched[0]] >= 0))
-        places.append(np.full(len(some), i, dtype=np.int64))
-        rows.append(some)
-        blocks.append(block_of[touched[0][some]])
+        kind_rows = np.flatnonzero(use & (block_of[touched[0]] >= 0))
+        places.append(np.full(len(kind_rows), i, dtype=np.int64))
+        rows.append(kind_rows)
+        blocks.append(block_of[touched[0][kind_rows]])
     place, row, block = (np.concatenate([np.zeros(0, dtype=np.int64), *parts]) for parts in (places, rows, blocks))
     order = np.argsort(block, kind="stable")
     place, row, block = place[order], row[order], block[order]
@@ -148,23 +152,23 @@ def _at(observed: tuple[Observed, ...], state: State, members: Members, limit: t
     present[members.block, members.slot] = True
     exact, demanded, agrees = [], np.zeros((n, k), dtype=bool), np.ones((n, k))
     for i in np.unique(members.place):
-        o, some = observed[i], np.flatnonzero(members.place == i)
-        residual, jacobians = predicted(o.records, state, members.row[some])
-        at = [group for group, _ in o.records.touches].index(POINT)
-        block, slot = members.block[some], members.slot[some]
-        agrees[block, slot] = limit[i][members.row[some]]
-        v[block, slot, : o.records.rows], B[block, slot, : o.records.rows] = residual, jacobians[at]
+        o, kind_members = observed[i], np.flatnonzero(members.place == i)
+        residual, jacobians = predicted(o.records, state, members.row[kind_members])
+        point_column = [group for group, _ in o.records.touches].index(POINT)
+        block, slot = members.block[kind_members], members.slot[kind_members]
+        agrees[block, slot] = limit[i][members.row[kind_members]]
+        v[block, slot, : o.records.rows], B[block, slot, : o.records.rows] = residual, jacobians[point_column]
         if o.holds is not None and o.holds.group == POINT:
-            exact.append((o, some))
+            exact.append((o, kind_members))
     precision = np.sqrt(np.einsum("nkmi,nkmi->n", B, B))
-    for o, some in exact:
+    for o, kind_members in exact:
         assert o.holds is not None
-        rows, block, slot = members.row[some], members.block[some], members.slot[some]
-        held, firm = o.holds.scalar[rows], np.where(precision[block] > 0, precision[block], 1.0)[:, None] / FIRM
-        off = state[POINT][members.points[block]] - o.holds.value[rows]
-        v[block, slot, :3] = np.where(held, off * firm, v[block, slot, :3])
-        demanded[block, slot] = held.any(axis=1)
-        B[block, slot, :3] = np.where(held[:, :, None], np.eye(3) * firm[:, :, None], B[block, slot, :3])
+        rows, block, slot = members.row[kind_members], members.block[kind_members], members.slot[kind_members]
+        is_exact, firm = o.holds.scalar[rows], np.where(precision[block] > 0, precision[block], 1.0)[:, None] / FIRM
+        misclosure_m = state[POINT][members.points[block]] - o.holds.value[rows]
+        v[block, slot, :3] = np.where(is_exact, misclosure_m * firm, v[block, slot, :3])
+        demanded[block, slot] = is_exact.any(axis=1)
+        B[block, slot, :3] = np.where(is_exact[:, :, None], np.eye(3) * firm[:, :, None], B[block, slot, :3])
     return BlockRecords(np.nan_to_num(v, nan=FAR), np.nan_to_num(B), present, demanded, agrees)
 
 
@@ -173,16 +177,16 @@ def _moved(
     state: dict[str, Any],
     members: Members,
     records: BlockRecords,
-    found: Explanation,
+    explanation: Explanation,
     limit: tuple[Float, ...],
 ) -> dict[str, Any]:
     """The points where the records kept see them; where they stood if that does not fit better."""
     xyz = np.array(state[POINT])
-    xyz[members.points] += np.where(np.isfinite(found.step), found.step, 0.0)
+    xyz[members.points] += np.where(np.isfinite(explanation.step), explanation.step, 0.0)
     moved = {**state, POINT: xyz}
-    keep = records.present & ~found.out
+    kept = records.present & ~explanation.out
     before, after = (
-        np.where(keep, (r.v**2).sum(axis=2), 0.0).sum(axis=1) for r in (records, _at(observed, moved, members, limit))
+        np.where(kept, (r.v**2).sum(axis=2), 0.0).sum(axis=1) for r in (records, _at(observed, moved, members, limit))
     )
     worse = members.points[~(after <= before)]
     xyz[worse] = state[POINT][worse]

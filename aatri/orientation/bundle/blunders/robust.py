@@ -46,14 +46,16 @@ Adjust = Callable[[BundleInput, AdjustOptions], BundleResult]
 
 def robustly(block: BundleInput, adjust: Adjust, options: SearchOptions) -> AdjustedBlock:
     """A robust adjustment for its own sake: nothing is rejected, and there are no statistics."""
-    squares = adjust(block, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
-    start = block if squares is None else from_result(block, squares)
-    done = with_readmission(start, lambda again: robust(again, adjust, options, squares, coarse=False))
+    least_squares = adjust(block, AdjustOptions(coarse=True)) if options.weights == "li_posterior" else None
+    start = block if least_squares is None else from_result(block, least_squares)
+    done = with_readmission(
+        start, lambda start_block: robust(start_block, adjust, options, least_squares, coarse=False)
+    )
     return replace(done, notes=(*done.notes, *_down_weighted(done.result, options.weights, options.k)))
 
 
 def robust(
-    block: BundleInput, adjust: Adjust, options: SearchOptions, squares: BundleResult | None, *, coarse: bool
+    block: BundleInput, adjust: Adjust, options: SearchOptions, least_squares: BundleResult | None, *, coarse: bool
 ) -> BundleResult:
     """Adjust robustly.
 
@@ -62,7 +64,7 @@ def robust(
     block : BundleInput
     adjust : callable
     options : SearchOptions
-    squares : BundleResult or None
+    least_squares : BundleResult or None
         The adjustment by least squares with its covariances, for the redundancy numbers that Li's function asks for;
         without it they count as 1.
     coarse : bool
@@ -71,36 +73,40 @@ def robust(
     if options.weights == "huber":
         return adjust(block, AdjustOptions(huber=options.k, coarse=coarse))
     result = adjust(block, AdjustOptions(huber=options.k, coarse=True))
-    before: tuple[Float, ...] = ()
+    previous: tuple[Float, ...] = ()
     for _ in range(ROUNDS):
-        now = tuple(_weights(o, result, options, squares, i) for i, o in enumerate(result.observations))
-        settled = bool(before) and all(
-            (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(now, before)
+        current = tuple(_weights(o, result, options, least_squares, i) for i, o in enumerate(result.observations))
+        converged = bool(previous) and all(
+            (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(current, previous)
         )
-        result = adjust(from_result(block, result), AdjustOptions(weights=now, coarse=coarse or not settled))
-        if settled:
+        result = adjust(from_result(block, result), AdjustOptions(weights=current, coarse=coarse or not converged))
+        if converged:
             break
-        before = now
+        previous = current
     return result
 
 
 def _weights(
-    found: AdjustedObservations, result: BundleResult, options: SearchOptions, squares: BundleResult | None, i: int
+    observations: AdjustedObservations,
+    result: BundleResult,
+    options: SearchOptions,
+    least_squares: BundleResult | None,
+    i: int,
 ) -> Float:
-    o, rows = found.observed, np.flatnonzero(found.used)
+    o, rows = observations.observed, np.flatnonzero(observations.used)
     weight = np.ones(len(o))
     if not (o.components or o.exact or not len(rows)):
         v = np.where(o.records.observed_components()[rows], predicted(o.records, result.adjusted.state, rows)[0], 0.0)
         size = np.abs(v).max(axis=1)
-        if options.weights == "li_posterior" and squares is not None:
-            r = 1.0 - np.einsum("nii->ni", squares.observations[i].covariance[rows])
+        if options.weights == "li_posterior" and least_squares is not None:
+            r = 1.0 - np.einsum("nii->ni", least_squares.observations[i].covariance[rows])
             size = np.abs(v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))).max(axis=1)
         weight[rows] = weights(options.weights, size, options.k)
     return weight
 
 
 def _down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:
-    """AdjustOptions many observations a robust adjustment has weighted down, and what it cannot give."""
+    """How many observations a robust adjustment has weighted down, and what it cannot give."""
     count, used = result.adjusted.down_weighted, sum(int(o.used.sum()) for o in result.observations)
     notes = [Note("note", f"{count} of {used} observations are weighted down ({weighting}, bound {bound:g} sigma)")]
     if count:

@@ -23,7 +23,7 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.tested_block import known_covariance, residuals_and_redundancy
+from aatri.orientation.bundle.blunders.tested_block import least_squares_covariance, residuals_and_redundancy
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
@@ -66,64 +66,68 @@ class Classes:
             kinds += [numbers.setdefault(o.kind, len(numbers))] * len(classes)
         return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
 
-    def scales(self, result: BundleResult, squares: BundleResult | None = None) -> ClassScales:
+    def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
 
         Parameters
         ----------
         result : BundleResult
-        squares : BundleResult, optional
+        least_squares : BundleResult, optional
             The adjustment whose covariances are known, where `result` has none.
         """
-        v, r, group = self._residuals(result, squares)
-        return self._with_small_ones(class_scales(v, r, group, len(self.names)), v, r, group)
+        v, r, group = self._residuals(result, least_squares)
+        return self._pooled_by_kind(class_scales(v, r, group, len(self.names)), v, r, group)
 
-    def of_small_kinds(self, asked: ClassScales, result: BundleResult) -> ClassScales:
+    def of_small_kinds(self, scales: ClassScales, result: BundleResult) -> ClassScales:
         """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together."""
-        scale, redundancy, estimable = asked.scale.copy(), asked.redundancy.copy(), asked.estimable.copy()
+        scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
         for kind in np.unique(self.kind):
-            mine = np.flatnonzero(self.kind == kind)
-            if estimable[mine].any() or not result.adjusted.has_factor:
+            kind_classes = np.flatnonzero(self.kind == kind)
+            if estimable[kind_classes].any() or not result.adjusted.has_factor:
                 continue
-            parts = [(i, number) for i, number in enumerate(self.number) if np.isin(number, mine).any()]
+            parts = [(i, number) for i, number in enumerate(self.number) if np.isin(number, kind_classes).any()]
             if len(parts) == 1 and np.isfinite(result.observations[parts[0][0]].covariance).any():
                 s, r = _scale_together(result, *parts[0])
-                scale[mine], redundancy[mine], estimable[mine] = s, r, s > 1.0
+                scale[kind_classes], redundancy[kind_classes], estimable[kind_classes] = s, r, s > 1.0
         return ClassScales(scale, redundancy, estimable)
 
-    def tails(self, result: BundleResult, squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
+    def tails(self, result: BundleResult, least_squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
         """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
-        v, r, group = self._residuals(result, squares, predicted=True)
-        known = r > LEAST_SHARE
+        v, r, group = self._residuals(result, least_squares, predicted=True)
+        controlled = r > LEAST_SHARE
         return tuple(
-            tail_of(np.abs(v[mine]) / np.sqrt(r[mine]), limit)
-            for mine in (known & (group == g) for g in range(len(self.names)))
+            tail_of(np.abs(v[in_class]) / np.sqrt(r[in_class]), limit)
+            for in_class in (controlled & (group == g) for g in range(len(self.names)))
         )
 
     def _residuals(
-        self, result: BundleResult, squares: BundleResult | None, *, predicted: bool = False
+        self, result: BundleResult, least_squares: BundleResult | None, *, predicted: bool = False
     ) -> tuple[Float, Float, Int]:
         """Whitened residuals, redundancy numbers and classes of all components in use, and of predicted ones."""
         parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
-        for i, (found, number) in enumerate(zip(result.observations, self.number)):
-            o, rows = found.observed, found.rows if predicted else np.flatnonzero(found.used)
+        for i, (observations, number) in enumerate(zip(result.observations, self.number)):
+            o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
             if not (o.exact or o.components) and len(rows):
-                H = found.covariance if squares is None else known_covariance(found, squares, i)
-                v, r = residuals_and_redundancy(replace(found, covariance=H), result.adjusted.state, rows)
+                H = (
+                    observations.covariance
+                    if least_squares is None
+                    else least_squares_covariance(observations, least_squares, i)
+                )
+                v, r = residuals_and_redundancy(replace(observations, covariance=H), result.adjusted.state, rows)
                 parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel()))
         v, r, group = (np.concatenate(values) for values in zip(*parts))
         return v, r, group
 
-    def _with_small_ones(self, found: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
+    def _pooled_by_kind(self, scales: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
         """Parts, cameras and groups of little redundancy have the scale of their kind."""
-        scale, redundancy, estimable = found.scale.copy(), found.redundancy.copy(), found.estimable.copy()
-        for kind in np.unique(self.kind[~found.estimable]):
-            mine = np.flatnonzero(self.kind == kind)
-            if len(mine) < 2 or found.redundancy[mine].sum() < ESTIMABLE:
+        scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
+        for kind in np.unique(self.kind[~scales.estimable]):
+            kind_classes = np.flatnonzero(self.kind == kind)
+            if len(kind_classes) < 2 or scales.redundancy[kind_classes].sum() < ESTIMABLE:
                 continue
-            whole = class_scales(v, r, np.where(np.isin(group, mine), 0, -1), 1)
-            small = mine[~found.estimable[mine]]
-            scale[small], redundancy[small], estimable[small] = whole.scale, whole.redundancy, whole.estimable
+            pooled = class_scales(v, r, np.where(np.isin(group, kind_classes), 0, -1), 1)
+            small = kind_classes[~scales.estimable[kind_classes]]
+            scale[small], redundancy[small], estimable[small] = pooled.scale, pooled.redundancy, pooled.estimable
         return ClassScales(scale, redundancy, estimable)
 
     def with_factors(self, observed: tuple[Observed, ...], factor: Float) -> tuple[Observed, ...]:
@@ -136,20 +140,20 @@ class Classes:
 
 def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[float, float]:
     """Scale of a kind, and its redundancy with it, from the cofactors of all of its residuals."""
-    found = result.observations[place]
-    records, rows = found.observed.records, np.flatnonzero(found.used)
+    observations = result.observations[place]
+    records, rows = observations.observed.records, np.flatnonzero(observations.used)
     used = (records.observed_components()[rows] & (number[rows] >= 0)).ravel()
     if not 1 < used.sum() <= MOST_TOGETHER:
         return 1.0, 0.0
     record = np.repeat(np.arange(len(rows)), records.rows)[used]
-    v, r = residuals_and_redundancy(found, result.adjusted.state, rows)
+    v, r = residuals_and_redundancy(observations, result.adjusted.state, rows)
     if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record)[0] == 1.0:
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
     L = records.whitener[rows]
     inverse = np.linalg.pinv(L if L.ndim == 3 else L[:, :, None] * np.eye(records.rows))
     H = np.zeros((len(rows), records.rows, used.size))
-    for k, own in enumerate(inverse):
-        H[k, :, k * records.rows : (k + 1) * records.rows] = own
+    for k, block in enumerate(inverse):
+        H[k, :, k * records.rows : (k + 1) * records.rows] = block
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
     return small_class_scale(v.ravel()[used], R, record)
 
@@ -190,18 +194,20 @@ class Scaling:
         classes = Classes.of(block)
         return cls(classes, np.ones(len(classes.names)))
 
-    def after(self, asked: ClassScales) -> tuple[Scaling, Float]:
+    def after(self, scales: ClassScales) -> tuple[Scaling, Float]:
         """With what an adjustment asks for, and the factors that this changes by."""
-        moved = self.changed & asked.estimable & (np.abs(np.log(asked.scale)) > np.log(SETTLED))
-        by = np.where(moved, asked.scale, asked.differing)
-        right = moved & (np.abs(np.log(self.factor * by)) < np.log(MATTERS))  # after others have been set right
-        by = np.where(right, 1.0 / self.factor, by)
-        none = self.factor * by < NO_ERRORS
+        changed_class = self.changed & scales.estimable & (np.abs(np.log(scales.scale)) > np.log(SETTLED))
+        factor = np.where(changed_class, scales.scale, scales.differing)
+        near_a_priori = changed_class & (
+            np.abs(np.log(self.factor * factor)) < np.log(MATTERS)
+        )  # after others have been set right
+        factor = np.where(near_a_priori, 1.0 / self.factor, factor)
+        error_free = self.factor * factor < NO_ERRORS
         if self.without_errors is not None:
-            none |= self.without_errors
-        by = np.where(none, 1.0 / self.factor, by)
-        left = replace(asked, scale=np.where(none, 1.0, asked.scale / by))
-        return Scaling(self.classes, self.factor * by, left, none), by
+            error_free |= self.without_errors
+        factor = np.where(error_free, 1.0 / self.factor, factor)
+        remaining = replace(scales, scale=np.where(error_free, 1.0, scales.scale / factor))
+        return Scaling(self.classes, self.factor * factor, remaining, error_free), factor
 
     @property
     def changed(self) -> Bool:
@@ -217,14 +223,14 @@ class Scaling:
         """Standard deviations that do not fit; `of_result`: the result follows, not the tests alone."""
         if not self.changed.any():
             return []
-        told = tuple(f"{name} {f:.3g}" for name, f in zip(self.classes.names, self.factor) if f != 1.0)
+        changed_classes = tuple(f"{name} {f:.3g}" for name, f in zip(self.classes.names, self.factor) if f != 1.0)
         if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
-            return [Note("note", text, told)]
-        kept = [name for name, f in zip(self.classes.names, self.factor) if f == 1.0]
+            return [Note("note", text, changed_classes)]
+        unchanged_classes = [name for name, f in zip(self.classes.names, self.factor) if f == 1.0]
         text = (
             "standard deviations do not fit the residuals; weights and standard deviations of the result follow what "
-            f"fits, times those given ({', '.join(kept) + ' as given' if kept else 'all'}; "
+            f"fits, times those given ({', '.join(unchanged_classes) + ' as given' if unchanged_classes else 'all'}; "
             "`blunders: {sigmas: given}` keeps them)"
         )
-        return [Note("warning", text, told)]
+        return [Note("warning", text, changed_classes)]

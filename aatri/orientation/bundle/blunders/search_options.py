@@ -1,4 +1,4 @@
-"""AdjustOptions gross errors are searched for: stated once, by the options of the stage."""
+"""How gross errors are searched for: stated once, by the options of the stage."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Sigmas = Literal["estimated", "tests", "given"]
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """AdjustOptions gross errors are searched for."""
+    """How gross errors are searched for."""
 
     method: Method = "robust_snooping"
     """`robust_snooping`: data snooping from a robust adjustment; `data_snooping`: from least squares; `robust`: a

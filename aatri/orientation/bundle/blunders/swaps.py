@@ -38,7 +38,7 @@ class Swap:
     second: int
 
 
-def swaps(result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ...], limit: float) -> list[Swap]:
+def swaps(result: BundleResult, rays: ImagePointRows | None, rejected: tuple[Bool, ...], limit: float) -> list[Swap]:
     """Swapped numbers among what was rejected.
 
     Parameters
@@ -46,53 +46,53 @@ def swaps(result: BundleResult, rays: ImagePointRows | None, out: tuple[Bool, ..
     result : BundleResult
     rays : ImagePointRows, optional
         The image points.
-    out : tuple of (n,) bool
+    rejected : tuple of (n,) bool
         Rejected, kind by kind.
     limit : float
         In standard deviations.
     """
-    found: list[Swap] = []
+    pairs: list[Swap] = []
     for i, o in enumerate(result.observations):
         groups = {group for group, _ in o.observed.records.touches}
-        if not out[i].any():
+        if not rejected[i].any():
             continue
-        if rays is not None and is_of_rays(o.observed, rays):
-            found += [Swap(i, a, b) for a, b in _of_rays(result, o, rays, out[i], limit)]
+        if rays is not None and are_image_points(o.observed, rays):
+            pairs += [Swap(i, a, b) for a, b in _of_rays(result, o, rays, rejected[i], limit)]
         elif groups in ({POINT}, {POSE}) and o.observed.records.rows == 3:
-            found += [Swap(i, a, b) for a, b in _of_coordinates(result, o, out[i], limit)]
-    return found
+            pairs += [Swap(i, a, b) for a, b in _of_coordinates(result, o, rejected[i], limit)]
+    return pairs
 
 
-def is_of_rays(observed: Observed, rays: ImagePointRows) -> bool:
+def are_image_points(observed: Observed, rays: ImagePointRows) -> bool:
     """Whether these are the image points themselves."""
     return {POSE, POINT} <= {group for group, _ in observed.records.touches} and len(observed) == len(rays.image)
 
 
 def _of_rays(
-    result: BundleResult, o: AdjustedObservations, rays: ImagePointRows, out: Bool, limit: float
+    result: BundleResult, o: AdjustedObservations, rays: ImagePointRows, rejected: Bool, limit: float
 ) -> Iterator[tuple[int, int]]:
-    rows = np.flatnonzero(out & result.image_adjusted[rays.image])
+    rows = np.flatnonzero(rejected & result.image_adjusted[rays.image])
     expected, sigma = _expected(result, o, rays, rows)
-    at = {int(r): k for k, r in enumerate(rows)}
-    of_point: dict[int, list[int]] = {}
+    index_of = {int(r): k for k, r in enumerate(rows)}
+    rows_by_point: dict[int, list[int]] = {}
     for r in rows.tolist():
-        of_point.setdefault(int(rays.point[r]), []).append(r)
+        rows_by_point.setdefault(int(rays.point[r]), []).append(r)
 
     def fits(a: int, b: int) -> bool:
         """The point of a is where b was measured, as far as the other rays of a's point can tell."""
-        k = at[a]
+        k = index_of[a]
         if np.isfinite(expected[k]).all():
             s = np.sqrt(sigma[k] ** 2 + rays.sigma_mm[b] ** 2)
             return bool((np.abs(expected[k] - rays.xy_mm[b]) <= limit * s).all())
-        others = [r for r in of_point[int(rays.point[a])] if r != a]
-        return bool(others) and all(abs(_parallax(result, rays, b, r)) <= limit for r in others)
+        other_rows = [r for r in rows_by_point[int(rays.point[a])] if r != a]
+        return bool(other_rows) and all(abs(_parallax(result, rays, b, r)) <= limit for r in other_rows)
 
     order = np.argsort(rays.image[rows], kind="stable")
-    for some in np.split(rows[order], np.flatnonzero(np.diff(rays.image[rows][order])) + 1):
-        taken: set[int] = set()
-        for a, b in combinations(some.tolist(), 2) if len(some) <= MOST_IN_AN_IMAGE else ():
-            if a not in taken and b not in taken and fits(a, b) and fits(b, a):
-                taken |= {a, b}
+    for image_rows in np.split(rows[order], np.flatnonzero(np.diff(rays.image[rows][order])) + 1):
+        exchanged: set[int] = set()
+        for a, b in combinations(image_rows.tolist(), 2) if len(image_rows) <= MOST_IN_AN_IMAGE else ():
+            if a not in exchanged and b not in exchanged and fits(a, b) and fits(b, a):
+                exchanged |= {a, b}
                 yield a, b
 
 
@@ -100,11 +100,11 @@ def _expected(result: BundleResult, o: AdjustedObservations, rays: ImagePointRow
     """Where the block expects rejected image points, and standard deviations, (k, 2) mm; NaN where it does not."""
     records, state = o.observed.records, result.adjusted.state
     place, sigma = np.full((len(rows), 2), np.nan), np.full((len(rows), 2), np.nan)
-    known = np.isfinite(o.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, o.rows)
-    some = rows[known]
-    if len(some):
-        place[known] = rays.xy_mm[some] + records.evaluate(state, some)[0]
-        sigma[known] = records.sigmas()[some] * np.sqrt(np.einsum("nii->ni", o.covariance[some]))
+    has_covariance = np.isfinite(o.covariance[rows]).all(axis=(1, 2)) & np.isin(rows, o.rows)
+    predicted = rows[has_covariance]
+    if len(predicted):
+        place[has_covariance] = rays.xy_mm[predicted] + records.evaluate(state, predicted)[0]
+        sigma[has_covariance] = records.sigmas()[predicted] * np.sqrt(np.einsum("nii->ni", o.covariance[predicted]))
     return place, sigma
 
 
@@ -119,54 +119,56 @@ def _parallax(result: BundleResult, rays: ImagePointRows, a: int, b: int) -> flo
 
 
 def exchanged_coordinates(
-    observed: tuple[Observed, ...], out: tuple[Bool, ...], state: State, seen_m: Float
+    observed: tuple[Observed, ...], suspected_by_kind: tuple[Bool, ...], state: State, points_m: Float
 ) -> list[Bool]:
     """Given coordinates that are exchanged beyond doubt: each is where the other should be.
 
     Parameters
     ----------
     observed : tuple of Observed
-    out : tuple of (n,) bool
+    suspected_by_kind : tuple of (n,) bool
         Suspected, kind by kind.
     state : mapping
         Of an adjustment.
-    seen_m : (n_points, 3) float64, m
+    points_m : (n_points, 3) float64, m
         Points where their rays see them, reduced.
     """
-    found = [np.zeros_like(suspected) for suspected in out]
-    for o, suspected, exchanged in zip(observed, out, found):
+    exchanged_by_kind = [np.zeros_like(suspected) for suspected in suspected_by_kind]
+    for o, suspected, exchanged in zip(observed, suspected_by_kind, exchanged_by_kind):
         if [group for group, _ in o.records.touches] != [POINT] or o.records.rows != 3:
             continue
         rows = np.flatnonzero(suspected & o.records.observed_components().all(axis=1))
         point = dict(o.records.touches)[POINT][rows]
-        given, seen = state[POINT][point] - o.records.evaluate(state, rows)[0], seen_m[point]
-        for pair in exchanged_pairs(seen, given, range(len(rows))):
+        observed_m, intersected_m = state[POINT][point] - o.records.evaluate(state, rows)[0], points_m[point]
+        for pair in exchanged_pairs(intersected_m, observed_m, range(len(rows))):
             exchanged[rows[[pair.first, pair.second]]] = True
-    return found
+    return exchanged_by_kind
 
 
 def _of_coordinates(
-    result: BundleResult, o: AdjustedObservations, out: Bool, limit: float
+    result: BundleResult, o: AdjustedObservations, rejected: Bool, limit: float
 ) -> Iterator[tuple[int, int]]:
     records, state = o.observed.records, result.adjusted.state
-    rows = np.flatnonzero(out & np.isin(np.arange(len(out)), o.rows))
+    rows = np.flatnonzero(rejected & np.isin(np.arange(len(rejected)), o.rows))
     rows = rows[np.isfinite(o.covariance[rows]).all(axis=(1, 2))]
-    of_two = any(group in (POINT, POSE) for group, _ in records.touches[1:])  # differences have no place of their own
-    if len(rows) < 2 or of_two:
+    between_two = any(
+        group in (POINT, POSE) for group, _ in records.touches[1:]
+    )  # differences have no place of their own
+    if len(rows) < 2 or between_two:
         return
     used = records.observed_components()[rows]
     group, block = records.touches[0]
     if group == POSE:
         rows, used = rows[used.all(axis=1)], used[used.all(axis=1)]
     v, (by_block, *_) = records.evaluate(state, rows)
-    seen = state[POINT][block[rows]] if group == POINT else state[POSE].position_m[block[rows]]
-    given = seen - (v if group == POINT else np.linalg.solve(by_block[:, :, :3], v[:, :, None])[:, :, 0])
+    adjusted_m = state[POINT][block[rows]] if group == POINT else state[POSE].position_m[block[rows]]
+    observed_m = adjusted_m - (v if group == POINT else np.linalg.solve(by_block[:, :, :3], v[:, :, None])[:, :, 0])
     sigma = np.nan_to_num(records.sigmas()[rows])
     spread = sigma * np.sqrt(1.0 + np.einsum("nii->ni", o.covariance[rows]))
     for a, b in combinations(range(len(rows)), 2):
-        both = used[a] & used[b]
+        common = used[a] & used[b]
         s = np.sqrt(spread[a] ** 2 + spread[b] ** 2)
-        far = np.abs(given[a] - given[b])[both] > limit * s[both]
-        near = [np.abs(seen[k] - given[m])[both] <= limit * s[both] for k, m in ((a, b), (b, a))]
-        if both.any() and far.any() and near[0].all() and near[1].all():
+        far = np.abs(observed_m[a] - observed_m[b])[common] > limit * s[common]
+        near = [np.abs(adjusted_m[k] - observed_m[m])[common] <= limit * s[common] for k, m in ((a, b), (b, a))]
+        if common.any() and far.any() and near[0].all() and near[1].all():
             yield int(rows[a]), int(rows[b])

@@ -35,12 +35,12 @@ class TestedBlock:
     """Limit of each record over that of normal errors, (n,)."""
 
     @cached_property
-    def plain(self) -> Float:
+    def largest_w(self) -> Float:
         """Largest |w| of each record, kind after kind; predicted where not active."""
         return np.concatenate([tests_of(o, self.result.adjusted.state) for o in self.result.observations])
 
     @property
-    def small(self) -> bool:
+    def low_redundancy(self) -> bool:
         """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
         return self.result.adjusted.redundancy < ESTIMABLE
 
@@ -50,9 +50,9 @@ class TestedBlock:
         adjusted, limit, unit = self.result.adjusted, self.options.limit, 1.0
         if self.options.tau:
             unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
-        elif self.small and adjusted.redundancy > 0:
+        elif self.low_redundancy and adjusted.redundancy > 0:
             unit = max(1.0, adjusted.sigma0 * tau_limit(min(limit, SINGLE_LIMIT), adjusted.redundancy) / limit)
-        return np.asarray(self.plain / (unit * self.tails))
+        return np.asarray(self.largest_w / (unit * self.tails))
 
     def controlled(self, rows: Int) -> Bool:
         """All that has a test is controlled well enough."""
@@ -63,13 +63,13 @@ class TestedBlock:
         return 0.0
 
 
-def tests_of(found: AdjustedObservations, state: State) -> Float:
+def tests_of(observations: AdjustedObservations, state: State) -> Float:
     """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
-    test = np.full(len(found.observed), np.nan)
-    if len(found.rows) and not (found.observed.exact or found.observed.components):
-        v, r = residuals_and_redundancy(found, state, found.rows)
+    test = np.full(len(observations.observed), np.nan)
+    if len(observations.rows) and not (observations.observed.exact or observations.observed.components):
+        v, r = residuals_and_redundancy(observations, state, observations.rows)
         w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
-        test[found.rows] = np.where(w >= 0, w, np.nan)
+        test[observations.rows] = np.where(w >= 0, w, np.nan)
     return test
 
 
@@ -85,26 +85,26 @@ def misfit(result: BundleResult, limit: float) -> float:
     return float((tests[tests > limit] ** 2).sum())
 
 
-def residuals_and_redundancy(found: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
+def residuals_and_redundancy(observations: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
     """Whitened residuals and redundancy numbers, (k, m) each; of what has no test the second is zero."""
-    records = found.observed.records
+    records = observations.observed.records
     v = whitened_residuals(records, state, rows)
-    r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", found.covariance[rows])
+    r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", observations.covariance[rows])
     return v, np.where(records.observed_components()[rows] & (r > CONTROLLED), r, 0.0)
 
 
-def gains_of(found: AdjustedObservations, state: State, rows: Int) -> Float:
+def gains_of(observations: AdjustedObservations, state: State, rows: Int) -> Float:
     """What leaving out each of some observations would gain, (k,); of one that is out, what it would cost to use it."""
-    records = found.observed.records
-    gain, known = np.full(len(rows), np.nan), np.isfinite(found.covariance[rows]).all(axis=(1, 2))
-    if known.any():
-        some = rows[known]
-        used = np.where(records.active[some], 1.0, -1.0)[:, None, None]
-        v = whitened_residuals(records, state, some)
-        gain[known] = gains_of_leaving_out(v, used * found.covariance[some])
+    records = observations.observed.records
+    gain, has_covariance = np.full(len(rows), np.nan), np.isfinite(observations.covariance[rows]).all(axis=(1, 2))
+    if has_covariance.any():
+        predicted = rows[has_covariance]
+        used = np.where(records.active[predicted], 1.0, -1.0)[:, None, None]
+        v = whitened_residuals(records, state, predicted)
+        gain[has_covariance] = gains_of_leaving_out(v, used * observations.covariance[predicted])
     return gain
 
 
-def known_covariance(found: AdjustedObservations, squares: BundleResult | None, i: int) -> Float:
+def least_squares_covariance(observations: AdjustedObservations, least_squares: BundleResult | None, i: int) -> Float:
     """Covariances of the adjusted values as least squares has them; zero where it failed."""
-    return np.zeros_like(found.covariance) if squares is None else squares.observations[i].covariance
+    return np.zeros_like(observations.covariance) if least_squares is None else least_squares.observations[i].covariance

@@ -1,0 +1,111 @@
+"""A robust adjustment before anything is rejected by least squares, where gross errors smear.
+
+Each point with something above the limit, or rejected by an earlier stage, is looked at from the robust poses, held
+(`points`): the fewest records are left out without which the others agree. Of other kinds what is above the limit goes;
+where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adjustment.statistics.rejection import room_left
+from aatri.arrays import Bool
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.all_records import is_ray
+from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
+from aatri.orientation.bundle.blunders.robust import Adjust, robust
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
+from aatri.orientation.bundle.result import from_result
+
+
+class RobustStart(FittedSigmas):
+    """A search that begins with a robust adjustment.
+
+    Attributes
+    ----------
+    rejected_kinds : (n,) bool
+        Records of kinds that were left out as a whole.
+    """
+
+    def __init__(self, block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float) -> None:
+        super().__init__(block, adjust, options, tolerance)
+        self.rejected_kinds = np.zeros(len(self.all.native), dtype=bool)
+
+    def _active_after_robust(self, active: Bool, initial: TestedBlock | None) -> Bool:
+        """What is active after a robust adjustment; the block starts from there."""
+        least_squares = None if initial is None else initial.result
+        self.block = self.block if initial is None else self._start_from(initial, active)
+        result = robust(self.block, self.adjust, self.options, least_squares, coarse=True)
+        for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
+            scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
+            self._rescale(scaling, factor, from_result(self.block, result))
+            if (factor == 1.0).all():
+                break
+            rescaled, _ = self._initial_least_squares(active)
+            least_squares = None if rescaled is None else rescaled.result
+            result = robust(self.block, self.adjust, self.options, least_squares, coarse=True)
+        state = result.adjusted.state
+        tests = [
+            tests_of(replace(o, covariance=least_squares_covariance(o, least_squares, i)), state)
+            for i, o in enumerate(result.observations)
+        ]
+        tails = self._tails(result, least_squares)
+        test = np.concatenate(tests) / tails
+        above_limit = active & (test > self.options.limit)
+        self.block = from_result(self.block, result)
+        without_point = above_limit & ~self.all.at_points
+        points = np.unique(self.all.point[(above_limit | (self.all.native & ~active)) & self.all.at_points])
+        gross_errors_at = self.gross_errors_at_intersections(result, points, active, test, tails)
+        exchanged = exchanged_coordinates(
+            self.all.observed, self.all.split(active & gross_errors_at), state, self.block.xyz_m
+        )
+        self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
+        wrong = active & (gross_errors_at | without_point)
+        rejected_kind = self._kind_to_reject(wrong, active)
+        if rejected_kind is not None:
+            wrong[rejected_kind] = active[rejected_kind]
+            self.rejected_kinds[rejected_kind] = True
+            self.pool = replace(self.pool, counted=self.pool.counted & ~self.rejected_kinds)
+        rejected = self.within_room(wrong, active, test)
+        return (active | (self.all.native & self.at_points_of(points) & ~gross_errors_at)) & ~rejected
+
+    def _kind_to_reject(self, wrong: Bool, active: Bool) -> slice | None:
+        """A kind with more wrong than there is room for, where the rest agrees without it, and only without it."""
+        room, counted = room_left(self.snooping, self.pool, active), self.pool.counted
+        parts = [p for p, o in zip(self.all.parts, self.all.observed) if not is_ray(o) and active[p].any()]
+        overfull_parts = [
+            p for k, p in enumerate(self.all.parts) if np.count_nonzero((wrong & counted)[p]) > max(room[k], 0)
+        ]
+        if len(overfull_parts) != 1 or overfull_parts[0] not in parts:
+            return None
+        other_parts = [p for p in parts if p != overfull_parts[0]]
+        return (
+            overfull_parts[0]
+            if self._agrees(wrong, active, overfull_parts[0], overfull_parts[0])
+            and not any(self._agrees(wrong, active, overfull_parts[0], p) for p in other_parts)
+            else None
+        )
+
+    def _agrees(self, wrong: Bool, active: Bool, overfull: slice, left_out: slice) -> bool:
+        """Whether the block agrees without one kind; `overfull` is that with too many wrong ones."""
+        use = active & ~wrong
+        use[overfull] = active[overfull]
+        use[left_out] = False
+        try:
+            tested = self.solve(None, use)
+        except (GeometryError, ConvergenceError):
+            return False
+        return not self._is_harmful(tested, use)
+
+    def _start_from(self, initial: TestedBlock, active: Bool) -> BundleInput:
+        """The block from where least squares has moved it; points with something above the limit may have run away."""
+        above_limit = active & self.all.at_points & ~(initial.test <= self.options.limit)
+        points = np.unique(self.all.point[above_limit])
+        moved = from_result(self.block, initial.result)
+        xyz = moved.xyz_m.copy()
+        xyz[points] = self.block.xyz_m[points]
+        return replace(moved, xyz_m=xyz)
