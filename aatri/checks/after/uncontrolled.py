@@ -27,7 +27,8 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
     alone, table = table.take(apart), table.take(~apart)
     if len(alone):
         points = np.unique(alone.point)
-        text = f"{len(alone)} of {len(points)} points are in no model: the bundle is the first to check them"
+        rays, of = f"{len(alone)} ray{'s' * (len(alone) > 1)}", f"{len(points)} point{'s' * (len(points) > 1)}"
+        text = f"{rays} to {of} in no model: the bundle is the first to check them"
         findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
     for kind in np.unique(table.kind).tolist():
         of_kind = table.take(table.kind == kind)

@@ -187,9 +187,19 @@ def _sorted(block: Block, point: Int) -> Block:
     return replace(block, image_points=table.take(image_point_order(table)))
 
 
+_EXCHANGED = {
+    "control": ("xyz_m", "covariance_m2", "role"),
+    "position": ("position_m", "position_covariance_m2", "position_use", "refers_to", "drift_group"),
+}
+"""Columns in which two rows are exchanged: a coordinate goes with what it is taken for, control or check."""
+
+
 def _exchange(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
-    """Both observations keep their place and get what was measured of the other."""
+    """Both observations keep their place and get what was measured of the other, and as what."""
     key = "image" if edit.kind == "position" else "point"
+    if edit.ids["to"] == edit.ids[key]:
+        faults.add(f"{edit}: one {key} cannot be exchanged with itself", edit.where, "name two, or delete the line")
+        return block
     others = _rows(block, replace(edit, value=()), {**edit.ids, key: edit.ids["to"]}, faults)
     if others is None:
         return block
@@ -202,9 +212,8 @@ def _exchange(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:
     if edit.kind == "control" and np.isin([correlated.row_a, correlated.row_b], [rows[0], others[0]]).any():
         faults.add(f"{edit}: it is correlated with other points", edit.where, "exchange the names in the files")
         return block
-    measured = ("xyz_m", "covariance_m2") if edit.kind == "control" else ("position_m", "position_covariance_m2")
     columns = {}
-    for column in measured:
+    for column in _EXCHANGED[edit.kind]:
         values = getattr(table, column).copy()
         values[[rows[0], others[0]]] = values[[others[0], rows[0]]]
         columns[column] = values

@@ -111,14 +111,21 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
     return write_tables(tables | covariance_tables(solution), folder)
 
 
+OF_EVALUATION = (
+    *("models", "set_ups", "pass_points", "strip_errors"),
+    *("displacements", "parameter_changes", "layout_points"),
+)
+"""Tables of an Evaluation that some stages fill and others leave out."""
+
+
 def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
-    """Write figures.csv, differences.csv and, of stereo models, models.csv, set_ups.csv, pass_points.csv."""
+    """Write figures.csv, differences.csv, and a file of every other table that the Evaluation has."""
     figures = evaluation.figures
     tables: dict[str, Columns] = {
         "figures.csv": {"name": figures.name, "value": figures.value},
         "differences.csv": named(evaluation.differences),
     }
-    more = (("models", evaluation.models), ("set_ups", evaluation.set_ups), ("pass_points", evaluation.pass_points))
+    more = ((name, getattr(evaluation, name)) for name in OF_EVALUATION)
     tables |= {f"{name}.csv": named(rows) for name, rows in more if rows is not None}
     return write_tables(tables, folder)
 

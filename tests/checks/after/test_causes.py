@@ -12,9 +12,11 @@ from scipy.sparse.csgraph import connected_components
 
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.checks.after.hinge_image import hanging_parts
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.checks.after.smooth_signal import smooth_signal
+from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.limits import OWN_DATUM
 from aatri.errors import GeometryError
 from aatri.orientation.refinement.collocation import collocate
@@ -181,3 +183,17 @@ def test_three_distances_with_standard_deviations_in_m_for_mm_are_named(factor: 
     lines = [text for text in told.warnings if text.startswith("distance: sigma0 of these 3 observations alone is")]
     assert bool(lines) == named
     assert all("times too large; is it a unit?" in text for text in lines)
+
+
+def test_rays_to_points_in_no_model_are_not_counted_as_points() -> None:
+    table = Uncontrolled.of(
+        kind=["image_point"] * 3,
+        row=[0, 1, 2],
+        image=["a", "b", "a"],
+        point=["P", "P", "Q"],
+        redundancy=[0.0] * 3,
+        direction=np.full((3, 3), np.nan),
+    )
+    (finding,) = uncontrolled_observations(table)
+    assert finding.sentence.startswith("3 rays to 2 points in no model")
+    assert finding.ids == ("P", "Q")

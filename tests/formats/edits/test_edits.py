@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.block import CONTROL, NO_ROLE, Block
 from aatri.artifacts.block_control import Geodetic, GeodeticCovariances, GroundPointCovariances
 from aatri.artifacts.solution import VarianceComponents
 from aatri.artifacts.suspects import Suspects
@@ -174,6 +174,32 @@ def test_what_an_edit_cannot_change_is_refused(block) -> None:
         with_edits(exact, (Edit("reweight", "control", {}, factor=2.0),))
     with pytest.raises(AatriError, match="correlated with other points"):
         with_edits(_correlated(block), (Edit("exchange", "control", {"point": first, "to": second}),))
+
+
+def test_nothing_is_exchanged_with_itself(block) -> None:
+    names = _names(block, 7)
+    image, point = names["image"], str(block.points.id[block.ground_points.point[0]])
+    for edit in (
+        Edit("exchange", "control", {"point": point, "to": point}),
+        Edit("exchange", "image_point", {**names, "to": names["point"]}),
+        Edit("exchange", "position", {"image": image, "to": image}),
+    ):
+        with pytest.raises(AatriError, match="cannot be exchanged with itself"):
+            with_edits(block, (edit,))
+
+
+def test_exchanged_control_takes_its_roles_along(block) -> None:
+    """As if the ids of two rows of ground_points.csv were exchanged: no coordinate is control without a value."""
+    g = block.ground_points
+    first, second = (str(block.points.id[p]) for p in g.point[:2])
+    xyz_m, role = g.xyz_m.copy(), g.role.copy()
+    role[:2] = [[CONTROL] * 3, [CONTROL, CONTROL, NO_ROLE]]
+    xyz_m[1, 2] = np.nan
+    mixed = replace(block, ground_points=replace(g, xyz_m=xyz_m, role=role))
+    after = with_edits(mixed, (Edit("exchange", "control", {"point": first, "to": second}),)).ground_points
+    np.testing.assert_array_equal(after.xyz_m[:2], xyz_m[[1, 0]])
+    np.testing.assert_array_equal(after.role[:2], role[[1, 0]])
+    np.testing.assert_array_equal(np.isnan(after.xyz_m), after.role == NO_ROLE)
 
 
 @pytest.mark.parametrize(

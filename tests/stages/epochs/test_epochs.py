@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.evaluation.epochs import EpochPoints, compared
+from aatri.formats.results.solution_tables import write_evaluation_tables
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.epochs.cameras import cameras
@@ -125,3 +128,17 @@ def test_exact_points_and_other_ids_are_told() -> None:
     assert "P2" in warnings[0]
     with pytest.raises(InputError, match="no point in common"):
         compared(earlier, EpochPoints(np.char.add(later.id, "x"), later.xyz_m, exact), "none", level=0.05)
+
+
+def test_what_has_moved_is_written_as_tables(epochs, tmp_path: Path) -> None:
+    (_, earlier), (_, later) = epochs
+    points, parameters = congruence(later, earlier), cameras(later, earlier)
+    write_evaluation_tables(points, tmp_path)
+    write_evaluation_tables(parameters, tmp_path)
+    with (tmp_path / "displacements.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["point"] for row in rows] == points.displacements.point.tolist()
+    assert [float(row["displacement_z_m"]) for row in rows] == points.displacements.displacement_m[:, 2].tolist()
+    with (tmp_path / "parameter_changes.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["change"]) for row in rows] == parameters.parameter_changes.change.tolist()
