@@ -182,6 +182,9 @@ SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 2.0
 """Probability that a block with right standard deviations is told of a wrong kind; factor by which they must be wrong:
 less is left to variance components; redundancy below which a kind is not tested, where chance reaches any factor."""
 
+COMPUTED = 1e-6
+"""Ratio to their standard deviations below which residuals are rounding: of values computed, not measured."""
+
 UNSEEN_DISTORTION, UNSEEN_BEND, MOST_POINTS_OF_SCORE = 4.0, 10.0, 20_000
 """Standard deviations of a distortion that could go unseen; a bend is worth a note from so many standard deviations of
 the heights on; points beyond which it is asked only with tests of observations: it takes another factor."""

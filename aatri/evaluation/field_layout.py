@@ -99,6 +99,7 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
     ]
     size = " x ".join(f"{e:.3g}" for e in extent)
     verdict = f"test field: {len(X)} targets in {size} m, {pillars} pillars; "
-    verdict += f"{len(broken)} of 5 rules are broken" if broken else "all 5 rules are kept"
+    verb = "is" if len(broken) == 1 else "are"
+    verdict += f"{len(broken)} of 5 rules {verb} broken" if broken else "all 5 rules are kept"
     table = Figures(name=np.array(list(figures)), value=np.array(list(figures.values())))
     return Evaluation(verdict=f"{verdict}.", figures=table, differences=Differences.empty()), broken

@@ -20,7 +20,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
 from aatri.checks.finding import Finding
-from aatri.checks.limits import LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL
+from aatri.checks.limits import COMPUTED, LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.result import BundleResult
 
@@ -43,18 +43,24 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
         factor = max(test.sigma0, 1 / max(test.sigma0, 1e-300))
         if chance >= SIGMAS_LEVEL / len(tests) or factor < SIGMAS_FACTOR:
             continue
-        text = f"sigma0 of these {len(adjusted.rows)} observations alone is {test.sigma0:.3g} (redundancy "
-        text += f"{test.redundancy}): their standard deviations are about {factor:.2g} times too "
-        text, remedy = (
-            (f"{text}large", "is it a unit?")
-            if test.sigma0 < 1
-            else (f"{text}small", "correct them, or look for gross errors in them")
-        )
+        text, remedy = _sentence(len(adjusted.rows), test, factor)
         kind, rows = adjusted.observed.kind, {adjusted.observed.kind: adjusted.observed.row}
         findings.append(
             Finding("sigmas", "warning", text, remedy, where=kind, statistic=squares, significance=chance, rows=rows)
         )
     return findings
+
+
+def _sentence(count: int, test: GlobalTest, factor: float) -> tuple[str, str]:
+    """What is said of so many observations of a kind, and what to do."""
+    if test.sigma0 < COMPUTED:
+        text = f"residuals of these {count} observations are 0 (redundancy {test.redundancy})"
+        return text, "were they computed from coordinates, not measured?"
+    text = f"sigma0 of these {count} observations alone is {test.sigma0:.3g} (redundancy {test.redundancy}): their "
+    if test.sigma0 < 1:
+        return f"{text}standard deviations are about {factor:.2g} times too large", "is it a unit?"
+    text += f"standard deviations are about {factor:.2g} times too small"
+    return text, "correct them, or look for gross errors in them"
 
 
 def _test(adjusted: AdjustedObservations, result: BundleResult) -> GlobalTest | None:

@@ -133,3 +133,13 @@ def test_parallel_rays_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(GeometryError, match="nothing to adjust"):
         adjusted(tmp_path, ground, parallel, alone)
     assert any("their rays are parallel" in w for w in alone.warnings)
+
+
+def test_observations_computed_from_coordinates_are_called_so(tmp_path: Path) -> None:
+    """Their residuals are 0, which no factor of their standard deviations explains."""
+    ground, told = ["A,0,0,10,0,0,0,control", "B,0,8,10.2,0,0,0,control"], Told()
+    points = {"P": P, "Q": np.array([7.1, 5.7, 12.9]), "R": np.array([8.1, 2.7, 12.6])}
+    sights = [row for name, X in points.items() for row in sights_of(name, sighted(X, A, B), (2.0, 3.0))]
+    adjusted(tmp_path, ground, sights, told)
+    (text,) = [w for w in told.warnings if w.startswith("zenith")]
+    assert text.startswith("zenith: residuals of these 6 observations are 0 (redundancy 3); were they computed")
