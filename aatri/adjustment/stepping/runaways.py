@@ -46,20 +46,13 @@ Veto = Callable[[State, State], str]
 
 
 def all_steadied(problem: IndexedProblem, state: dict[str, Any]) -> dict[str, Any]:
-    """The state with every eliminated block at its own optimum; those that run away from it are left alone."""
+    """The state with every eliminated block at its own optimum, or on the way there: its cost only falls."""
     if problem.rays is None:
         return state
     blocks = np.flatnonzero((problem.hold[:, 0, 0] == 0.0) & (np.diff(problem.rays.ray_start) > 0))
     parts = np.searchsorted(problem.rays.ray_start[blocks], np.arange(0, len(problem.rays.rows), RAYS_AT_A_TIME))
-    group = problem.layout.eliminated
     for part in np.split(blocks, parts[1:]):
-        before = state
-        state, running = _moved(problem, state, part)
-        if len(running):
-            still = problem.rays.block[running]
-            value = state[group].copy()
-            value[still] = before[group][still]
-            state = {**state, group: value}
+        state = _moved(problem, state, part)
     return state
 
 
@@ -78,7 +71,7 @@ def steadied(problem: IndexedProblem, state: dict[str, Any], veto: Veto | None =
     blocks = _open(problem, state)
     if not len(blocks):
         return state
-    moved, _ = _moved(problem, state, blocks)
+    moved = _moved(problem, state, blocks)
     return state if veto and veto(state, moved) else moved
 
 
@@ -112,8 +105,8 @@ def _open(problem: IndexedProblem, state: State) -> Int:
     return np.flatnonzero(is_open)
 
 
-def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> tuple[dict[str, Any], Int]:
-    """Damped Newton steps of all blocks at once, each accepted or refused by its own cost; which have not ended."""
+def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> dict[str, Any]:
+    """Damped Newton steps of all blocks at once, each accepted or refused by its own cost."""
     rays, group = problem.rays, problem.layout.eliminated
     assert rays is not None
     unknowns = next(u for u in problem.unknowns if u.name == group)
@@ -137,7 +130,7 @@ def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> tuple
         state = {**state, group: unknowns.retract(state[group], step)}
         cost, damping = np.where(better, new_cost, cost), np.maximum(damping * np.where(better, LESS, MORE), LEAST)
         D, h = np.where(better[:, None, None], new_D, D), np.where(better[:, None], new_h, h)
-    return state, blocks
+    return state
 
 
 def _steps(D: Float, h: Float, damping: Float) -> Float:
