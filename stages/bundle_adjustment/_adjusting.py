@@ -18,7 +18,7 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.earlier_rejections import search_anew
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
@@ -59,7 +59,7 @@ def adjusted_block(
     """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
     done, groups = _searched(source, inputs, options, context)
     adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
-    done = with_settled_terms(done, adjust, partial(adjust, how=AdjustOptions(covariances=False)))
+    done = with_converged_terms(done, adjust, partial(adjust, how=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
     return with_considered(done, adjust, rebuilt), groups, components
 

@@ -13,7 +13,7 @@ Source: Ackermann, Ebner & Klein 1970; Kraus, Photogrammetry; lecture notes A503
 """
 
 from aatri.adapters.strips.given_models import adjusted_given_models
-from aatri.adapters.strips.model_adjustment import ModelRules
+from aatri.adapters.strips.model_adjustment import ModelSettings
 from aatri.artifacts.block import Block
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
@@ -35,7 +35,9 @@ def given_models(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust models given by coordinates."""
-    rules = ModelRules(None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability)
-    solution, notes = adjusted_given_models(block, rules)
+    settings = ModelSettings(
+        None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
+    )
+    solution, notes = adjusted_given_models(block, settings)
     report(notes, context)
     return solution

@@ -26,7 +26,7 @@ from pydantic import PositiveFloat, field_validator, model_validator
 
 from aatri.adapters.frame.tangent_block import in_tangent_frame
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.model_adjustment import ModelRules, adjusted_models
+from aatri.adapters.strips.model_adjustment import ModelSettings, adjusted_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -94,7 +94,7 @@ def independent_models(
     check_same_block(block, image_points=image_points, models=models, initial=initial)
     sigma = options.centres.sigma
     sigma_m = None if sigma == "from_orientation" else float(sigma)
-    rules = ModelRules(
+    settings = ModelSettings(
         sigma_m,
         options.iteration == "plan_height",
         options.limit,
@@ -103,6 +103,6 @@ def independent_models(
         options.unit == "double_model",
     )
     inside = in_tangent_frame(block, initial)
-    solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, rules)
+    solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, settings)
     report([*notes, *findings_of(inside.block, solution, "model_adjustment", initial.suspects)], context)
     return inside.back(solution)

@@ -16,7 +16,7 @@ from aatri.artifacts.solution import Solution
 from aatri.geometry.rotations import log_rotation
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_settled_terms
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.bundle_adjustment._self_calibration import chosen_set, parameters_of
@@ -42,7 +42,7 @@ def dense_errors(
     given = bundle_input(observation_source(block, points, solution, parameters), options, solution.suspects)
     adjust = partial(adjust_bundle, settings=BundleSettings(options.datum, covariances=False))
     formed = AdjustedBlock(given, adjusted_with_terms(given, adjust, adjust))
-    adjusted = with_settled_terms(formed, adjust, adjust).result.adjusted
+    adjusted = with_converged_terms(formed, adjust, adjust).result.adjusted
     problem = adjusted.problem
     J, _ = dense_jacobian(problem.unknowns, [r.take(np.flatnonzero(r.active)) for r in problem.records], adjusted.state)
     Q = np.linalg.inv(J.T @ J)

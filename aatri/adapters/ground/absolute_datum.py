@@ -20,7 +20,7 @@ from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
-from aatri.orientation.bodies.absolute import OrientationRules
+from aatri.orientation.bodies.absolute import OrientationSettings
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio
 from aatri.orientation.bodies.free_body import FreeBody, levelled
@@ -36,7 +36,7 @@ def oriented_part(
     rays: ImagePointRows,
     component: Component,
     what: str,
-    rules: OrientationRules,
+    settings: OrientationSettings,
 ) -> tuple[OrientedPart, list[Note]]:
     """A component by what is observed of it, control that no strip holds included; see `oriented_by`.
 
@@ -51,7 +51,7 @@ def oriented_part(
 
     body = _body(ground.block, strips, component)
     by_rays = control_by_rays(component, body, control_of(ground.block).point, rays, TIE_LIMIT)
-    result, notes = oriented_by(ground, by_rays.body, rules, what, begin=begin)
+    result, notes = oriented_by(ground, by_rays.body, settings, what, begin=begin)
     return OrientedPart(what, by_rays, result), notes
 
 
@@ -62,7 +62,7 @@ def levelled_part(
     free: FreeBlock,
     component: Component,
     what: str,
-    rules: OrientationRules,
+    settings: OrientationSettings,
 ) -> OrientedPart | None:
     """A component that nothing but its turn about a line is open of, as images look down; None if more is open.
 
@@ -78,7 +78,7 @@ def levelled_part(
     looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
     level = replace(ground, beside=(*ground.beside, looking_down))
     try:
-        return oriented_part(level, strips, rays, component, what, rules)[0]
+        return oriented_part(level, strips, rays, component, what, settings)[0]
     except (ConvergenceError, GeometryError):
         return None
 

@@ -24,7 +24,7 @@ from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.absolute import OrientationRules, Start
+from aatri.orientation.bodies.absolute import OrientationSettings, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.deformation import search_notes
 
@@ -55,7 +55,7 @@ class Joining:
     control_limit: float
     """Test statistics of wrong ties, and of what is wrong on the ground."""
     start: Start
-    """How each component starts; see `OrientationRules`."""
+    """How each component starts; see `OrientationSettings`."""
     every_component: bool
     """A component without a datum is an error; else it is left out with a warning."""
     apart: tuple[int, ...] = ()
@@ -191,7 +191,7 @@ def _joined_and_oriented(
     """
     strips = of.strips
     names = strips.strips.id.tolist()
-    rules = OrientationRules(joining.control_limit, start=joining.start)
+    settings = OrientationSettings(joining.control_limit, start=joining.start)
     free = join_strips(
         pieces.strip_points_of(strips),
         names,
@@ -208,9 +208,9 @@ def _joined_and_oriented(
             continue
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part, more = oriented_part(of.ground, strips, of.rays, component, what, rules)
+            part, more = oriented_part(of.ground, strips, of.rays, component, what, settings)
         except GeometryError as error:
-            begun = (of.ground, strips, of.rays, free, component, what, rules)
+            begun = (of.ground, strips, of.rays, free, component, what, settings)
             level = levelled_part(*begun) if joining.level else None
             if level is None:
                 failed.append(error)

@@ -26,7 +26,7 @@ from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
 from aatri.observations.relative.differences import DISTANCE as RELATIVE
-from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.free_body import FreeBody, concerning
 
@@ -117,7 +117,7 @@ def everything(_: Observed) -> bool:
 def oriented_by(
     ground: GroundObserved,
     body: FreeBody,
-    rules: OrientationRules,
+    settings: OrientationSettings,
     what: str,
     *,
     chosen: Chosen = everything,
@@ -136,11 +136,11 @@ def oriented_by(
     ConvergenceError
     """
     kinds = {o.kind for o in ground.of(body, chosen, attitudes=True)(NOWHERE) if not o.components}
-    first: tuple[str, ...] = (*PLACES, *DISTANCES) if rules.stiff else PLACES
-    ways: list[tuple[tuple[str, ...], float]] = [(first, rules.weakest)]
-    ways += [((*first, ATTITUDE), rules.weakest)] if ATTITUDE in kinds else []
+    first: tuple[str, ...] = (*PLACES, *DISTANCES) if settings.stiff else PLACES
+    ways: list[tuple[tuple[str, ...], float]] = [(first, settings.weakest)]
+    ways += [((*first, ATTITUDE), settings.weakest)] if ATTITUDE in kinds else []
     if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
-        ways.append((tuple(kinds | {*first, ATTITUDE}), min(rules.weakest, HARDLY)))
+        ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY)))
     images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError]()
     for (used, weakest), drift in product(ways, (True, False) if _drifting(ground, body) else (True,)):
 
@@ -150,7 +150,7 @@ def oriented_by(
         seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
         try:
             # what is neglected bends the body: what does not fit it as it is need not be wrong
-            how = replace(rules, weakest=weakest, stiff=rules.stiff and drift)
+            how = replace(settings, weakest=weakest, stiff=settings.stiff and drift)
             oriented = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
         except GeometryError as error:
             failed.append(error)

@@ -34,7 +34,7 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
-from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
 from aatri.orientation.graph.on_ground import fits_bent
@@ -74,22 +74,22 @@ def to_ground(
     GeometryError
         If there is control or there are positions, and no component can be oriented by them.
     """
-    block, rules = ground.block, OrientationRules(limit, stiff=True)
+    block, settings = ground.block, OrientationSettings(limit, stiff=True)
     done, notes, failed = list[OnGround](), list[Note](), list[tuple[ImageComponent, str, AatriError]]()
     if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(NOWHERE)) for c in components):
-        part, notes = _free(ground, components[0], rays, replace(rules, weakest=OPEN, free=True))
+        part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
         return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
     for number, component in enumerate(components, 1):
         what = f"component {number} ({int(component.images.sum())} images)"
         try:
-            part, of_part = _oriented(ground, component, rays, what, rules)
+            part, of_part = _oriented(ground, component, rays, what, settings)
         except (ConvergenceError, GeometryError) as error:
             failed.append((component, what, error))
             continue
         done.append(part)
         notes += of_part
     for component, what, alone in failed:
-        beside, of_part = _otherwise(ground, component, rays, done, what, rules, alone)
+        beside, of_part = _otherwise(ground, component, rays, done, what, settings, alone)
         notes += of_part
         done += [] if beside is None else [beside]
     if not done:
@@ -103,21 +103,21 @@ def _otherwise(
     rays: ImagePointRows,
     done: Sequence[OnGround],
     what: str,
-    rules: OrientationRules,
+    settings: OrientationSettings,
     alone: AatriError,
 ) -> tuple[OnGround | None, list[Note]]:
     """A component that observations of its own leave open: by its neighbours, or hardly determined; else None."""
     beside = observed_by_neighbours(ground.block, [part.component for part in done], component, rays)
     if beside:
         try:
-            oriented, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), rules, what)
+            oriented, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), settings, what)
             to = oriented.ground_from_body
             text = f"{what}: oriented by the images and points it shares with others; without them {alone.what}"
             return OnGround(component.moved(to), None, to), [Note("note", text)]
         except (ConvergenceError, GeometryError):
             pass
     try:
-        part, notes = _oriented(ground, component, rays, what, replace(rules, weakest=HARDLY))
+        part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
         return None, [_apart(ground.block, component, alone.what)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {alone.what}")]
@@ -129,7 +129,7 @@ def _apart(block: Block, component: ImageComponent, why: str) -> Note:
 
 
 def _free(
-    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, rules: OrientationRules
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings
 ) -> tuple[OnGround, list[Note]]:
     """A component that nothing places: its scale by distances, its rotation by attitudes ..., what is open is held."""
     own, similarity = first_base_one(component)
@@ -144,19 +144,19 @@ def _free(
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]
     images, points = ground.block.images.id, ground.block.points.id
-    oriented = orient_body(seen, body, rules, what="the block", image_ids=images, point_ids=points)
+    oriented = orient_body(seen, body, settings, what="the block", image_ids=images, point_ids=points)
     to = oriented.ground_from_body
     own = own.moved(to)
     part = OnGround(own, oriented, compose(to, similarity), free=True)
-    return part, [note, *two_that_differ(oriented, precision(own, rays), rules.limit)]
+    return part, [note, *two_that_differ(oriented, precision(own, rays), settings.limit)]
 
 
 def _oriented(
-    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, what: str, rules: OrientationRules
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, what: str, settings: OrientationSettings
 ) -> tuple[OnGround, list[Note]]:
     """By all that is observed of it, without the one kind that contradicts all else."""
     body = body_of(component, rays)
-    seated, notes = oriented_by(ground, body, rules, what)
+    seated, notes = oriented_by(ground, body, settings, what)
 
     def part(oriented: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
         to = oriented.ground_from_body
@@ -170,12 +170,12 @@ def _oriented(
         return part(seated), [*notes, *told(seated)]
     for kind, others in _without_one(seated.tied.problem.ground):
         try:
-            alone, by_attitudes = oriented_by(ground, body, rules, what, chosen=others)
+            alone, by_attitudes = oriented_by(ground, body, settings, what, chosen=others)
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
         left = tuple(o for o in seated.tied.problem.ground if not others(o))
         # they fit, and do so no more with what is left out
-        if not by_attitudes and alone.tied.tau_m == 0 and contradicts(left, alone.state, rules.limit):
+        if not by_attitudes and alone.tied.tau_m == 0 and contradicts(left, alone.state, settings.limit):
             note = contradiction_note(ground.block, left, alone.state, kind, what)
             return part(alone, left), [note, *told(alone)]
     return part(seated), [*deformation_notes(seated, precision(component, rays), what), *told(seated)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
-from aatri.adapters.strips.model_adjustment import ModelRules
+from aatri.adapters.strips.model_adjustment import ModelSettings
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
@@ -25,7 +25,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, Poses
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import BODY, MODEL_TIE
-from aatri.orientation.bodies.absolute import OrientationRules, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, orient_body
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, join_strips, strip_names
 from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes
@@ -38,7 +38,7 @@ START_LIMIT = 5.0
 """Test statistic of wrong control where a component is laid onto it, in sigma: as in the absolute orientation."""
 
 
-def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, list[Note]]:
+def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Solution, list[Note]]:
     """Adjust the models that a block gives by coordinates.
 
     Raises
@@ -72,10 +72,10 @@ def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, li
     places = {POINT: ties.places(begin, len(ids))}
     problem = tied_problem(observed, places, {POINT: ids}, "models given by coordinates")
     began = np.ones(sum(map(len, problem.observed)), dtype=bool)
-    tied, rounds = adjust_models(problem, limit=rules.limit, active=began, plan_height=rules.plan_height)
+    tied, rounds = adjust_models(problem, limit=settings.limit, active=began, plan_height=settings.plan_height)
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
     size = [np.ptp(begin.similarity.scale[k] * x[place[model] == k], axis=0) for k in range(len(chosen))]
-    misfit = Misfit(rules.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
+    misfit = Misfit(settings.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "models", "")
     text = f"{len(chosen)} models; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
     notes += [
@@ -85,7 +85,7 @@ def adjusted_given_models(block: Block, rules: ModelRules) -> tuple[Solution, li
     ]
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
-    return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, rules), notes
+    return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, settings), notes
 
 
 def _start(
@@ -111,7 +111,7 @@ def _start(
             to = orient_body(
                 seen,
                 body,
-                OrientationRules(START_LIMIT),
+                OrientationSettings(START_LIMIT),
                 what=what,
                 image_ids=np.array([what]),
                 point_ids=block.points.id,
@@ -138,7 +138,7 @@ def _body(component: Component, n_points: int) -> FreeBody:
 
 
 def _solution(
-    block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, rules: ModelRules
+    block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, settings: ModelSettings
 ) -> Solution:
     began = np.ones(sum(map(len, tied.problem.observed)), dtype=bool)
     of = tied.state[BODY].similarity
@@ -160,7 +160,7 @@ def _solution(
         transformations=transformations,
         point_covariance_m2=np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan),
         rounds=rounds,
-        tests=rules.tests,
+        tests=settings.tests,
     )
 
 

@@ -23,7 +23,7 @@ from aatri.orientation.bodies.independent_models import adjust_models
 
 
 @dataclass(frozen=True)
-class ModelRules:
+class ModelSettings:
     """How models are adjusted; see the options of the stage. `centre_sigma_m` None: from the relative orientations."""
 
     centre_sigma_m: float | None
@@ -35,7 +35,7 @@ class ModelRules:
 
 
 def adjusted_models(
-    block: Block, image_points: ImagePoints, models: Models, initial: Solution, rules: ModelRules
+    block: Block, image_points: ImagePoints, models: Models, initial: Solution, settings: ModelSettings
 ) -> tuple[Solution, list[Note]]:
     """Adjust the models that `initial` orients.
 
@@ -46,18 +46,18 @@ def adjusted_models(
     ConvergenceError
         If the result does not fit.
     """
-    bodies, notes = bodies_of(block, models, initial, rules.centre_sigma_m, double=rules.double)
+    bodies, notes = bodies_of(block, models, initial, settings.centre_sigma_m, double=settings.double)
     problem, names = bodies.problem(block), bodies.names
     before = {MODEL_TIE: models.suspects, CONTROL: initial.suspects, POSITION: initial.suspects}
     began = tables.not_rejected(problem.observed, before)
-    tied, rounds = adjust_models(problem, limit=rules.limit, active=began, plan_height=rules.plan_height)
+    tied, rounds = adjust_models(problem, limit=settings.limit, active=began, plan_height=settings.plan_height)
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
     distance_m = pieces.distance_m(initial.images.position_m, initial.points.xyz_m)
     worst = farthest_bodies(tied, np.char.add("model ", names))
-    misfit = Misfit(rules.max_sigma0, distance_m, oriented=True, farthest=worst)
+    misfit = Misfit(settings.max_sigma0, distance_m, oriented=True, farthest=worst)
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "independent models", "")
     per_model = np.bincount(bodies.points.model, minlength=len(names))
-    what, centres = ("double models", "three") if rules.double else ("models", "two")
+    what, centres = ("double models", "three") if settings.double else ("models", "two")
     counts = f"{len(names)} {what} of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
     text = (
         f"{counts} and {centres} perspective centres; deformation beyond their standard deviations {tied.tau_m:.3f} m"
@@ -86,6 +86,6 @@ def adjusted_models(
         transformations=transformations,
         point_covariance_m2=covariance_m2,
         rounds=rounds,
-        tests=rules.tests,
+        tests=settings.tests,
     )
     return solution, [*notes, *resected]

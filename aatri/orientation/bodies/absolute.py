@@ -65,7 +65,7 @@ OFF_THE_LINE = "add a point with a known height well off that line, or observed 
 
 
 @dataclass(frozen=True)
-class OrientationRules:
+class OrientationSettings:
     """How a body is oriented."""
 
     limit: float
@@ -107,7 +107,7 @@ class OrientedBody:
 def orient_body(
     observe: Observe,
     body: FreeBody,
-    rules: OrientationRules,
+    settings: OrientationSettings,
     *,
     what: str,
     image_ids: Text,
@@ -120,7 +120,7 @@ def orient_body(
     ----------
     observe : callable
     body : FreeBody
-    rules : OrientationRules
+    settings : OrientationRules
     what : str
         The body, for messages.
     image_ids, point_ids : (n,) str
@@ -136,34 +136,34 @@ def orient_body(
     level = Similarity(np.zeros(3), 1.0, levelling(body.up))
     observed = observe(level)
     use = np.ones(sum(map(len, observed)), dtype=bool) if begin is None else begin(observed)
-    start = _start(observe, observed, use, body, rules, what)
+    start = _start(observe, observed, use, body, settings, what)
     observed = observe(start)
-    analysis = _analysed(observed, use, body, start, rules, what)
+    analysis = _analysed(observed, use, body, start, settings, what)
     ties, centre = ties_of(body, observed, start, what, image_ids, point_ids)
     fixed = [_held(analysis.motions, body, start, centre)] if analysis.open else []
     state, ids = body.on_ground(start), {POINT: point_ids, POSE: image_ids}
     problem = tied_problem([*ties, *observed, *fixed], state, ids, f"absolute orientation of {what}")
     n, first = len(problem.components), problem.n_ties
     began = np.append(np.ones(first, dtype=bool), use[: n - first])
-    tied = _adjusted(problem, began, rules)
+    tied = _adjusted(problem, began, settings)
     to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
     oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
-    if rules.free:
+    if settings.free:
         return oriented
     if not any(o.kind == ATTITUDE for o in observed):
         places = oriented.places
         refuse_mirrored(places, tied.active[places.row], to, body.up, what)
     # What remains must still determine the body: what is rejected does not count.
     use[: n - first] = tied.active[first:]
-    return replace(oriented, analysis=_analysed(observed, use, body, to, rules, what))
+    return replace(oriented, analysis=_analysed(observed, use, body, to, settings, what))
 
 
 def _start(
-    observe: Observe, observed: Sequence[Observed], use: Bool, body: FreeBody, rules: OrientationRules, what: str
+    observe: Observe, observed: Sequence[Observed], use: Bool, body: FreeBody, settings: OrientationSettings, what: str
 ) -> Similarity:
     """Ground from body, about; control points with each other's number no longer count, they would spoil it."""
     level = Similarity(np.zeros(3), 1.0, levelling(body.up))
-    if rules.free:
+    if settings.free:
         return scaled(observed, use, body, level)
     if not any(not o.components for o in observed):
         raise GeometryError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
@@ -174,13 +174,13 @@ def _start(
     def begin() -> Similarity:
         places = all_places.take(use[all_places.row])
         x = places.xyz @ level.rotation
-        closed = closed_start(places, x) if rules.start == "closed" else None
+        closed = closed_start(places, x) if settings.start == "closed" else None
         if closed is not None:
             return closed
-        _analysed(observed, use, body, scaled(observed, use, body, level), rules, what)
-        if rules.start == "closed":
+        _analysed(observed, use, body, scaled(observed, use, body, level), settings, what)
+        if settings.start == "closed":
             return searched_start(observe, body, use)[0]
-        return (two_point_start if rules.start == "two_points" else centroid_start)(places, x, body, what)
+        return (two_point_start if settings.start == "two_points" else centroid_start)(places, x, body, what)
 
     try:
         start, failure = begin(), None
@@ -209,9 +209,9 @@ def _fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> b
     return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * distance
 
 
-def _adjusted(problem: TiedProblem, began: Bool, rules: OrientationRules) -> TiedResult:
-    search = Snooping(rules.limit)
-    if rules.stiff:
+def _adjusted(problem: TiedProblem, began: Bool, settings: OrientationSettings) -> TiedResult:
+    search = Snooping(settings.limit)
+    if settings.stiff:
         tied = adjust_tied(problem, search, active=began, deformed=False)
         fits = tied.settled and not tied.above.any() and tied.sigma0 <= STIFF
         several = len(given_places(problem.observed, problem.start).row) > 1  # of one place nothing bends a scale
@@ -221,12 +221,12 @@ def _adjusted(problem: TiedProblem, began: Bool, rules: OrientationRules) -> Tie
 
 
 def _analysed(
-    observed: Sequence[Observed], use: Bool, body: FreeBody, to: Similarity, rules: OrientationRules, what: str
+    observed: Sequence[Observed], use: Bool, body: FreeBody, to: Similarity, settings: OrientationSettings, what: str
 ) -> DatumAnalysis:
     """What the used observations determine; an error if that is not all, but where the datum may be free."""
     state = state_of(observed, body, to)
-    analysis = analyse_datum(observed, state, transform(to, body.places), use, rules.weakest)
-    if not analysis.open or rules.free:
+    analysis = analyse_datum(observed, state, transform(to, body.places), use, settings.weakest)
+    if not analysis.open or settings.free:
         return analysis
     places = given_places(observed, state)
     if not len(places.row):

@@ -68,12 +68,12 @@ def adjust_bundle(
     inputs = replace(inputs, observed=observed)
     part = taking_part(inputs)
     start = part.start
-    observed, raised = _within_reach(inputs.observed, start)
+    observed, raised_notes = _within_reach(inputs.observed, start)
     inputs = replace(inputs, observed=observed)
     poses = _free_poses(part.of[POSE], inputs.held_images, inputs.poses.position_m, settings.datum)
     chain = settings.solution.ordering in ("across_strips", "along_strips")  # textbooks number images by their strips
     places = inputs.numbering.place if chain and inputs.numbering is not None else inputs.poses.position_m
-    unknowns, held = separable_unknowns(inputs, part, unknowns_of(inputs, part, poses, places))
+    unknowns, held_notes = separable_unknowns(inputs, part, unknowns_of(inputs, part, poses, places))
     records, constraints, vetoes = _records(observed, part, settings)
     if not any(u.free.any() for u in unknowns):
         raise GeometryError(
@@ -82,33 +82,36 @@ def adjust_bundle(
         )
     free = None
     if settings.datum == "free":
-        others = [r for r in records if not _is_ray(r)] + constraints
+        datum_records = [r for r in records if not _is_ray(r)] + constraints
         marked = np.zeros(len(inputs.point_ids), dtype=bool) if inputs.marked is None else inputs.marked
-        onto = _datum_of(inputs.datum, start)
-        free = FreeDatum.of(unknowns, others, onto, part.of, settings.datum_over, marked, part.absent)
-    datum_held = unknowns if free is None else with_minimum_datum(free)
+        datum_values = _datum_of(inputs.datum, start)
+        free = FreeDatum.of(unknowns, datum_records, datum_values, part.of, settings.datum_over, marked, part.absent)
+    held_unknowns = unknowns if free is None else with_minimum_datum(free)
 
     def adjusted_from(values: State) -> Adjusted:
         return adjust(
-            datum_held,
+            held_unknowns,
             records,
             values,
             constraints=constraints,
             vetoes=vetoes,
-            curve=_common_turn(inputs, part, datum_held),
+            curve=_common_turn(inputs, part, held_unknowns),
             covariances=settings.covariances,
             reporter=reporter,
             settings=settings.solution,
         )
 
     adjusted = adjusted_from(start)
-    if (smaller := _without_open(inputs, adjusted, settings, reporter)) is not None:
+    if (smaller := _without_undetermined(inputs, adjusted, settings, reporter)) is not None:
         return smaller
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     if settings.weights:
         adjusted = _weighted_down(adjusted, settings.weights)
-    covariances, notes = settings.covariances and not adjusted.down_weighted, [*raised, *held, *adjusted.notes]
+    covariances, notes = (
+        settings.covariances and not adjusted.down_weighted,
+        [*raised_notes, *held_notes, *adjusted.notes],
+    )
     in_parts = isinstance(adjusted, AdjustedInParts)
     if covariances and not (adjusted.has_factor or in_parts):
         needed = forecast(adjusted.problem)
@@ -137,26 +140,28 @@ def _datum_of(datum: State | None, start: State) -> State:
     return {**start, POSE: replace(start[POSE], position_m=position), POINT: xyz}
 
 
-def _without_open(
+def _without_undetermined(
     inputs: BundleInput, adjusted: Adjusted, settings: BundleSettings, reporter: Reporter
 ) -> BundleResult | None:
     """The block adjusted without the images and points that it leaves open; None if there are none."""
-    aside = {name: some for name, some in adjusted.problem.set_aside.items() if name in (POSE, POINT) and some.any()}
-    if not aside:
+    set_aside = {
+        name: blocks for name, blocks in adjusted.problem.set_aside.items() if name in (POSE, POINT) and blocks.any()
+    }
+    if not set_aside:
         return None
     # A free datum is fitted onto its start; any other begins where it has come to.
     poses, xyz = (
         (inputs.poses, inputs.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
     )
-    if POSE in aside:
-        poses = poses.where(~aside[POSE])
-    if POINT in aside:
-        xyz = np.where(aside[POINT][:, None], np.nan, xyz)
+    if POSE in set_aside:
+        poses = poses.where(~set_aside[POSE])
+    if POINT in set_aside:
+        xyz = np.where(set_aside[POINT][:, None], np.nan, xyz)
     result = adjust_bundle(replace(inputs, poses=poses, xyz_m=xyz), settings, reporter=reporter)
-    for name, more in result.set_aside.items():
-        aside[name] = aside[name] | more if name in aside else more
-    of_aside = [note for note in adjusted.notes if note.sets_aside]
-    return replace(result, notes=(*of_aside, *result.notes), set_aside=aside)
+    for name, others in result.set_aside.items():
+        set_aside[name] = set_aside[name] | others if name in set_aside else others
+    aside_notes = [note for note in adjusted.notes if note.sets_aside]
+    return replace(result, notes=(*aside_notes, *result.notes), set_aside=set_aside)
 
 
 _WITHOUT_FACTOR = (
@@ -167,23 +172,23 @@ _WITHOUT_FACTOR = (
 
 def _within_reach(observed: tuple[Observed, ...], start: State) -> tuple[tuple[Observed, ...], list[Note]]:
     """Observations between points or images, with standard deviations that are not too small beside all others'."""
-    some = [
+    candidates = [
         i
         for i, o in enumerate(observed)
         if len(o.records.touches) > 1 and not (o.exact or o.components or _is_ray(o.records))
     ]
-    if not some:
+    if not candidates:
         return observed, []
-    others = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in observed]
-    factors = within_reach(others, some, start)
+    other_records = [replace(o.records, active=o.records.active & ~np.bool_(o.exact)) for o in observed]
+    factors = within_reach(other_records, candidates, start)
     raised, notes = list(observed), []
     for i, factor in factors.items():
         o = observed[i]
-        far = np.flatnonzero(factor < 1)
-        sigmas = [np.nanmin(f) for f in (o.sigmas()[far], o.sigmas()[far] / factor[far, None])]
-        names = tuple(o.label(int(k)) for k in far)
+        far_rows = np.flatnonzero(factor < 1)
+        sigmas = [np.nanmin(f) for f in (o.sigmas()[far_rows], o.sigmas()[far_rows] / factor[far_rows, None])]
+        names = tuple(o.label(int(k)) for k in far_rows)
         text = (
-            f"{o.kind}: the standard deviations of {len(far)} observations are too small beside all others; "
+            f"{o.kind}: the standard deviations of {len(far_rows)} observations are too small beside all others; "
             f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}"
         )
         notes.append(Note("note", text, names))
@@ -197,13 +202,13 @@ def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
     return replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
 
 
-def _free_poses(image: Bool, held: Bool | None, position_m: Float, datum: Datum) -> Bool:
+def _free_poses(image: Bool, held_images: Bool | None, position_m: Float, datum: Datum) -> Bool:
     """Which scalars of the poses are free, of the images that take part."""
-    free = np.repeat((image if held is None else image & ~held)[:, None], 6, axis=1)
+    free = np.repeat((image if held_images is None else image & ~held_images)[:, None], 6, axis=1)
     if datum == "minimal" and image.any():
         first = int(np.argmax(image))
-        away = np.where(image[:, None], np.abs(position_m - position_m[first]), -1.0)
-        farthest, axis = np.unravel_index(int(np.argmax(away)), away.shape)
+        offset_m = np.where(image[:, None], np.abs(position_m - position_m[first]), -1.0)
+        farthest, axis = np.unravel_index(int(np.argmax(offset_m)), offset_m.shape)
         free[first] = False
         free[farthest, axis] = False
     return free
@@ -238,7 +243,7 @@ def _records(
 
 def _veto_of(veto: VetoOf, rows: Int) -> VetoOf:
     """The veto of chosen rows."""
-    return lambda some: veto(rows[some])
+    return lambda chosen: veto(rows[chosen])
 
 
 def _result(
@@ -252,23 +257,23 @@ def _result(
     image, point = part.of[POSE], part.of[POINT]
     groups = {u.name: np.full((len(u.free), u.size, u.size), np.nan) for u in adjusted.problem.unknowns}
     groups.setdefault(POSE, np.zeros((0, 6, 6)))
-    found: dict[int, Float] = {}
+    record_covariances: dict[int, Float] = {}
     if covariances:
-        of_parts = adjusted.covariances if isinstance(adjusted, AdjustedInParts) else None
-        marginal = of_parts or marginal_covariances(adjusted)
-        known = marginal.groups if free is None else free_covariances(free, adjusted, marginal.groups)
-        for name, values in known.items():
-            some = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)
-            groups[name][some] = values[some]
+        parts_covariances = adjusted.covariances if isinstance(adjusted, AdjustedInParts) else None
+        marginal = parts_covariances or marginal_covariances(adjusted)
+        group_covariances = marginal.groups if free is None else free_covariances(free, adjusted, marginal.groups)
+        for name, values in group_covariances.items():
+            adjusted_blocks = part.of[name] if name in (POSE, POINT) else np.ones(len(values), dtype=bool)
+            groups[name][adjusted_blocks] = values[adjusted_blocks]
         places = [i for i, rows in enumerate(part.rows) if len(rows) and not inputs.observed[i].exact]
-        found = dict(zip(places, marginal.records))
+        record_covariances = dict(zip(places, marginal.records))
     poses: Poses = adjusted.state[POSE]
     return BundleResult(
         poses.where(image).shifted(inputs.origin_m),
         np.where(point[:, None], adjusted.state[POINT] + inputs.origin_m, np.nan),
         groups,
         tuple(AdjustedParameters(p, adjusted.state[p.group], groups[p.group]) for p in inputs.parameters),
-        tuple(_observations(o, part.rows[i], found.get(i)) for i, o in enumerate(inputs.observed)),
+        tuple(_observations(o, part.rows[i], record_covariances.get(i)) for i, o in enumerate(inputs.observed)),
         image,
         point,
         adjusted,
@@ -278,11 +283,11 @@ def _result(
     )
 
 
-def _observations(o: Observed, rows: np.ndarray, found: Float | None) -> AdjustedObservations:
+def _observations(o: Observed, rows: np.ndarray, record_covariance: Float | None) -> AdjustedObservations:
     used = np.zeros(len(o), dtype=bool)
     used[rows[o.records.active[rows]]] = True
     m = o.records.rows
     covariance = np.full((len(o), m, m), np.nan)
-    if found is not None:
-        covariance[rows] = found
+    if record_covariance is not None:
+        covariance[rows] = record_covariance
     return AdjustedObservations(o, rows, used, covariance)

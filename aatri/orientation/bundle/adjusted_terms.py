@@ -53,12 +53,12 @@ def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> 
         return adjust(block)
     formed = _formed(block, start_of(block), NEAR)
     if formed is None:
-        first = roughly(block)
-        formed = _formed(from_result(block, first), first.adjusted.state)
+        rough = roughly(block)
+        formed = _formed(from_result(block, rough), rough.adjusted.state)
     return adjust(block if formed is None else formed)
 
 
-def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> AdjustedBlock:
+def with_converged_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> AdjustedBlock:
     """The adjusted block, adjusted again until its parameters are those by which its terms were formed.
 
     Parameters
@@ -74,14 +74,14 @@ def with_settled_terms(done: AdjustedBlock, adjust: Adjust, roughly: Adjust) -> 
         return done
     block, result = done.inputs, done.result
     sigma = {p.given.group: np.sqrt(np.einsum("nii->ni", p.covariance)) for p in result.parameters}
-    last = result
+    latest = result
     for _ in range(0 if result.adjusted.down_weighted else MOST_ROUNDS):
-        again = _formed(from_result(block, last), last.adjusted.state)
-        if again is None or _settled(last, again, sigma):
+        reformed = _formed(from_result(block, latest), latest.adjusted.state)
+        if reformed is None or _settled(latest, reformed, sigma):
             break
-        block, last = again, roughly(again)
-    if last is not result:
-        block = from_result(block, last)
+        block, latest = reformed, roughly(reformed)
+    if latest is not result:
+        block = from_result(block, latest)
         result = adjust(block)
     terms = {p.given.group: p.given for p in result.parameters}
     return replace(done, inputs=_with_parameters(block, tuple(terms[p.group] for p in block.parameters)), result=result)
@@ -116,10 +116,10 @@ def _formed(block: BundleInput, state: State, most: float = np.inf) -> BundleInp
     return _with_parameters(block, tuple(parameters))
 
 
-def _settled(result: BundleResult, again: BundleInput, sigmas: Mapping[str, Float]) -> bool:
+def _settled(result: BundleResult, reformed: BundleInput, sigmas: Mapping[str, Float]) -> bool:
     """Whether the terms of a result are those that it would form."""
-    active = _image_points(again).records.active
-    for p, anew in zip(result.parameters, again.parameters, strict=True):
+    active = _image_points(reformed).records.active
+    for p, reformed_terms in zip(result.parameters, reformed.parameters, strict=True):
         if p.given.terms is None:
             continue
         if p.given.formed_by is None:
@@ -129,9 +129,9 @@ def _settled(result: BundleResult, again: BundleInput, sigmas: Mapping[str, Floa
         if (moved & p.given.free).any():
             return False
         if p.given.ideal:
-            assert anew.basis is not None
+            assert reformed_terms.basis is not None
             assert p.given.basis is not None
-            change = np.einsum("nij,nj->ni", anew.basis - p.given.basis, p.value[p.given.block])
+            change = np.einsum("nij,nj->ni", reformed_terms.basis - p.given.basis, p.value[p.given.block])
             if np.abs(change[active]).max(initial=0.0) >= IDEAL_MM:
                 return False
     return True
@@ -147,9 +147,9 @@ def _with_parameters(block: BundleInput, parameters: tuple[ParameterRows, ...]) 
     o = _image_points(block)
     rays = observed_image_points(block.rays, parameters, o.names, o.group)[0]
 
-    def of(before: Observed) -> Observed:
-        records = replace(rays.records, whitener=before.records.whitener, active=before.records.active)
-        return replace(before, records=records, whole=None if before.whole is None else of(before.whole))
+    def of(unchanged: Observed) -> Observed:
+        records = replace(rays.records, whitener=unchanged.records.whitener, active=unchanged.records.active)
+        return replace(unchanged, records=records, whole=None if unchanged.whole is None else of(unchanged.whole))
 
     return replace(
         block, observed=tuple(of(other) if other is o else other for other in block.observed), parameters=parameters

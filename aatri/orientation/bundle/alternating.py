@@ -43,29 +43,29 @@ def adjust_alternating(
     ConvergenceError
         If the whole block has not converged after so many rounds.
     """
-    half = replace(settings, covariances=False)
-    whole = replace(half, solution=replace(settings.solution, max_iterations=1))
+    half_settings = replace(settings, covariances=False)
+    whole_settings = replace(half_settings, solution=replace(settings.solution, max_iterations=1))
     images, points = np.ones(len(inputs.image_ids), dtype=bool), np.ones(len(inputs.point_ids), dtype=bool)
-    resected = adjust_bundle(replace(of_unknown(inputs, POSE), held_points=points), half)
+    resected = adjust_bundle(replace(of_unknown(inputs, POSE), held_points=points), half_settings)
     start = of_unknown(from_result(inputs, resected), POINT)
-    intersected = adjust_bundle(replace(start, held_images=images), half)
+    intersected = adjust_bundle(replace(start, held_images=images), half_settings)
     halves = resected.adjusted.problem, intersected.adjusted.problem
-    state, look, last = intersected.adjusted.state, EVERY, _Move({}, 0.0)
-    for done in range(1, max_rounds + 1):
-        reporter.progress(done, max_rounds, "rounds of resection and intersection")
-        if done in (look, max_rounds):
-            here = replace(intersected, adjusted=replace(intersected.adjusted, state=state))
+    state, next_check, previous = intersected.adjusted.state, EVERY, _Move({}, 0.0)
+    for round_number in range(1, max_rounds + 1):
+        reporter.progress(round_number, max_rounds, "rounds of resection and intersection")
+        if round_number in (next_check, max_rounds):
+            current = replace(intersected, adjusted=replace(intersected.adjusted, state=state))
             try:
-                result = adjust_bundle(from_result(inputs, here), whole)
+                result = adjust_bundle(from_result(inputs, current), whole_settings)
             except ConvergenceError:
-                look += max(EVERY, done // 2)
+                next_check += max(EVERY, round_number // 2)
             else:
-                note = Note("note", f"{done} rounds of resection and intersection; no standard deviations")
+                note = Note("note", f"{round_number} rounds of resection and intersection; no standard deviations")
                 return replace(result, notes=(*result.notes, note))
         state, move = _round(halves, state)
-        if done % EVERY == 0:
-            state = _farther(halves, state, move, last)
-        last = move
+        if round_number % EVERY == 0:
+            state = _farther(halves, state, move, previous)
+        previous = move
     raise ConvergenceError(
         f"resection and intersection in turn have not converged in {max_rounds} rounds",
         remedy="raise max_rounds, or adjust with bundle_adjustment/bundle",
@@ -83,31 +83,31 @@ class _Move:
 def _round(halves: tuple[IndexedProblem, ...], state: State) -> tuple[dict[str, Any], _Move]:
     """A Gauss-Newton step of all images, then one of all points; the first round has solved both already."""
     moved: dict[str, Float] = {}
-    now, square = dict(state), 0.0
+    current, square = dict(state), 0.0
     for half in halves:
-        factored = factorise_constrained(half, now)
-        step = steps(half, factored, now)
-        now = retract_state(half.unknowns, now, step)
+        factored = factorise_constrained(half, current)
+        step = steps(half, factored, current)
+        current = retract_state(half.unknowns, current, step)
         moved = {name: moved.get(name, 0.0) + part for name, part in step.items()}
         square += factored.decrease
-    return now, _Move(moved, square)
+    return current, _Move(moved, square)
 
 
-def _farther(halves: tuple[IndexedProblem, ...], state: State, move: _Move, last: _Move) -> dict[str, Any]:
+def _farther(halves: tuple[IndexedProblem, ...], state: State, move: _Move, previous: _Move) -> dict[str, Any]:
     """The state moved on along the last round, if that makes the sum of squares smaller (Aitken's extrapolation).
 
     Moves that shrink by a factor q a round add up to q / (1 - q) of the last; q^2 is the ratio of what two rounds in
     turn gain.
     """
-    here = dict(state)
-    q = float(np.sqrt(move.square / last.square)) if last.square > 0 else 0.0
+    current = dict(state)
+    q = float(np.sqrt(move.square / previous.square)) if previous.square > 0 else 0.0
     if not 0.0 < q < 1.0:
-        return here
+        return current
     unknowns, problem = halves[0].unknowns, halves[1]
-    before = cost_of(problem, here)
+    cost_before = cost_of(problem, current)
     for share in (1.0, 0.5, 0.25):
         step = {name: share * q / (1.0 - q) * part for name, part in move.step.items()}
-        there = retract_state(unknowns, here, step)
-        if cost_of(problem, there) < before:
-            return there
-    return here
+        extrapolated = retract_state(unknowns, current, step)
+        if cost_of(problem, extrapolated) < cost_before:
+            return extrapolated
+    return current

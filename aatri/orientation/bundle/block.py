@@ -80,18 +80,18 @@ def taking_part(inputs: BundleInput) -> Participants:
         POSE: inputs.poses.oriented,
         POINT: finite_rows(start[POINT]),
     }
-    own = {u.name: len(u.free) for o in inputs.observed for u in o.unknowns}
-    part |= {name: np.ones(n, dtype=bool) for name, n in own.items()}
-    open_ = ~_held(inputs.observed, len(part[POINT])) & ~absent
-    needed = {POSE: np.full(len(part[POSE]), 6), POINT: open_.sum(axis=1)}
+    own_unknowns = {u.name: len(u.free) for o in inputs.observed for u in o.unknowns}
+    part |= {name: np.ones(n, dtype=bool) for name, n in own_unknowns.items()}
+    adjustable = ~_exact_coordinates(inputs.observed, len(part[POINT])) & ~absent
+    needed = {POSE: np.full(len(part[POSE]), 6), POINT: adjustable.sum(axis=1)}
     needed |= {u.name: u.free.sum(axis=1) for o in inputs.observed if o.refitted is not None for u in o.unknowns}
-    for name, held in ((POSE, inputs.held_images), (POINT, inputs.held_points)):
-        needed[name] = needed[name] if held is None else np.where(held, 0, needed[name])
+    for name, held_blocks in ((POSE, inputs.held_images), (POINT, inputs.held_points)):
+        needed[name] = needed[name] if held_blocks is None else np.where(held_blocks, 0, needed[name])
     components = [_components(o.records) for o in inputs.observed]
     while True:
         usable = [_usable(o.records, part) for o in inputs.observed]
         count = {name: np.zeros(len(p), dtype=np.int64) for name, p in part.items()}
-        tied = {name: np.zeros(len(p), dtype=bool) for name, p in part.items()}
+        is_tied = {name: np.zeros(len(p), dtype=bool) for name, p in part.items()}
         for o, m, use in zip(inputs.observed, components, usable):
             active = use & o.records.active
             rows: Int | slice = slice(None) if active.all() else np.flatnonzero(active)
@@ -99,13 +99,13 @@ def taking_part(inputs: BundleInput) -> Participants:
                 of_rows = np.bincount(block[rows], None if isinstance(m, int) else m[rows], len(count[group]))
                 count[group] += of_rows.astype(np.int64) * (m if isinstance(m, int) else 1)
                 if len(o.records.touches) > 1:
-                    tied[group][block[rows]] = True
-        now = {name: p & tied[name] for name, p in part.items()}
-        for name, least in needed.items():
-            now[name] &= count[name] >= least
-        if all((now[name] == p).all() for name, p in part.items()):
+                    is_tied[group][block[rows]] = True
+        remaining = {name: p & is_tied[name] for name, p in part.items()}
+        for name, least_count in needed.items():
+            remaining[name] &= count[name] >= least_count
+        if all((remaining[name] == p).all() for name, p in part.items()):
             break
-        part = now
+        part = remaining
     rows_of = tuple(
         np.flatnonzero(use & (o.records.active if o.rejected is None else o.records.active | o.rejected))
         for o, use in zip(inputs.observed, usable)
@@ -115,16 +115,16 @@ def taking_part(inputs: BundleInput) -> Participants:
 
 def absent_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
     """Coordinates of points that no observation can see, (n_points, 3)."""
-    seen = np.zeros((n_points, 3), dtype=bool)
+    visible = np.zeros((n_points, 3), dtype=bool)
     if all(np.all(o.sees) for o in observed):
-        return seen
+        return visible
     for o in observed:
         sees = np.broadcast_to(o.sees, (len(o), 3))
         for group, block in o.records.touches:
             for k in range(3) if group == POINT else ():
-                seen[block[sees[:, k]], k] = True
-    touched: Bool = np.asarray(seen.any(axis=1))
-    return ~seen & touched[:, None]
+                visible[block[sees[:, k]], k] = True
+    touched: Bool = np.asarray(visible.any(axis=1))
+    return ~visible & touched[:, None]
 
 
 def touched_points(inputs: BundleInput) -> Bool:
@@ -152,13 +152,13 @@ def _usable(records: Records, part: Mapping[str, Bool]) -> Bool:
     return use
 
 
-def _held(observed: Sequence[Observed], n_points: int) -> Bool:
+def _exact_coordinates(observed: Sequence[Observed], n_points: int) -> Bool:
     """Coordinates of points that exact observations fix."""
-    held = np.zeros((n_points, 3), dtype=bool)
+    exact = np.zeros((n_points, 3), dtype=bool)
     for h in _holds(observed):
         row, scalar = np.nonzero(h.scalar)
-        held[h.block[row], scalar] = True
-    return held
+        exact[h.block[row], scalar] = True
+    return exact
 
 
 def _holds(observed: Sequence[Observed]) -> list[Holds]:
@@ -178,8 +178,8 @@ def start_of(inputs: BundleInput) -> State:
     for h in _holds(inputs.observed):
         row, scalar = np.nonzero(h.scalar)
         xyz[h.block[row], scalar] = h.value[row, scalar]
-    own = {name: value for o in inputs.observed for name, value in o.start.items()}
-    return {POSE: inputs.poses, **own, POINT: xyz}
+    own_values = {name: value for o in inputs.observed for name, value in o.start.items()}
+    return {POSE: inputs.poses, **own_values, POINT: xyz}
 
 
 def unknowns_of(inputs: BundleInput, participants: Participants, poses: Bool, places: Float) -> list[Unknowns]:
@@ -193,7 +193,9 @@ def unknowns_of(inputs: BundleInput, participants: Participants, poses: Bool, pl
         Where the images lie, for the order of elimination.
     """
     point = participants.of[POINT]
-    free = np.repeat(point[:, None], 3, axis=1) & ~_held(inputs.observed, len(point)) & ~participants.absent
+    free = (
+        np.repeat(point[:, None], 3, axis=1) & ~_exact_coordinates(inputs.observed, len(point)) & ~participants.absent
+    )
     free &= np.True_ if inputs.held_points is None else ~inputs.held_points[:, None]
     groups = []
     if len(poses):
@@ -233,5 +235,5 @@ def with_own_observations(observed: Sequence[Observed], n_images: int) -> Bool:
 
 def _extent_m(xyz_m: Float) -> float:
     """Extent of a network, m: a point less certain than this is not determined."""
-    known = xyz_m[finite_rows(xyz_m)]
-    return float(np.linalg.norm(np.ptp(known, axis=0))) if len(known) > 1 else np.inf
+    finite = xyz_m[finite_rows(xyz_m)]
+    return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) > 1 else np.inf

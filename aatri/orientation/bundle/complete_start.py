@@ -51,17 +51,19 @@ def complete_start(
 
 def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
     """With images as they are offered, if most of their rays meet one of another image at least."""
-    tried, n = ~poses.oriented & offered.oriented, len(poses.position_m)
-    if not tried.any():
+    candidates, n = ~poses.oriented & offered.oriented, len(poses.position_m)
+    if not candidates.any():
         return poses
-    poses_tried = offered.where(tried, poses)
-    both = _pairs(rays, np.flatnonzero(rays.active & poses_tried.oriented[rays.image]))
-    both = both[tried[rays.image[both]].any(axis=1)]
-    met = _meeting(rays, poses_tried, both).repeat(2, axis=0)
+    candidate_poses = offered.where(candidates, poses)
+    both = _pairs(rays, np.flatnonzero(rays.active & candidate_poses.oriented[rays.image]))
+    both = both[candidates[rays.image[both]].any(axis=1)]
+    met = _meeting(rays, candidate_poses, both).repeat(2, axis=0)
     both = both.ravel()
-    fits = (_off_mm(rays, poses_tried, both, met) <= WIDE_RAD * rays.c_mm[both]).reshape(-1, 2).all(axis=1).repeat(2)
-    of_all, count = (np.bincount(rays.image[np.unique(some)], minlength=n) for some in (both, both[fits]))
-    return offered.where(tried & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * of_all), poses)
+    fits = (
+        (_off_mm(rays, candidate_poses, both, met) <= WIDE_RAD * rays.c_mm[both]).reshape(-1, 2).all(axis=1).repeat(2)
+    )
+    total, count = (np.bincount(rays.image[np.unique(rows)], minlength=n) for rows in (both, both[fits]))
+    return offered.where(candidates & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * total), poses)
 
 
 def _pairs(rays: ImagePointRows, use: Int) -> Int:
@@ -87,8 +89,8 @@ def _off_mm(rays: ImagePointRows, poses: Poses, rows: Int, xyz_m: Float) -> Floa
     image = rays.image[rows]
     u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m)
     ahead = u[:, 2] < 0
-    off = np.linalg.norm(project(np.where(ahead[:, None], u, -1.0), rays.c_mm[rows]) - rays.xy_mm[rows], axis=1)
-    return np.where(ahead, off, np.inf)
+    off_mm = np.linalg.norm(project(np.where(ahead[:, None], u, -1.0), rays.c_mm[rows]) - rays.xy_mm[rows], axis=1)
+    return np.where(ahead, off_mm, np.inf)
 
 
 def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_points: int) -> Float:
@@ -97,19 +99,21 @@ def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_poin
     Source: Rousseeuw 1984, Least median of squares regression.
     """
     pairs = _pairs(rays, np.flatnonzero(rays.active & np.isin(rays.point, points) & poses.oriented[rays.image]))
-    met, of_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
-    seen = np.unique(pairs)
-    seen = seen[np.argsort(rays.point[seen], kind="stable")]
-    first, last = (np.searchsorted(rays.point[seen], of_point, side) for side in ("left", "right"))
-    count = last - first
+    met, pair_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
+    rows = np.unique(pairs)
+    rows = rows[np.argsort(rays.point[rows], kind="stable")]
+    begin, end = (np.searchsorted(rays.point[rows], pair_point, side) for side in ("left", "right"))
+    count = end - begin
     pair = np.repeat(np.arange(len(pairs)), count)
-    row = seen[np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count) + first[pair]]
+    row = rows[np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count) + begin[pair]]
     off = _off_mm(rays, poses, row, met[pair])
     order = np.lexsort((off, pair))
     median = off[order[np.cumsum(count) - count + count // 2]] if len(pairs) else np.zeros(0)
-    best = np.lexsort((-median, of_point))  # the last of each point is kept
+    order_of_points = np.lexsort((-median, pair_point))  # the last of each point is kept
     xyz_m = np.full((n_points, 3), np.nan)
-    xyz_m[of_point[best]] = np.where(np.isfinite(median[best])[:, None], met[best], np.nan)
+    xyz_m[pair_point[order_of_points]] = np.where(
+        np.isfinite(median[order_of_points])[:, None], met[order_of_points], np.nan
+    )
     return xyz_m
 
 
@@ -117,8 +121,10 @@ def intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
     """Points, those without coordinates where the rays of oriented images meet, (n_points, 3), m."""
     missing = ~finite_rows(xyz_m)
     use = rays.active & missing[rays.point] & poses.oriented[rays.image]
-    found = intersect_rays(poses.position_m[rays.image[use]], rays.directions(poses, use), rays.point[use], len(xyz_m))
-    return np.asarray(np.where(missing[:, None], found, xyz_m))
+    intersections = intersect_rays(
+        poses.position_m[rays.image[use]], rays.directions(poses, use), rays.point[use], len(xyz_m)
+    )
+    return np.asarray(np.where(missing[:, None], intersections, xyz_m))
 
 
 def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, offered: Poses) -> Poses:
@@ -128,13 +134,13 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
     rows = rows[np.argsort(rays.image[rows], kind="stable")]
     images, first = np.unique(rays.image[rows], return_index=True)
     start_position, start_rotation = np.full_like(position, np.nan), np.full_like(rotation, np.nan)
-    for image, mine in zip(images, np.split(rows, first[1:])):
-        seen = rays.xy_mm[mine], float(rays.c_mm[mine][0]), xyz_m[rays.point[mine]]
-        by_six = linear_orientation(*seen) if linear else None
+    for image, image_rows in zip(images, np.split(rows, first[1:])):
+        image_data = rays.xy_mm[image_rows], float(rays.c_mm[image_rows][0]), xyz_m[rays.point[image_rows]]
+        linear_start = linear_orientation(*image_data) if linear else None
         start = start_orientation(
-            *seen,
-            area_mm2=_area_mm2(rays, seen[1]),
-            others=() if by_six is None else ((FEWEST, by_six),),
+            *image_data,
+            area_mm2=_area_mm2(rays, image_data[1]),
+            others=() if linear_start is None else ((FEWEST, linear_start),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
         )
         if start is not None:
@@ -151,8 +157,8 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
         start_position,
         start_rotation,
     )
-    found = result.resected & finite_rows(start_position)
-    position[found], rotation[found] = result.position_m[found], result.ground_from_image[found]
+    converged = result.resected & finite_rows(start_position)
+    position[converged], rotation[converged] = result.position_m[converged], result.ground_from_image[converged]
     return Poses(position, rotation)
 
 

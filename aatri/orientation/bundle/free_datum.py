@@ -98,19 +98,19 @@ def with_minimum_datum(free: FreeDatum) -> list[Unknowns]:
     rows = (H[bodies.name] @ V).reshape(-1, V.shape[1])[candidates]
     rows = rows * np.where(candidates % bodies.size < 3, 1.0, extent)[:, None]
     _, _, order = qr(rows.T, mode="economic", pivoting=True)
-    held = np.zeros(bodies.free.size, dtype=bool)
-    held[candidates[order[: V.shape[1]]]] = True
-    closed = replace(bodies, free=bodies.free & ~held.reshape(bodies.free.shape))
-    return [closed if u is bodies else u for u in free.unknowns]
+    fixed = np.zeros(bodies.free.size, dtype=bool)
+    fixed[candidates[order[: V.shape[1]]]] = True
+    bodies_with_datum = replace(bodies, free=bodies.free & ~fixed.reshape(bodies.free.shape))
+    return [bodies_with_datum if u is bodies else u for u in free.unknowns]
 
 
 def onto_inner_constraints(
-    free: FreeDatum, adjusted: Adjusted, again: Callable[[State], Adjusted] | None = None
+    free: FreeDatum, adjusted: Adjusted, readjust: Callable[[State], Adjusted] | None = None
 ) -> Adjusted:
     """The adjusted block moved within what is open until its datum has no shift along it against the start.
 
     Unknowns that do not move linearly (planes, lines) follow a large movement to first order only: then the block is
-    adjusted `again` from where it is, and moved by what little is left.
+    adjusted `readjust` from where it is, and moved by what little is left.
 
     Raises
     ------
@@ -132,8 +132,8 @@ def onto_inner_constraints(
             remedy="start from better initial values, or use `datum: minimal`",
         )
     cost = cost_of(adjusted.problem, moved)
-    if again is not None and abs(cost - adjusted.cost) > NEARLY_SAME_COST * (1.0 + adjusted.cost):
-        return onto_inner_constraints(free, again(moved))
+    if readjust is not None and abs(cost - adjusted.cost) > NEARLY_SAME_COST * (1.0 + adjusted.cost):
+        return onto_inner_constraints(free, readjust(moved))
     if abs(cost - adjusted.cost) > SAME_COST * (1.0 + adjusted.cost):
         raise GeometryError(
             f"what control and positions leave open is not free beyond small movements: cost {adjusted.cost:.6g} "
@@ -152,17 +152,17 @@ def free_covariances(free: FreeDatum, adjusted: Adjusted, groups: Mapping[str, F
         After `onto_inner_constraints`.
     groups : mapping of (n, k, k) float64
     """
-    known = np.asarray(np.isfinite(groups[POINT]).all(axis=(1, 2)))
-    return transformation_of(free, adjusted, known).covariances(groups)
+    determined = np.asarray(np.isfinite(groups[POINT]).all(axis=(1, 2)))
+    return transformation_of(free, adjusted, determined).covariances(groups)
 
 
-def transformation_of(free: FreeDatum, adjusted: Adjusted, known: Bool) -> STransformation:
-    """What takes covariances to inner constraints; `known` are the points that have one, (n,)."""
+def transformation_of(free: FreeDatum, adjusted: Adjusted, determined: Bool) -> STransformation:
+    """What takes covariances to inner constraints; `determined` are the points that have one, (n,)."""
     H = similarity_directions(free, adjusted.state)
     V = open_directions(free, adjusted.state, H)
     pose = np.zeros((len(free.part[POSE]), 6), dtype=bool)
     pose[:, :3] = free.over[POSE][:, None]
-    datum = {POINT: np.repeat((free.over[POINT] & known)[:, None], 3, axis=1)}
+    datum = {POINT: np.repeat((free.over[POINT] & determined)[:, None], 3, axis=1)}
     if POSE in H:
         datum[POSE] = pose
     along = {group: h @ V for group, h in H.items()}
@@ -174,13 +174,13 @@ def similarity_directions(free: FreeDatum, state: State) -> dict[str, Float]:
     centre, extent = _size(free, state)
     about_centre = motions_about(centre)
     about_centre[:, :3] *= extent
-    found = {}
+    directions = {}
     for u in free.unknowns:
         if u.generator is not None:
             moving = np.repeat(free.part[u.name][:, None], u.size, axis=1)
             moving &= ~free.absent if u.name == POINT else True
-            found[u.name] = np.where(moving[:, :, None], u.generator(state) @ about_centre, 0.0)
-    return found
+            directions[u.name] = np.where(moving[:, :, None], u.generator(state) @ about_centre, 0.0)
+    return directions
 
 
 def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Float:
@@ -191,8 +191,8 @@ def open_directions(free: FreeDatum, state: State, H: Mapping[str, Float]) -> Fl
     GeometryError
         If nothing is left open.
     """
-    held = [H[u.name][~u.free] for u in free.unknowns if u.name in H]
-    V = unseen_combinations(free.records, state, H, [_without_effect(H) * _size(free, state)[1], *held])[0]
+    fixed = [H[u.name][~u.free] for u in free.unknowns if u.name in H]
+    V = unseen_combinations(free.records, state, H, [_without_effect(H) * _size(free, state)[1], *fixed])[0]
     if not V.shape[1]:
         raise GeometryError(
             "control and observed positions determine the datum: nothing is free",
@@ -211,19 +211,19 @@ def _without_effect(H: Mapping[str, Float]) -> Float:
 def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float) -> Float:
     """The shift of the datum against the start in the open directions, (d,)."""
     shift = {POSE: state[POSE].position_m - free.start[POSE].position_m, POINT: state[POINT] - free.start[POINT]}
-    carrying = [(group, some) for group, some in free.over.items() if group in H]
-    normal, right = np.zeros((V.shape[1], V.shape[1])), np.zeros(V.shape[1])
-    for group, some in carrying:
-        G = H[group][some, :3] @ V
+    carrying = [(group, carriers) for group, carriers in free.over.items() if group in H]
+    normal, right_hand_side = np.zeros((V.shape[1], V.shape[1])), np.zeros(V.shape[1])
+    for group, carriers in carrying:
+        G = H[group][carriers, :3] @ V
         normal += np.einsum("nki,nkj->ij", G, G)
-        right += np.einsum("nki,nk->i", G, shift[group][some])
+        right_hand_side += np.einsum("nki,nk->i", G, shift[group][carriers])
     if not np.linalg.eigvalsh(normal)[0] > OPEN * _size(free, state)[1] ** 2:
-        count = int(sum(some.sum() for _, some in carrying))
+        count = int(sum(carriers.sum() for _, carriers in carrying))
         raise GeometryError(
             f"the {count} images and points of the datum do not carry the {V.shape[1]} components that are free",
             remedy="let it rest on more of them, not all on one line",
         )
-    return np.asarray(np.linalg.solve(normal, right))
+    return np.asarray(np.linalg.solve(normal, right_hand_side))
 
 
 def _size(free: FreeDatum, state: State) -> tuple[Float, float]:
@@ -244,9 +244,9 @@ def _moved(free: FreeDatum, state: State, H: Mapping[str, Float], q: Float) -> d
     poses: Poses = state[POSE]
     position = centre + (poses.position_m - centre) @ T[:3, :3].T + T[:3, 3]
     ground = centre + (state[POINT] - centre) @ T[:3, :3].T + T[:3, 3]
-    others = {
+    other_values = {
         u.name: u.retract(state[u.name], H[u.name] @ q)
         for u in free.unknowns
         if u.name in H and u.name not in (POSE, POINT)
     }
-    return {**state, **others, POSE: Poses(position, rotation @ poses.ground_from_image), POINT: ground}
+    return {**state, **other_values, POSE: Poses(position, rotation @ poses.ground_from_image), POINT: ground}

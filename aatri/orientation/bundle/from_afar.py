@@ -61,16 +61,16 @@ def adjust_bundle_from_afar(
     except (ConvergenceError, GeometryError) as error:
         failure = error
     if settings.datum == "given" and not _trusted(inputs, best):
-        why = failure.what if failure is not None else "another minimum is likely"
-        reporter.log(f"adjusted again from a start by object space: {why}")
+        reason = failure.what if failure is not None else "another minimum is likely"
+        reporter.log(f"adjusted again from a start by object space: {reason}")
         best = _best_restart(inputs, best, reporter, settings)
     if best is None:
         assert failure is not None
         raise failure
-    over = turned_over(inputs.rays, best)
-    if over.any():
+    turned = turned_over(inputs.rays, best)
+    if turned.any():
         raise ConvergenceError(
-            f"images see most of their points behind them: {shown(np.asarray(inputs.image_ids)[over])}",
+            f"images see most of their points behind them: {shown(np.asarray(inputs.image_ids)[turned])}",
             remedy="start from better initial values (`from: initial`); check the sign of c and the axes of the image",
         )
     return best
@@ -91,25 +91,25 @@ def _best_restart(
     if has_shapes(inputs.observed):
         try:
             inputs = start_without_shapes(inputs, settings, reporter)
-            tried = adjust_bundle(inputs, settings, reporter=reporter)
-            best = tried if best is None or _rank(inputs, tried) < _rank(inputs, best) else best
+            trial = adjust_bundle(inputs, settings, reporter=reporter)
+            best = trial if best is None or _rank(inputs, trial) < _rank(inputs, best) else best
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start without relative control: {error.what}")
         if _trusted(inputs, best, restarted=True):
             return best
     for factor, rotations_held in TRIALS if inputs.rays is not None else ():
         try:
-            started = start_in_space(inputs, factor, rotations_held)
-            tried = adjust_bundle(started, settings, reporter=reporter)
+            trial_start = start_in_space(inputs, factor, rotations_held)
+            trial = adjust_bundle(trial_start, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             continue
-        again = best is not None and np.isclose(tried.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
-        if best is None or _rank(inputs, tried) < _rank(inputs, best):
-            best = tried
+        same_minimum = best is not None and np.isclose(trial.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
+        if best is None or _rank(inputs, trial) < _rank(inputs, best):
+            best = trial
         if _trusted(inputs, best, restarted=True):
             return best
-        if again and not _rank(inputs, best)[0]:
+        if same_minimum and not _rank(inputs, best)[0]:
             break
     return _resected(inputs, best, reporter, settings)
 
@@ -120,33 +120,33 @@ def _resected(
     """Images that do not fit, oriented anew by resection to the points that the others determine."""
     if best is None:
         return None
-    bad = _misfits(inputs, best) if inputs.rays is not None else np.zeros(0, dtype=bool)
-    if not bad.any() or 2 * bad.sum() > best.image_adjusted.sum():
+    misfitting = _misfits(inputs, best) if inputs.rays is not None else np.zeros(0, dtype=bool)
+    if not misfitting.any() or 2 * misfitting.sum() > best.image_adjusted.sum():
         return best
     assert inputs.rays is not None
     rays = inputs.rays
-    clean = rays.point[best.ray_used & ~bad[rays.image]]
-    lost = (np.bincount(clean, minlength=len(inputs.point_ids)) < 2) & ~_known_points(inputs)
-    known = np.where(lost[:, None], np.nan, best.xyz_m - inputs.origin_m)
-    poses, xyz = complete_start(rays, best.poses.shifted(-inputs.origin_m).where(~bad), known)
+    clean = rays.point[best.ray_used & ~misfitting[rays.image]]
+    undetermined = (np.bincount(clean, minlength=len(inputs.point_ids)) < 2) & ~_observed_points(inputs)
+    known_m = np.where(undetermined[:, None], np.nan, best.xyz_m - inputs.origin_m)
+    poses, xyz = complete_start(rays, best.poses.shifted(-inputs.origin_m).where(~misfitting), known_m)
     try:
-        tried = adjust_bundle(replace(inputs, poses=poses, xyz_m=xyz), settings, reporter=reporter)
+        trial = adjust_bundle(replace(inputs, poses=poses, xyz_m=xyz), settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
-        reporter.log(f"start by resection of {shown(np.asarray(inputs.image_ids)[bad])}: {error.what}")
+        reporter.log(f"start by resection of {shown(np.asarray(inputs.image_ids)[misfitting])}: {error.what}")
         return best
-    complete = (tried.image_adjusted >= best.image_adjusted).all() and (
-        tried.point_adjusted >= best.point_adjusted
+    complete = (trial.image_adjusted >= best.image_adjusted).all() and (
+        trial.point_adjusted >= best.point_adjusted
     ).all()
-    return tried if complete and _rank(inputs, tried) < _rank(inputs, best) else best
+    return trial if complete and _rank(inputs, trial) < _rank(inputs, best) else best
 
 
-def _known_points(inputs: BundleInput) -> Bool:
+def _observed_points(inputs: BundleInput) -> Bool:
     """Points with observations of their own coordinates."""
-    known = np.zeros(len(inputs.point_ids), dtype=bool)
+    observed = np.zeros(len(inputs.point_ids), dtype=bool)
     for o in inputs.observed:
         if len(o.records.touches) == 1 and o.records.touches[0][0] == POINT:
-            known[o.records.touches[0][1]] = True
-    return known
+            observed[o.records.touches[0][1]] = True
+    return observed
 
 
 def _misfits(inputs: BundleInput, result: BundleResult) -> Bool:
@@ -165,5 +165,5 @@ def _misfits(inputs: BundleInput, result: BundleResult) -> Bool:
 
 
 def _rank(inputs: BundleInput, result: BundleResult) -> tuple[int, float]:
-    over = turned_over(inputs.rays, result)
-    return int(over.sum()), result.adjusted.cost
+    turned = turned_over(inputs.rays, result)
+    return int(turned.sum()), result.adjusted.cost

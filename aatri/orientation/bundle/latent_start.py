@@ -35,12 +35,14 @@ def start_without_shapes(inputs: BundleInput, settings: BundleSettings, reporter
     GeometryError, ConvergenceError
         If the others do not determine the block.
     """
-    rest = tuple(o for o in inputs.observed if not _is_shape(o))
-    without = adjust_bundle(
-        replace(inputs, observed=rest), replace(settings, covariances=False, weights=()), reporter=reporter
+    other_observations = tuple(o for o in inputs.observed if not _is_shape(o))
+    adjusted_without = adjust_bundle(
+        replace(inputs, observed=other_observations),
+        replace(settings, covariances=False, weights=()),
+        reporter=reporter,
     )
-    xyz = np.where(np.isfinite(without.xyz_m), without.xyz_m - inputs.origin_m, inputs.xyz_m)
-    poses = without.poses.shifted(-inputs.origin_m).where(without.image_adjusted, inputs.poses)
+    xyz = np.where(np.isfinite(adjusted_without.xyz_m), adjusted_without.xyz_m - inputs.origin_m, inputs.xyz_m)
+    poses = adjusted_without.poses.shifted(-inputs.origin_m).where(adjusted_without.image_adjusted, inputs.poses)
     observed = []
     for o in inputs.observed:
         if o.refitted is not None and _is_shape(o):

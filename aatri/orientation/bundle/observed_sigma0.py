@@ -37,10 +37,10 @@ ALL_COUNTED = (
 def with_observed_sigma0(result: BundleResult) -> BundleResult:
     """The result with the sigma0 of its observations; as it is where no parameter is weighted."""
     adjusted, squares, redundancy = result.adjusted, 0.0, 0.0
-    concerned = [p for p in result.parameters if _is_weighted(p)]
-    if not concerned or not np.isfinite(adjusted.sigma0) or adjusted.down_weighted:
+    weighted_groups = [p for p in result.parameters if _is_weighted(p)]
+    if not weighted_groups or not np.isfinite(adjusted.sigma0) or adjusted.down_weighted:
         return result
-    for group in concerned:
+    for group in weighted_groups:
         g = group.given
         covariance = _covariance(group, result)
         if covariance is None:
@@ -50,12 +50,12 @@ def with_observed_sigma0(result: BundleResult) -> BundleResult:
         sigma2 = np.where(weighted, np.einsum("nii->ni", g.covariance), 1.0)
         squares += float((group.value**2 / sigma2)[weighted].sum())
         redundancy += float((1.0 - variance / sigma2)[weighted].sum())
-    left = adjusted.redundancy - redundancy
-    if not redundancy > 0 or left <= 0.5:
+    redundancy_left = adjusted.redundancy - redundancy
+    if not redundancy > 0 or redundancy_left <= 0.5:
         return result
-    of_all = adjusted.sigma0**2 * adjusted.redundancy
-    sigma0 = float(np.sqrt(max(of_all - squares, 0.0) / left))
-    return replace(result, adjusted=replace(adjusted, sigma0=sigma0), counted=left)
+    all_squares = adjusted.sigma0**2 * adjusted.redundancy
+    sigma0 = float(np.sqrt(max(all_squares - squares, 0.0) / redundancy_left))
+    return replace(result, adjusted=replace(adjusted, sigma0=sigma0), counted=redundancy_left)
 
 
 def _is_weighted(parameters: AdjustedParameters) -> bool:

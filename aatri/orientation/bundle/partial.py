@@ -33,9 +33,9 @@ def of_unknown(inputs: BundleInput, group: str) -> BundleInput:
     What observes further unknowns of these, priors of cameras or film, stays.
     """
     touched = [o.records.groups for o in inputs.observed]
-    open_ = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
+    unknown_groups = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
     observed = tuple(
-        o if group in names or names <= open_ else replace(o, records=replace(o.records, active=_none(o)))
+        o if group in names or names <= unknown_groups else replace(o, records=replace(o.records, active=_none(o)))
         for o, names in zip(inputs.observed, touched)
     )
     return replace(inputs, observed=observed)
@@ -47,7 +47,7 @@ def _none(o: Observed) -> Bool:
 
 def switched_off(before: BundleInput, after: BundleInput) -> list[Note]:
     """A note of the kinds of observation that were in use before and are not after."""
-    used = [{o.kind: int(o.records.active.sum()) for o in given.observed} for given in (before, after)]
+    used = [{o.kind: int(o.records.active.sum()) for o in block.observed} for block in (before, after)]
     kinds = [f"{n} of kind {kind}" for kind, n in used[0].items() if n and not used[1].get(kind)]
     text = "observations of what is known alone take no part: " + ", ".join(kinds)
     return [Note("note", text)] if kinds else []

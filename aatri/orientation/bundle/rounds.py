@@ -36,9 +36,9 @@ def keys_of(o: Observed, rows: Int | Bool) -> tuple[Key, ...]:
 
 def with_keys(o: Observed, keys: Collection[Key]) -> Bool:
     """Which observations of a kind have one of the keys, (n,)."""
-    of_kind = [row for kind, row in keys if kind == o.kind]
-    has_key = np.isin(o.row, [row for row in of_kind if row >= 0])
-    place = [-1 - row for row in of_kind if row < 0]
+    kind_rows = [row for kind, row in keys if kind == o.kind]
+    has_key = np.isin(o.row, [row for row in kind_rows if row >= 0])
+    place = [-1 - row for row in kind_rows if row < 0]
     has_key[[k for k in place if k < len(o) and o.row[k] < 0]] = True
     return has_key
 
@@ -79,17 +79,18 @@ def with_readmission(inputs: BundleInput, adjust: Adjust) -> AdjustedBlock:
     if not any(f.any() for f in fits):
         return AdjustedBlock(inputs, result)
     observed, notes = [], []
-    for o, back in zip(inputs.observed, fits):
-        if o.rejected is None or not back.any():
+    for o, readmitted_rows in zip(inputs.observed, fits):
+        if o.rejected is None or not readmitted_rows.any():
             observed.append(o)
             continue
-        observed.append(o.again().without(o.rejected & ~back))
-        image, point = o.names(np.flatnonzero(back))
+        observed.append(o.again().without(o.rejected & ~readmitted_rows))
+        image, point = o.names(np.flatnonzero(readmitted_rows))
         ids = tuple("/".join(part for part in pair if part) for pair in zip(image.tolist(), point.tolist()))
-        text = f"{o.kind}: {int(back.sum())} of {int(o.rejected.sum())} rejected fit the block and are re-admitted"
+        count = f"{int(readmitted_rows.sum())} of {int(o.rejected.sum())}"
+        text = f"{o.kind}: {count} rejected fit the block and are re-admitted"
         notes.append(Note("note", text, ids))
-    again = from_result(replace(inputs, observed=tuple(observed)), result)
-    return AdjustedBlock(again, adjust(again), tuple(notes))
+    readmitted_block = from_result(replace(inputs, observed=tuple(observed)), result)
+    return AdjustedBlock(readmitted_block, adjust(readmitted_block), tuple(notes))
 
 
 def without_idle_parameters(before: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> AdjustedBlock:
@@ -142,32 +143,32 @@ def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> Ad
     """
     if not done.considered:
         return done
-    left = done.result
-    whole = adjust(rebuilt(done.inputs, with_free(done.inputs.parameters, done.considered)))
-    turned = log_rotation(whole.poses.ground_from_image @ left.poses.ground_from_image.swapaxes(1, 2))
+    reduced = done.result
+    complete = adjust(rebuilt(done.inputs, with_free(done.inputs.parameters, done.considered)))
+    turned = log_rotation(complete.poses.ground_from_image @ reduced.poses.ground_from_image.swapaxes(1, 2))
     moved = {
-        POINT: whole.xyz_m - left.xyz_m,
-        POSE: np.concatenate([whole.poses.position_m - left.poses.position_m, turned], axis=1),
+        POINT: complete.xyz_m - reduced.xyz_m,
+        POSE: np.concatenate([complete.poses.position_m - reduced.poses.position_m, turned], axis=1),
     }
-    share, squared = size_of_idle(*_joint_test(whole, done.inputs.parameters))
+    share, squared = size_of_idle(*_joint_test(complete, done.inputs.parameters))
     counted = {
-        name: (1 - share) * left.covariances[name]
-        + share * whole.covariances[name]
+        name: (1 - share) * reduced.covariances[name]
+        + share * complete.covariances[name]
         + squared * np.einsum("ni,nj->nij", d, d)
         for name, d in moved.items()
-        if name in left.covariances
+        if name in reduced.covariances
     }
-    return replace(done, result=replace(left, covariances={**left.covariances, **counted}))
+    return replace(done, result=replace(reduced, covariances={**reduced.covariances, **counted}))
 
 
-def _joint_test(whole: BundleResult, left: tuple[ParameterRows, ...]) -> tuple[float, int]:
+def _joint_test(complete: BundleResult, reduced: tuple[ParameterRows, ...]) -> tuple[float, int]:
     """Chi-square against zero of the parameters that are not free any more, unit by unit, and their number."""
     chi_square, count = 0.0, 0
-    for p, rows in zip(whole.parameters, left, strict=True):
+    for p, rows in zip(complete.parameters, reduced, strict=True):
         for k in range(len(rows.free)):
-            out = np.flatnonzero(p.given.free[k] & ~rows.free[k])
-            value, P = p.value[k, out], p.covariance[k][np.ix_(out, out)]
-            if len(out) and np.isfinite(P).all():
+            held = np.flatnonzero(p.given.free[k] & ~rows.free[k])
+            value, P = p.value[k, held], p.covariance[k][np.ix_(held, held)]
+            if len(held) and np.isfinite(P).all():
                 chi_square += float(value @ np.linalg.solve(P, value))
-                count += len(out)
+                count += len(held)
     return chi_square, count

@@ -52,14 +52,19 @@ def on_their_rays(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: Bool
     points : (n_points,) bool
         Which points are moved there; without such a ray they stay.
     """
-    seen = rays.active & poses.oriented[rays.image]
-    rows, known = np.flatnonzero(seen & points[rays.point]), seen & finite_rows(xyz_m)[rays.point] & ~points[rays.point]
+    visible = rays.active & poses.oriented[rays.image]
+    rows, known_rows = (
+        np.flatnonzero(visible & points[rays.point]),
+        visible & finite_rows(xyz_m)[rays.point] & ~points[rays.point],
+    )
     rows, placed = rows[np.unique(rays.point[rows], return_index=True)[1]], xyz_m.copy()
     for image in np.unique(rays.image[rows]):
-        some, near = rows[rays.image[rows] == image], np.flatnonzero(known & (rays.image == image))
+        image_rows, near = rows[rays.image[rows] == image], np.flatnonzero(known_rows & (rays.image == image))
         if len(near):
-            away = np.linalg.norm(rays.xy_mm[some][:, None] - rays.xy_mm[near], axis=2)
+            away = np.linalg.norm(rays.xy_mm[image_rows][:, None] - rays.xy_mm[near], axis=2)
             X0, axis = poses.position_m[image], poses.ground_from_image[image, :, 2]
             depth = -(xyz_m[rays.point[near[away.argmin(axis=1)]]] - X0) @ axis
-            placed[rays.point[some]] = X0 + rays.directions(poses, some) * (depth / rays.c_mm[some])[:, None]
+            placed[rays.point[image_rows]] = (
+                X0 + rays.directions(poses, image_rows) * (depth / rays.c_mm[image_rows])[:, None]
+            )
     return placed

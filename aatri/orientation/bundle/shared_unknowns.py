@@ -34,10 +34,10 @@ def separable_unknowns(
         rows = rows[o.records.active[rows]]
         if not len(rows) or not counted & {name for name, _ in o.records.touches}:
             continue
-        seen = o.records.observed_components()[rows, :, None]
+        observed_columns = o.records.observed_components()[rows, :, None]
         for (name, block), J in zip(o.records.touches, o.records.evaluate(part.start, rows)[1]):
             if name in counted:
-                np.add.at(normals[name], block[rows], np.einsum("nmi,nmj->nij", J * seen, J))
+                np.add.at(normals[name], block[rows], np.einsum("nmi,nmj->nij", J * observed_columns, J))
     kept, notes = list[Unknowns](), list[Note]()
     for u in unknowns:
         free = _independent(normals[u.name], u.free) if u.name in counted else u.free
@@ -49,10 +49,10 @@ def separable_unknowns(
 
 def _independent(N: Float, free: Bool) -> Bool:
     """Which free columns of J are independent of the free ones before, block by block, from N = J'J, (n, k, k)."""
-    left, kept = N.copy(), free.copy()
+    remainder, independent = N.copy(), free.copy()
     for k in range(N.shape[1]):
-        kept[:, k] &= left[:, k, k] > SAME * N[:, k, k]
-        column = np.where(kept[:, k, None], left[:, :, k], 0.0)
-        pivot = np.where(kept[:, k], left[:, k, k], 1.0)
-        left -= column[:, :, None] * column[:, None, :] / pivot[:, None, None]
-    return kept
+        independent[:, k] &= remainder[:, k, k] > SAME * N[:, k, k]
+        column = np.where(independent[:, k, None], remainder[:, :, k], 0.0)
+        pivot = np.where(independent[:, k], remainder[:, k, k], 1.0)
+        remainder -= column[:, :, None] * column[:, None, :] / pivot[:, None, None]
+    return independent

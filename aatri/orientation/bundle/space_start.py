@@ -40,10 +40,10 @@ def start_in_space(inputs: BundleInput, factor: float, rotations_held: bool) -> 
     assert inputs.rays is not None
     part = taking_part(inputs)
     image, point = part.of[POSE], part.of[POINT]
-    rays, others = inputs.rays.take(_ray_rows(inputs, part)), _other_records(inputs, part)
+    rays, other_records = inputs.rays.take(_ray_rows(inputs, part)), _other_records(inputs, part)
     state = part.start
     distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - inputs.poses.position_m[rays.image], axis=1)))
-    records = [object_space_records(rays, distance, factor), *others]
+    records = [object_space_records(rays, distance, factor), *other_records]
     for turning in (False, True) if rotations_held else (True,):
         pose = np.repeat(image[:, None], 6, axis=1)
         pose[:, 3:] &= turning
@@ -82,8 +82,12 @@ def _ray_rows(inputs: BundleInput, part: Participants) -> Int:
 
 def _other_records(inputs: BundleInput, part: Participants) -> list[Records]:
     """Observations of poses and points that are no image points: control, positions ..."""
-    each = zip(inputs.observed, part.rows)
-    return [o.records.take(rows) for o, rows in each if len(rows) and not o.exact and o.records.groups < {POSE, POINT}]
+    observed_rows = zip(inputs.observed, part.rows)
+    return [
+        o.records.take(rows)
+        for o, rows in observed_rows
+        if len(rows) and not o.exact and o.records.groups < {POSE, POINT}
+    ]
 
 
 def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:

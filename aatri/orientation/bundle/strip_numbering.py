@@ -56,22 +56,22 @@ def strip_numbering(position_m: Float, strip: Int, sequence: Float) -> StripNumb
     finite = np.isfinite(xy).all(axis=1) & (strip >= 0)
     order = np.lexsort((sequence, strip))
     order = order[finite[order]]
-    of, step, base_m = _steps(xy[order], strip[order])
+    flown_strip, step, base_m = _steps(xy[order], strip[order])
     if not len(step):
         return StripNumbering(xy.copy(), 0, 0)
     doubled = 2 * np.arctan2(step[:, 1], step[:, 0])
     length = np.hypot(*step.T)
     direction = 0.5 * np.arctan2((length * np.sin(doubled)).sum(), (length * np.cos(doubled)).sum())
-    turned = xy @ np.array([[np.cos(direction), -np.sin(direction)], [np.sin(direction), np.cos(direction)]])
-    parallel = of[np.cos(doubled - 2 * direction) > 0]
-    place = turned.copy()
-    columns = turned[:, 0] / base_m
-    of_strip = finite & np.isin(strip, parallel)
-    phase = np.angle(np.exp(2j * np.pi * columns[of_strip]).mean()) / (2 * np.pi)
-    place[:, 0] = np.where(of_strip, np.round(columns - phase), columns - phase)
+    rotated_m = xy @ np.array([[np.cos(direction), -np.sin(direction)], [np.sin(direction), np.cos(direction)]])
+    parallel = flown_strip[np.cos(doubled - 2 * direction) > 0]
+    place = rotated_m.copy()
+    columns = rotated_m[:, 0] / base_m
+    in_parallel = finite & np.isin(strip, parallel)
+    phase = np.angle(np.exp(2j * np.pi * columns[in_parallel]).mean()) / (2 * np.pi)
+    place[:, 0] = np.where(in_parallel, np.round(columns - phase), columns - phase)
     for k in parallel:
-        place[of_strip & (strip == k), 1] = np.median(turned[of_strip & (strip == k), 1])
-    return StripNumbering(place, len(parallel), int(np.bincount(strip[of_strip]).max()))
+        place[in_parallel & (strip == k), 1] = np.median(rotated_m[in_parallel & (strip == k), 1])
+    return StripNumbering(place, len(parallel), int(np.bincount(strip[in_parallel]).max()))
 
 
 def _steps(xy: Float, strip: Int) -> tuple[Int, Float, float]:
@@ -79,8 +79,8 @@ def _steps(xy: Float, strip: Int) -> tuple[Int, Float, float]:
     following = np.flatnonzero(strip[1:] == strip[:-1])
     first = np.flatnonzero(np.append(True, strip[1:] != strip[:-1]))
     last = np.append(first[1:], len(strip)) - 1
-    longer = last > first
+    has_step = last > first
     base_m = float(np.median(np.hypot(*(xy[following + 1] - xy[following]).T))) if len(following) else 0.0
     if not base_m > 0:
-        longer = np.zeros_like(longer)
-    return strip[first[longer]], xy[last[longer]] - xy[first[longer]], base_m
+        has_step = np.zeros_like(has_step)
+    return strip[first[has_step]], xy[last[has_step]] - xy[first[has_step]], base_m

@@ -69,20 +69,20 @@ def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float)
     if len(firm) < FEWEST:
         return OffTerrain(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.inf)
     tree = cKDTree(xyz_m[ground, :2])
-    tried = np.concatenate([firm[:: max(1, len(firm) // MOST)], weak])
-    away, near = tree.query(xyz_m[tried, :2], k=NEIGHBOURS + 1)
-    above, q, roughness = _above(xyz_m, tried, ground[near[:, 1:]])
-    is_firm = rays[tried] > 2
-    apart = np.maximum(np.median(away[:, 1:], axis=1), 1e-9)
-    spread = np.maximum(1.0, (apart / np.median(apart[is_firm])) ** 2)
-    rough = 1.4826 * float(np.median((np.abs(above) / np.sqrt(1 + q))[is_firm]))
-    s2 = (np.maximum(roughness, rough) * spread) ** 2 * (1 + q) + np.nan_to_num(sigma_m[tried]) ** 2
-    test = np.where((s2 > 0) & (q <= SURROUNDED), np.abs(above) / np.sqrt(np.where(s2 > 0, s2, 1.0)), 0.0)
-    limit = limit_of_tests(len(tried), ALARM)
-    far = is_firm & (test > limit) & (np.abs(above) > FAR * abs(flying_height_m))
+    tested = np.concatenate([firm[:: max(1, len(firm) // MOST)], weak])
+    distances_m, near = tree.query(xyz_m[tested, :2], k=NEIGHBOURS + 1)
+    height_above_m, q, roughness = _above(xyz_m, tested, ground[near[:, 1:]])
+    is_firm = rays[tested] > 2
+    spacing_m = np.maximum(np.median(distances_m[:, 1:], axis=1), 1e-9)
+    spread = np.maximum(1.0, (spacing_m / np.median(spacing_m[is_firm])) ** 2)
+    rough = 1.4826 * float(np.median((np.abs(height_above_m) / np.sqrt(1 + q))[is_firm]))
+    s2 = (np.maximum(roughness, rough) * spread) ** 2 * (1 + q) + np.nan_to_num(sigma_m[tested]) ** 2
+    test = np.where((s2 > 0) & (q <= SURROUNDED), np.abs(height_above_m) / np.sqrt(np.where(s2 > 0, s2, 1.0)), 0.0)
+    limit = limit_of_tests(len(tested), ALARM)
+    far = is_firm & (test > limit) & (np.abs(height_above_m) > FAR * abs(flying_height_m))
     limit = max(limit, LONGER * float(test[is_firm & ~far].max(initial=0.0)))
     doubtful = far | (~is_firm & (test > limit))
-    return OffTerrain(tried[doubtful], above[doubtful], test[doubtful], limit)
+    return OffTerrain(tested[doubtful], height_above_m[doubtful], test[doubtful], limit)
 
 
 def _above(xyz_m: Float, points: Int, near: Int) -> tuple[Float, Float, Float]:

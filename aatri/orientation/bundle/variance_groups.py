@@ -70,21 +70,21 @@ def variance_components(
             remedy="raise memory_gb, or leave out variance_components",
         )
     n = len(groups.names)
-    first = sigmas_of_groups(result.observations, result.adjusted.state, groups.number, n)
-    factor, frozen = np.ones(n), first.factor < 1 / FARTHEST  # these have no residuals
-    now, adjusted = inputs, result
+    initial = sigmas_of_groups(result.observations, result.adjusted.state, groups.number, n)
+    factor, frozen = np.ones(n), initial.factor < 1 / FARTHEST  # these have no residuals
+    rescaled, adjusted = inputs, result
     for _ in range(ROUNDS):
         sigmas = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
         frozen |= ~sigmas.estimable
         change = np.where(frozen, 1.0, sigmas.factor)
         factor = np.where(frozen, 1.0, factor)
         if np.abs(change - 1).max(initial=0.0) < SAME:
-            return replace(sigmas, factor=factor, estimable=~frozen), now, adjusted
+            return replace(sigmas, factor=factor, estimable=~frozen), rescaled, adjusted
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
             break
-        now = from_result(_scaled(inputs, groups, factor), adjusted)
-        adjusted = adjust(now)
+        rescaled = from_result(_scaled(inputs, groups, factor), adjusted)
+        adjusted = adjust(rescaled)
     names = ", ".join(f"{name} {f:.3g}" for name, f in zip(groups.names, factor))
     raise ConvergenceError(
         f"the standard deviations of the groups do not settle in {ROUNDS} adjustments (factors {names}): they cannot "
@@ -102,15 +102,15 @@ def variance_notes(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool) 
     ]
     notes = []
     if texts:
-        what = "applied" if applied else "proposed, not applied: set them in the block, or `apply: true`"
-        notes.append(Note("warning", f"standard deviations from the residuals, {what}", tuple(texts)))
-    others = [names[g] for g in np.flatnonzero(~sigmas.estimable).tolist()]
-    if others:
+        treatment = "applied" if applied else "proposed, not applied: set them in the block, or `apply: true`"
+        notes.append(Note("warning", f"standard deviations from the residuals, {treatment}", tuple(texts)))
+    not_estimable = [names[g] for g in np.flatnonzero(~sigmas.estimable).tolist()]
+    if not_estimable:
         notes.append(
             Note(
                 "note",
                 "standard deviation not estimable (redundancy below 10, or no residuals), as given",
-                tuple(others),
+                tuple(not_estimable),
             )
         )
     if not texts:
@@ -143,15 +143,15 @@ def grouped(observed: Sequence[Observed], labels: Sequence[Sequence[str]], parts
     parts : sequence of (n, m) int
         Place among the labels; -1 none.
     """
-    names = sorted({label for of_one in labels for label in of_one})
+    names = sorted({label for kind_labels in labels for label in kind_labels})
     place = {name: k for k, name in enumerate(names)}
     number = []
-    for of_one, part in zip(labels, parts):
-        of = np.array([place[label] for label in of_one] + [-1], dtype=np.int64)
-        number.append(of[part])
+    for kind_labels, part in zip(labels, parts):
+        group_of_label = np.array([place[label] for label in kind_labels] + [-1], dtype=np.int64)
+        number.append(group_of_label[part])
     used = np.zeros(len(names), dtype=bool)
     for o, n in zip(observed, number):
         used[np.unique(n[o.records.observed_components() & (n >= 0)])] = True
     renumber = np.append(np.where(used, np.cumsum(used) - 1, -1), -1)
-    kept = tuple(name for name, u in zip(names, used) if u)
-    return VarianceGroups(kept, tuple(renumber[n] for n in number))
+    used_names = tuple(name for name, u in zip(names, used) if u)
+    return VarianceGroups(used_names, tuple(renumber[n] for n in number))

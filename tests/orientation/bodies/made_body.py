@@ -18,7 +18,7 @@ from aatri.observations.level import PLANE
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions
-from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.free_body import FreeBody, concerning
 
 TRUE = Similarity(np.array([500.0, 400.0, 100.0]), 220.0, Rotation.from_rotvec([0.02, -0.03, 2.0]).as_matrix())
@@ -111,7 +111,7 @@ class MadeBody:
         return orient_body(
             lambda _: concerning(self.observed, self.body),
             self.body,
-            OrientationRules(LIMIT, stiff=stiff),
+            OrientationSettings(LIMIT, stiff=stiff),
             what="component 1",
             image_ids=ids,
             point_ids=ids,

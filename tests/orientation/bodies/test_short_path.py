@@ -11,7 +11,7 @@ import aatri
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.control import Control, observed_control
 from aatri.observations.poses import Poses
-from aatri.orientation.bodies.absolute import OrientationRules, OrientedBody, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.free_body import FreeBody, concerning
 
 SCALE, SHIFT_M = 1000.0, np.array([10.0, 20.0, 30.0])
@@ -30,8 +30,8 @@ def oriented() -> OrientedBody:
     of_points = np.broadcast_to(1e-10 * np.eye(3), (30, 3, 3)).copy()
     body = FreeBody(Poses(np.array([[0.0, 0.0, 5.0]]), np.eye(3)[None]), x, of_points, 1e-10 * np.eye(3)[None], 1.0)
     observed = concerning(observed_control(control, np.zeros(3), ids[known]), body)
-    rules = OrientationRules(5.0)
-    return orient_body(lambda _: observed, body, rules, what="body", image_ids=np.array(["i"]), point_ids=ids)
+    settings = OrientationSettings(5.0)
+    return orient_body(lambda _: observed, body, settings, what="body", image_ids=np.array(["i"]), point_ids=ids)
 
 
 def test_a_similarity_runs_at_most_45_files() -> None:

@@ -36,14 +36,14 @@ def without_groups(block: BundleInput, groups: Sequence[Group], done: BundleInpu
     """The block as it was given, with the start, the rejections and the scales of the one with groups."""
     observed = []
     for o, c, d in zip(block.observed, with_groups(block, groups).observed, done.observed, strict=True):
-        whole = o.again()
-        whitener = whole.records.whitener * _scale(c.again().records, d.again().records)
-        whole = replace(
-            whole,
-            records=replace(whole.records, whitener=whitener),
+        complete = o.again()
+        whitener = complete.records.whitener * _scale(c.again().records, d.again().records)
+        complete = replace(
+            complete,
+            records=replace(complete.records, whitener=whitener),
             start={name: d.start.get(name, value) for name, value in o.start.items()},
         )
-        observed.append(whole if d.rejected is None else whole.without(d.rejected))
+        observed.append(complete if d.rejected is None else complete.without(d.rejected))
     return replace(done, observed=tuple(observed), parameters=block.parameters)
 
 
@@ -64,12 +64,12 @@ def _with_group(block: BundleInput, group: Group, name: str) -> BundleInput:
         unknowns = Unknowns(name, free[:1], labels, [name], add_step)
         observed[group.place] = _carrying(o, unknowns, H, start)
         return replace(block, observed=tuple(observed))
-    other = np.ones(len(o), dtype=np.int64)
-    other[group.rows] = 0
-    more = ParameterRows(
-        name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False, other, -H
+    unit_of_row = np.ones(len(o), dtype=np.int64)
+    unit_of_row[group.rows] = 0
+    group_parameters = ParameterRows(
+        name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False, unit_of_row, -H
     )
-    parameters = (*block.parameters, more)
+    parameters = (*block.parameters, group_parameters)
     rays = observed_image_points(block.rays, parameters, o.names, o.group)[0]
     rays = replace(rays, start={**rays.start, **o.start})
     observed[group.place] = rays if o.rejected is None else rays.without(o.rejected)

@@ -58,7 +58,7 @@ def significant_groups(
     result: BundleResult,
     candidates_of: CandidatesOf,
     single: float = 0.0,
-    known: Sequence[Key] = (),
+    accepted: Sequence[Key] = (),
 ) -> list[Group]:
     """Groups that may be wrong and do harm, the one that explains most first, then those that explain half as much.
 
@@ -71,7 +71,7 @@ def significant_groups(
         What is to be tested of a block.
     single : float
         Root of the most that leaving out a single observation gains; 0: single ones have been searched for.
-    known : sequence of key
+    accepted : sequence of key
         Groups that have been accepted already.
     """
     adjusted = result.adjusted
@@ -79,18 +79,18 @@ def significant_groups(
         return []
     adjusted = with_factor(adjusted)
     candidates = list(candidates_of(block, result))
-    left = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
+    significant = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
     groups: list[Group] = []
-    while left and len(groups) < MOST_TRIED:
-        gain = np.array([t.gain for t in left])
+    while significant and len(groups) < MOST_TRIED:
+        gain = np.array([t.gain for t in significant])
         if groups and gain.max() < EXPLAINS * groups[0].gain:
             break
-        near = [t for t, is_near in zip(left, as_good(gain)) if is_near]
-        best = min(near, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
-        group = _confirmed(block, adjusted, result, best, single, known)
+        equivalent = [t for t, is_near in zip(significant, as_good(gain)) if is_near]
+        best = min(equivalent, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
+        group = _confirmed(block, adjusted, result, best, single, accepted)
         if group is not None:
-            groups.append(_with_alternatives(group, [t for t in near if t is not best]))
-        left = [t for t in left if t is not best]
+            groups.append(_with_alternatives(group, [t for t in equivalent if t is not best]))
+        significant = [t for t in significant if t is not best]
     return groups
 
 
@@ -143,8 +143,8 @@ def _significant(
 
 def _variance(adjusted: Adjusted, gain: Float, rank: Int) -> Float:
     """Of unit weight with the parameters, at least 1."""
-    left, W = adjusted.redundancy - rank, adjusted.cost
-    return np.maximum(1.0, np.where(left > 0, (W - gain) / np.maximum(left, 1), W / adjusted.redundancy))
+    redundancy, W = adjusted.redundancy - rank, adjusted.cost
+    return np.maximum(1.0, np.where(redundancy > 0, (W - gain) / np.maximum(redundancy, 1), W / adjusted.redundancy))
 
 
 def _dispersion(candidates: Candidates, gain: Float, rank: Int) -> Float:
@@ -157,10 +157,10 @@ def _dispersion(candidates: Candidates, gain: Float, rank: Int) -> Float:
 
 def _group(block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant) -> Group:
     c, variance = t.candidates, float(_variance(adjusted, np.array(t.joint.gain), np.array(t.joint.rank)))
-    of_unit = np.flatnonzero(c.unit == t.unit)
+    unit_rows = np.flatnonzero(c.unit == t.unit)
     sigma = np.sqrt(np.diagonal(t.joint.covariance) * variance)
     kind = result.observations[c.place].observed.kind
-    H, c_mm = c.H[of_unit][:, :, list(t.cause.columns)], float("nan")
+    H, c_mm = c.H[unit_rows][:, :, list(t.cause.columns)], float("nan")
     if kind == IMAGE_POINT and block.rays is not None:
         c_mm = float(np.median(block.rays.c_mm[t.rows]))
     return Group(
@@ -181,11 +181,16 @@ def _group(block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Sig
 
 
 def _confirmed(
-    block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Significant, single: float, known: Sequence[Key]
+    block: BundleInput,
+    adjusted: Adjusted,
+    result: BundleResult,
+    t: _Significant,
+    single: float,
+    accepted: Sequence[Key],
 ) -> Group | None:
     """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
     group = _group(block, adjusted, result, t)
-    if group.key in known or (single and t.joint.gain < single**2 + SEPARABLE):
+    if group.key in accepted or (single and t.joint.gain < single**2 + SEPARABLE):
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
     group = _with_harm(block, result, group, change)
@@ -216,10 +221,10 @@ def _residuals(
         after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
     w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
-    of_group = np.isin(rows, group.rows)
+    in_group = np.isin(rows, group.rows)
     return (
-        v[of_group],
-        after[of_group],
+        v[in_group],
+        after[in_group],
         float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0))),
     )
 
@@ -227,8 +232,8 @@ def _residuals(
 def share_without_largest(before: Float, after: Float) -> float:
     """Share of what a group gains at its members that is not that of the one which gains most: of one alone it is 0."""
     gain = (before**2).sum(axis=1) - (after**2).sum(axis=1)
-    whole = float(gain.sum())
-    return 1.0 - float(gain.max(initial=0.0)) / whole if whole > 0 else 1.0
+    total = float(gain.sum())
+    return 1.0 - float(gain.max(initial=0.0)) / total if total > 0 else 1.0
 
 
 def _most_fit_better(before: Float, after: Float) -> bool:
@@ -265,13 +270,13 @@ def _without_strangers(group: Group, before: Float, after: Float) -> Group:
     return replace(group, rows=group.rows[moved_too], H=group.H[moved_too])
 
 
-def _with_alternatives(group: Group, others: list[_Significant]) -> Group:
+def _with_alternatives(group: Group, equivalent: list[_Significant]) -> Group:
     """What else explains as much: other causes, and other units of the same kind, of each set of rows the best."""
-    rows, named = group.rows, list[tuple[str, str, str]]()
-    for t in sorted(others, key=lambda t: -t.gain):
-        same = (t.candidates.place, t.candidates.per) == (group.place, group.per)
-        if same and len(np.intersect1d(t.rows, rows)):
+    rows, alternatives = group.rows, list[tuple[str, str, str]]()
+    for t in sorted(equivalent, key=lambda t: -t.gain):
+        same_kind = (t.candidates.place, t.candidates.per) == (group.place, group.per)
+        if same_kind and len(np.intersect1d(t.rows, rows)):
             continue
-        named.append((t.candidates.per, str(t.candidates.units[t.unit]), t.cause.name))
-        rows = np.union1d(rows, t.rows) if same else rows
-    return replace(group, or_else=tuple(dict.fromkeys(named)), undecided=np.setdiff1d(rows, group.rows))
+        alternatives.append((t.candidates.per, str(t.candidates.units[t.unit]), t.cause.name))
+        rows = np.union1d(rows, t.rows) if same_kind else rows
+    return replace(group, or_else=tuple(dict.fromkeys(alternatives)), undecided=np.setdiff1d(rows, group.rows))

@@ -80,34 +80,34 @@ def search_with_groups(
         If the block cannot be adjusted.
     """
     options = options.for_tests(AllRecords.of(block).tests)
-    groups, squares = list[Group](), None
+    groups, least_squares = list[Group](), None
     if options.method != "none":
-        whole = _with_rejected_together(block)
-        if whole is not None:
-            groups, squares = _before_single_ones(whole, adjust, candidates_of, options)
-        if whole is not None and groups:
-            block = whole
+        with_earlier = _with_earlier_rejections(block)
+        if with_earlier is not None:
+            groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options)
+        if with_earlier is not None and groups:
+            block = with_earlier
         else:
-            groups, squares = _before_single_ones(block, adjust, candidates_of, options)
-    done = _carried(block, groups, single, squares)
+            groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options)
+    done = _carried(block, groups, single, least_squares)
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
-        above = _largest(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
-        more = significant_groups(block, done.result, candidates_of, above, [g.key for g in groups])
-        trials = ((group, _carried(block, [*groups, group], single)) for group in more)
-        accepted = next(((group, again) for group, again in trials if again is not None), None)
+        largest_gain_root = _largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
+        candidates = significant_groups(block, done.result, candidates_of, largest_gain_root, [g.key for g in groups])
+        trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
+        accepted = next(((group, adjusted) for group, adjusted in trials if adjusted is not None), None)
         if accepted is None:
             break
         groups.append(accepted[0])
         done = accepted[1]
     significant = [g for k, g in enumerate(groups) if is_significant(*_estimate(k, done.result))]
     if len(significant) < len(groups):
-        less = _tried(from_result(block, done.result), significant, single)
-        groups, done = (groups, done) if less is None else (significant, less)
+        reduced = _adjusted_with_groups(from_result(block, done.result), significant, single)
+        groups, done = (groups, done) if reduced is None else (significant, reduced)
     if not groups:
         return done, ()
-    return _as_given(block, done, groups, adjust, options)
+    return _without_group_unknowns(block, done, groups, adjust, options)
 
 
 def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
@@ -116,7 +116,7 @@ def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
     return result.adjusted.state[name][0], result.covariances[name][0] * max(1.0, result.adjusted.sigma0) ** 2
 
 
-def _with_rejected_together(block: BundleInput) -> BundleInput | None:
+def _with_earlier_rejections(block: BundleInput) -> BundleInput | None:
     """The block with positions and attitudes of which an earlier stage has rejected several, if there are any.
 
     One by one they are rejected, too, where something else is wrong with a strip: the principal distance of its camera.
@@ -133,23 +133,23 @@ def _with_rejected_together(block: BundleInput) -> BundleInput | None:
 
 
 def _carried(
-    block: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
+    block: BundleInput, groups: list[Group], single: Single, least_squares: BundleResult | None = None
 ) -> AdjustedBlock | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
-    return _tried(block, groups, single, squares) if groups else single(block, squares)
+    return _adjusted_with_groups(block, groups, single, least_squares) if groups else single(block, least_squares)
 
 
-def _tried(
-    block: BundleInput, groups: list[Group], single: Single, squares: BundleResult | None = None
+def _adjusted_with_groups(
+    block: BundleInput, groups: list[Group], single: Single, least_squares: BundleResult | None = None
 ) -> AdjustedBlock | None:
     """The same; None where it cannot be adjusted."""
     try:
-        return single(with_groups(block, groups), squares)
+        return single(with_groups(block, groups), least_squares)
     except (ConvergenceError, GeometryError):
         return None
 
 
-def _before_single_ones(
+def _groups_before_single_errors(
     block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
@@ -158,16 +158,18 @@ def _before_single_ones(
     while result is not None and len(groups) < MOST_GROUPS:
         if tests_in_use(result).max() <= options.limit:
             break
-        more = significant_groups(block, result, candidates_of, _largest(result), [g.key for g in groups])
-        trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in more]
-        most = MUCH_LESS * misfit(result, options.limit)
-        fits = [(g, r) for g, r in trials if r is not None and misfit(r, options.limit) <= most]
+        candidates = significant_groups(
+            block, result, candidates_of, _largest_gain_root(result), [g.key for g in groups]
+        )
+        trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in candidates]
+        most_misfit = MUCH_LESS * misfit(result, options.limit)
+        fits = [(g, r) for g, r in trials if r is not None and misfit(r, options.limit) <= most_misfit]
         if not fits:
             break
-        least = min(r.adjusted.cost for _, r in fits)
-        apart = ROUGH + SEPARABLE * max(1.0, least / max(result.adjusted.redundancy, 1))
-        as_good = [(g, r) for g, r in fits if r.adjusted.cost <= least + apart]
-        group, result = min(as_good, key=lambda trial: trial[0].complexity)
+        least_cost = min(r.adjusted.cost for _, r in fits)
+        tolerance = ROUGH + SEPARABLE * max(1.0, least_cost / max(result.adjusted.redundancy, 1))
+        equivalent = [(g, r) for g, r in fits if r.adjusted.cost <= least_cost + tolerance]
+        group, result = min(equivalent, key=lambda trial: trial[0].complexity)
         groups.append(group)
     return groups, result
 
@@ -181,8 +183,8 @@ def _adjusted_with(
         if result is None:
             break
         value, sigma = result.adjusted.state[name_of(len(groups))][0], block.observed[group.place].sigmas()[group.rows]
-        before, group = group, replace(at_result(block, candidates_of, group, result), value=value)
-        moved = np.abs((group.H - before.H) @ value) / sigma
+        previous, group = group, replace(at_result(block, candidates_of, group, result), value=value)
+        moved = np.abs((group.H - previous.H) @ value) / sigma
         result = _squares(with_groups(from_result(block, result), [*groups, group]), adjust)
         if np.nanmax(moved, initial=0.0) <= LINEAR:
             break
@@ -197,41 +199,44 @@ def _squares(block: BundleInput, adjust: Adjust) -> BundleResult | None:
         return None
 
 
-def _largest(result: BundleResult) -> float:
+def _largest_gain_root(result: BundleResult) -> float:
     """Root of the most that leaving out a single observation, all its coordinates, gains."""
-    tested = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
-    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in tested]
+    tested_kinds = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
+    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in tested_kinds]
     return float(np.sqrt(np.nanmax(np.concatenate([np.zeros(1), *gains]))))
 
 
-def _as_given(
+def _without_group_unknowns(
     block: BundleInput, done: AdjustedBlock, groups: list[Group], adjust: Adjust, options: SearchOptions
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The block adjusted without the unknowns of the groups."""
-    plain = without_groups(block, groups, done.inputs)
+    without_unknowns = without_groups(block, groups, done.inputs)
     left_out = options.method != "none"
     limit = options.limit * max(1.0, done.result.adjusted.sigma0)
-    far = [g for g in groups if left_out and g.removable and _beyond(g, block, limit)]
-    for out in (far, []):
-        fewer = _without(plain, out)
+    removable = [g for g in groups if left_out and g.removable and _exceeds_limit(g, block, limit)]
+    for left_out_groups in (removable, []):
+        inputs = _without(without_unknowns, left_out_groups)
         try:
-            result = adjust(fewer, AdjustOptions())
+            result = adjust(inputs, AdjustOptions())
         except GeometryError:
-            if not out:
+            if not left_out_groups:
                 raise
             continue
         break
-    accepted = [AcceptedGroup(_as_carried(g, k, done.result), any(g is o for o in out)) for k, g in enumerate(groups)]
-    return replace(done, inputs=fewer, result=result), tuple(accepted)
+    accepted = [
+        AcceptedGroup(_with_estimate(g, k, done.result), any(g is o for o in left_out_groups))
+        for k, g in enumerate(groups)
+    ]
+    return replace(done, inputs=inputs, result=result), tuple(accepted)
 
 
-def _as_carried(group: Group, number: int, result: BundleResult) -> Group:
+def _with_estimate(group: Group, number: int, result: BundleResult) -> Group:
     """The group with the values of the adjustment that carried it."""
     value, covariance = _estimate(number, result)
     return replace(group, value=value, sigma=np.sqrt(np.diagonal(covariance)), sigma0=result.adjusted.sigma0)
 
 
-def _beyond(group: Group, block: BundleInput, limit: float) -> bool:
+def _exceeds_limit(group: Group, block: BundleInput, limit: float) -> bool:
     """Whether a single observation with this error would be rejected, and as few would go beside it undecided."""
     if len(group.undecided) > len(group.rows):
         return False
