@@ -26,20 +26,29 @@ def convert(
     angle: ListAngle = None,
     rotation: ListRotation = None,
     lens_misfit: LensMisfit = 0.05,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="[SOURCE:]KEY=VALUE", help="What no file says: crs, columns, maps of a source."),
+    ] = None,
 ) -> None:
     """Read files of other programs as one block, and write it for another, with the orientations that they have.
 
     Several sources are joined as by block/combined. What the target has no place for is told.
     """
     from aatri.formats.parts.assembled import assembled
-    from aatri.formats.parts.format import Reading
     from aatri.formats.registry.export import written_format
+    from aatri.formats.registry.settings import Setting, settings_of
     from aatri.formats.registry.sources import read_all
     from aatri.formats.results.oriented_block import OrientedBlock
 
     written_format(to)
     check_folder(folder, overwrite=overwrite)
-    _, parts = read_all(sources, Reading(crs=crs, lens_misfit_px=lens_misfit), NARRATED)
+    said = [
+        Setting("", "lens_misfit_px", lens_misfit),
+        *([Setting("", "crs", crs)] if crs else []),
+        *settings_of(set_ or ()),
+    ]
+    _, parts = read_all(sources, said, NARRATED)
     if not parts:
         what = "is read by a stage of its own alone"
         raise SpecError(what, where=str(sources[0]), remedy="run it, and `aatri export` its block")

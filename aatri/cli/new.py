@@ -160,6 +160,18 @@ def new(
         float | None,
         typer.Option(min=0, help="With --from: largest misfit, px, of a distortion that is none of aatri's."),
     ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="[SOURCE:]KEY=VALUE",
+            help="With --from: what no file says. crs, vertical, geoid, columns, maps ... of a source; "
+            "control_sigma, image_sigma_px ... of the block; `aatri stages block/combined` lists all.",
+        ),
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(metavar="FILE", help="With --from: leave out a file of a folder.")
+    ] = None,
     plugin: Annotated[
         str | None,
         typer.Option(
@@ -178,11 +190,15 @@ def new(
         return
     if path is not None and block is not BlockSource.photos:
         raise SpecError(f"a second path, {path}", remedy="it goes with --block photos")
+    if (set_ or without) and not sources:
+        raise SpecError("--set and --without go with --from", remedy="or change the pipeline.yaml that is written")
     written = folder / "pipeline.yaml"
     if sources:
         from aatri.cli.new_from import pipeline_from
+        from aatri.formats.registry.settings import Setting, settings_of
 
-        text = pipeline_from(sources, folder, lens_misfit_px=lens_misfit)
+        misfit = [] if lens_misfit is None else [Setting("", "lens_misfit_px", lens_misfit)]
+        text = pipeline_from(sources, folder, [*misfit, *settings_of(set_ or ())], without=without or ())
     else:
         text = _text(block, folder, path)
     files = {written: text}
@@ -225,7 +241,7 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     if block is BlockSource.unordered:
         return _HEAD[block] + _UNORDERED
     if block is BlockSource.photos:
-        from aatri.cli.new_from import path_from
+        from aatri.cli.new_from_text import path_from
 
         return PHOTOS.format(path=json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False))
     if block in _WITH_START:
@@ -239,6 +255,7 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
 
 def demo_path() -> Path:
     """The demo pipeline: beside the code in a wheel, at the top of a checkout."""
+    from aatri.cli.new_block import installed_path
+
     package = Path(__file__).resolve().parents[1]
-    packed = package / "pipeline" / "demo.yaml"
-    return packed if packed.is_file() else package.parent / "pipeline.yaml"
+    return installed_path(package / "pipeline" / "demo.yaml", package.parent / "pipeline.yaml")

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from aatri.errors import ResourceError
+
 BLOCK_YAML = """\
 # What this block is. Every key is described in docs/formats.md; keys that start with x_ are yours and are ignored.
 aatri_block: 1
@@ -111,5 +113,18 @@ def block_templates(folder: Path, images: str = "digital") -> dict[Path, str]:
 def sample_folder() -> Path:
     """The block of the tutorial: beside the code in a wheel, in docs of a checkout."""
     package = Path(__file__).resolve().parents[1]
-    packed = package / "pipeline" / "sample"
-    return packed if packed.is_dir() else package.parent / "docs" / "tutorial"
+    return installed_path(package / "pipeline" / "sample", package.parent / "docs" / "tutorial")
+
+
+def installed_path(packed: Path, beside: Path) -> Path:
+    """What an installation has beside its code, or a checkout elsewhere.
+
+    Raises
+    ------
+    ResourceError
+        If it is at neither place.
+    """
+    if not packed.exists() and not beside.exists():
+        what = f"is not there, nor is {beside}"
+        raise ResourceError(what, where=str(packed), remedy="install aatri again, or restore the file")
+    return packed if packed.exists() else beside

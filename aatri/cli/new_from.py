@@ -8,21 +8,22 @@ deviations of image points that no file states are estimated.
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from aatri.cli.new_from_text import pipeline_text
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CONTROL, OBSERVED_VALUE
-from aatri.errors import InputError
+from aatri.errors import InputError, SpecError
+from aatri.ids import did_you_mean
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
     from aatri.formats.parts.block_parts import BlockParts
-    from aatri.formats.registry.recognised import Recognised
+    from aatri.formats.parts.not_stated import NotStated
+    from aatri.formats.registry.settings import Setting, Source
 
 FEWEST_RAYS = 3
 """Image points by which an image is oriented."""
@@ -65,40 +66,49 @@ OF_STRIPS = f"""\
 """
 
 
-def pipeline_from(paths: Sequence[Path], folder: Path, *, lens_misfit_px: float | None = None) -> str:
-    """The text of a pipeline for some files and folders; what was found is told.
+def pipeline_from(
+    paths: Sequence[Path], folder: Path, settings: Sequence[Setting] = (), *, without: Sequence[str] = ()
+) -> str:
+    """The text of a pipeline for some files and folders; what they hold is told.
 
     Parameters
     ----------
     paths : sequence of Path
     folder : Path
         Where the pipeline will be: paths are relative to it.
-    lens_misfit_px : float, optional
-        Largest misfit of a distortion that is none of aatri's; None: the least that needs no leave.
+    settings : sequence of Setting
+        Options of the sources and of the block.
+    without : sequence of str
+        Files that are left out, by the ends of their paths.
 
     Raises
     ------
     InputError
         If a path is of no known format, or something is missing that a block cannot do without; the message names it.
+    SpecError
+        If a setting is none of a source or of the block.
     """
     import numpy as np
 
     from aatri.formats.parts.assembled import assembled
-    from aatri.formats.parts.format import Reading
+    from aatri.formats.registry.settings import of_block
     from aatri.formats.registry.sources import read_all
 
-    said = {} if lens_misfit_px is None else {"lens_misfit_px": lens_misfit_px}
-    sources, parts = read_all(paths, Reading.model_validate(said), NARRATED)
+    sources, parts = read_all(paths, settings, NARRATED, without=without)
     alone = len(sources) == 1 and bool(sources[0].format.stage)
+    said = {s.key: s.value for s in settings} if alone else of_block(settings)
     if not parts:
-        return _text(sources, folder, _with(OF_STRIPS, []))
+        return pipeline_text(sources, folder, _with(OF_STRIPS, []), said=said)
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:
             narrate(f"    {note}")
+    grids = _say_grids(paths, sources, parts)
     if alone and "geodetic" in parts[0].others and not parts[0].images:
-        return _text(sources, folder, _of_network(bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())))
-    block = assembled([replace(of_source, notes=[]) for of_source in parts], reporter=NARRATED)
+        has_control = bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())
+        return pipeline_text(sources, folder, _of_network(has_control), said=said)
+    not_stated = _not_stated({} if alone else said)
+    block = assembled([replace(of_source, notes=[]) for of_source in parts], not_stated, reporter=NARRATED)
     lacking = _lacking(block)
     narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
     if lacking:
@@ -109,8 +119,55 @@ def pipeline_from(paths: Sequence[Path], folder: Path, *, lens_misfit_px: float 
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
     observed = (block.exterior.position_use == OBSERVED_VALUE).any()
     positions = len(block.exterior) and any("positions" in s.format.carries for s in sources)
-    hint = MAY_BE_OBSERVED if positions and not observed else ""
-    return _text(sources, folder, stages, hint, "".join(f", {key}: {value:g}" for key, value in said.items()))
+    hint = ""
+    if positions and not observed:
+        hint = MAY_BE_OBSERVED
+        of = next(s.path.name for s, p in zip(sources, parts) if p.exterior)
+        told = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
+        narrate(f"positions are start values: no file says that they were measured; if they were: {told}")
+    return pipeline_text(sources, folder, stages, hint + grids, said=said)
+
+
+def _not_stated(said: Mapping[str, object]) -> NotStated:
+    """The options of the block that are said."""
+    from pydantic import ValidationError
+
+    from aatri.formats.parts.format import Reading
+    from aatri.formats.parts.not_stated import NotStated
+
+    for key, value in said.items():
+        where = f"--set {key}={value}"
+        if key not in NotStated.model_fields:
+            names = list(dict.fromkeys([*Reading.model_fields, *NotStated.model_fields]))
+            raise SpecError(
+                f"no option {key!r}{did_you_mean(key, names)}", where=where, remedy=f"options are {', '.join(names)}"
+            )
+        try:
+            NotStated.model_validate({key: value})
+        except ValidationError as error:
+            raise SpecError(str(error.errors()[0]["msg"]), where=where) from error
+    return NotStated.model_validate(dict(said))
+
+
+def _say_grids(paths: Sequence[Path], sources: Sequence[Source], parts: Sequence[BlockParts]) -> str:
+    """Tell the grids of a geoid that lie in the folders and that no source uses; a remark for the pipeline."""
+    from aatri.formats.parts.geoid import is_geoid_grid
+
+    used = {Path(str(s.value)).name for source in sources for s in source.said if s.key == "geoid"}
+    grids = [file for path in paths if path.is_dir() for file in sorted(path.iterdir()) if is_geoid_grid(file)]
+    of_heights = [s for s, p in zip(sources, parts) if p.ground_points or p.exterior]
+    remark = ""
+    for grid in grids:
+        if grid.name in used or not of_heights:
+            continue
+        narrate(f"{grid}: grid of a geoid, not used: no file says that its heights are above it")
+        for source in of_heights:
+            crs = "" if any(s.key == "crs" for s in source.said) else " --set crs=EPSG:..."
+            narrate(f"    if those of {source.path.name} are:{crs} --set {source.path.name}:geoid={grid.name}")
+        remark += (
+            f"      # heights above the geoid of {grid.name}: {{..., crs: ..., geoid: {grid.name}}} at their source\n"
+        )
+    return remark
 
 
 def _check_enough(block: Block, where: str) -> None:
@@ -163,7 +220,7 @@ def _lacking(block: Block) -> list[str]:
     return [what for what, there in has.items() if not there]
 
 
-def _options(block: Block, sources: Sequence[Recognised], parts: Sequence[BlockParts]) -> list[str]:
+def _options(block: Block, sources: Sequence[Source], parts: Sequence[BlockParts]) -> list[str]:
     """Options of a bundle by what the files do not know: cameras, and standard deviations of image points."""
     formats = {s.format.name: s.format for s in sources}
     cameras = [formats[p.format] for p in parts if p.cameras and p.format in formats]
@@ -192,29 +249,3 @@ def _of_network(has_datum: bool) -> str:
 def _with(stages: str, options: Sequence[str]) -> str:
     """The stages, the bundle with its options."""
     return stages.replace("{with}", f", with: {{{', '.join(options)}}}" if options else "")
-
-
-def _text(sources: Sequence[Recognised], folder: Path, stages: str, hint: str = "", said: str = "") -> str:
-    """The pipeline with the line that reads the block; a hint on its options, and what is said of each source."""
-    named = [(s, json.dumps(path_from(s.path, folder), ensure_ascii=False)) for s in sources]
-    if len(sources) == 1 and sources[0].format.stage:
-        block = f"  block:    {{use: {sources[0].format.stage}, with: {{path: {named[0][1]}}}}}\n"
-    else:
-        lines = "".join(
-            f"        - {{path: {path}, format: {s.format.name}{said}}}   # {s.format.title}\n" for s, path in named
-        )
-        block = (
-            "  block:\n    use: block/combined\n    with:\n"
-            "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
-            "      image_sigma_px: 1.0\n"
-            "      control_sigma: [0.0, 0.0, 0.0]     # m, of control without a standard deviation; 0 is exact\n"
-            f"{hint}"
-            "      sources:                           # the first with images says which there are\n" + lines
-        )
-    count = f"{len(sources)} source{'s' * (len(sources) != 1)}"
-    return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
-
-
-def path_from(path: Path, folder: Path) -> str:
-    """The path as the pipeline names it: relative to its folder."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

@@ -13,8 +13,8 @@ Source: JEITA CP-3451 (Exif 2.32); CIPA DCG-001-2018; DJI, manuals of Zenmuse P1
 
 from aatri.artifacts.block import Block
 from aatri.formats.navigation.photo_folder import ATTITUDE_SIGMA_DEG, POSITION_SIGMA_M, read_photographs
-from aatri.formats.parts.assembled import NotStated, assembled
-from aatri.formats.registry.sources import stated_frame
+from aatri.formats.parts.assembled import assembled
+from aatri.formats.parts.not_stated import NotStated
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 
 
@@ -51,4 +51,4 @@ def photos(*, options: PhotosOptions, context: Context = SILENT) -> Block:
     for note in parts.notes:
         context.warn(note)
     parts.notes.clear()
-    return assembled([parts], NotStated(frame=stated_frame(options.crs, options.vertical)), reporter=context)
+    return assembled([parts], NotStated(crs=options.crs, vertical=options.vertical), reporter=context)

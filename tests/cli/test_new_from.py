@@ -13,10 +13,13 @@ from typer.testing import CliRunner
 
 from aatri.artifacts.block import Exterior, StripIds
 from aatri.cli.main import app
+from aatri.formats.registry.settings import settings_of
+from aatri.formats.registry.sources import read_all
 from aatri.formats.tables.writer import write_block
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.spec.pipeline_file import load_spec
+from aatri.progress import SILENT
 from tests.campaigns.fuzz_seeds import READERS
 from tests.formats.opensfm.made_project import write_project
 from tests.stages.chain import simulated
@@ -147,3 +150,84 @@ def test_a_block_of_strips_or_without_runs_by_the_pipeline_that_fits_it(tmp_path
     result = invoked("run", tmp_path / "mine" / "pipeline.yaml", "--quiet")
     assert result.exit_code == 0, result.stderr
     assert "Check points agree" in result.stdout
+
+
+GEOID = "23FD1305_alt_test.OPK:geoid=fr_ign_RAF20.tif"
+
+
+def of_borea(shared_data: Path, tmp_path: Path, *settings: str) -> Result:
+    folder = shared_data / "interchange" / "borea"
+    said = [word for setting in settings for word in ("--set", setting)]
+    return invoked("new", tmp_path / "mine", "--from", folder, "--without", "terrain_test0.mes", *said)
+
+
+@pytest.mark.slow
+def test_altitudes_above_a_grid_in_the_folder_run_with_what_is_set_on_the_command_line(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    """Of three control points each is predicted by the others and the positions: 300 px would be 70 m."""
+    settings = ["crs=EPSG:2154", GEOID, "23FD1305_alt_test.OPK:use=observed", "position_sigma=[0.1,0.1,0.1]"]
+    settings += ["attitude_sigma_deg=0.005", "control_sigma=[0.1,0.1,0.1]"]
+    assert of_borea(shared_data, tmp_path, *settings).exit_code == 0
+    result = invoked("run", tmp_path / "mine" / "pipeline.yaml", "--quiet")
+    assert result.exit_code == 0, result.stderr
+    assert "as the standard deviations say" in result.stdout
+
+
+def test_a_grid_of_a_geoid_beside_the_files_is_told_with_the_setting_that_takes_it(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    result = of_borea(shared_data, tmp_path)
+    assert "fr_ign_RAF20.tif: grid of a geoid, not used" in result.stderr
+    assert f"--set crs=EPSG:... --set {GEOID}" in result.stderr
+    assert "23FD1305_alt_test.OPK:use=observed --set position_sigma=" in result.stderr
+
+
+def test_a_height_system_of_one_source_joins_the_coordinate_system_of_all(tmp_path: Path, shared_data: Path) -> None:
+    result = of_borea(shared_data, tmp_path, "crs=EPSG:2154", "23FD1305_alt_test.OPK:vertical=EPSG:5720")
+    assert result.exit_code == 3
+    assert "fr_ign_RAF20" in result.stderr, "the grid that PROJ lacks is named"
+
+
+def test_a_coordinate_system_of_all_sources_leaves_alone_those_that_name_one(tmp_path: Path) -> None:
+    (tmp_path / "gcp_list.txt").write_text("EPSG:32632\n500000 5400000 100 10 20 IMG_0.JPG A\n")
+    (tmp_path / "positions.txt").write_text("image X Y Z\nIMG_0.JPG 500010 5400000 200\n")
+    paths = [tmp_path / "gcp_list.txt", tmp_path / "positions.txt"]
+    sources, parts = read_all(paths, settings_of(["crs=EPSG:32633"]), SILENT)
+    crs = {s.path.name: (p.frame.crs, [setting.key for setting in s.said]) for s, p in zip(sources, parts) if p.frame}
+    assert crs == {"gcp_list.txt": ("EPSG:32632", []), "positions.txt": ("EPSG:32633", ["crs"])}
+
+
+def test_a_list_without_a_header_is_read_by_the_columns_that_are_set(tmp_path: Path) -> None:
+    folder = write_project(tmp_path / "odm")
+    (folder / "p.txt").write_text("".join(f"IMG_{k}.JPG;{k};{k};100\n" for k in range(3)))
+    result = invoked("new", tmp_path / "mine", "--from", folder, "--set", "p.txt:columns=image X Y Z")
+    assert result.exit_code == 0, result.stderr
+    assert 'p.txt", format: table, columns: "image X Y Z"' in (tmp_path / "mine" / "pipeline.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("settings", "what"),
+    [
+        (["crs"], "not KEY=VALUE"),
+        (["image_sigma_pix=1"], "did you mean 'image_sigma_px'"),
+        (["image_sigma_px=-1"], "greater than 0"),
+        (["nothing.txt:crs=EPSG:25832"], "no source is nothing.txt"),
+        (["tracks.csv:image_sigma_px=1"], "no option 'image_sigma_px' of a source"),
+        (["use=observed"], "use is of one source, and there are"),
+        (["maps=up"], "ground_from_image"),
+    ],
+)
+def test_a_setting_that_is_none_is_refused(tmp_path: Path, settings: list[str], what: str) -> None:
+    folder = write_project(tmp_path / "odm")
+    words = [word for setting in settings for word in ("--set", setting)]
+    result = invoked("new", tmp_path / "mine", "--from", folder / "reconstruction.json", "--from", folder, *words)
+    assert result.exit_code == 2
+    assert what in " ".join(result.stderr.split())
+
+
+def test_a_missing_demo_is_no_internal_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("aatri.cli.new.__file__", str(tmp_path / "aatri" / "cli" / "new.py"))
+    result = invoked("new", tmp_path / "mine", "--block", "tables")
+    assert result.exit_code == 8
+    assert "install aatri again" in result.stderr

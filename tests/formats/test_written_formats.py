@@ -19,13 +19,14 @@ from aatri.artifacts.builder import block_of
 from aatri.codes import APPROXIMATE, CHECK, CONTROL
 from aatri.errors import AatriError
 from aatri.formats.lists.list_columns import PRESETS
-from aatri.formats.parts.assembled import NotStated, assembled
+from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import Format, Reading, Writing
 from aatri.formats.parts.of_block import parts_of
 from aatri.formats.parts.one_frame import topocentric
 from aatri.formats.registry.catalogue import FORMATS
 from aatri.formats.registry.export import write_as
+from aatri.formats.registry.settings import settings_of
 from aatri.formats.registry.sources import read_all, read_source
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.frames.conversion import Frame
@@ -138,7 +139,7 @@ def seen_px(xyz: Any, position: Any, R: Any, distortion: dict[str, float]) -> np
 
 def joined(block: Block, folder: Path, declared: Format, frame: Frame) -> Block:
     """What was read, with cameras, image points and orientations of the made block where the format has none."""
-    parts = read_all([folder], Reading(maps="ground_from_image"), SILENT)[1]
+    parts = read_all([folder], settings_of(["maps=ground_from_image"]), SILENT)[1]
     rest = parts_of(block, "made")
     rest.files = [Path("made")]
     rest.frame, rest.ground_points = None, rest.ground_points if not {*declared.written} & HAVE_POINTS else {}
@@ -150,7 +151,7 @@ def joined(block: Block, folder: Path, declared: Format, frame: Frame) -> Block:
     if "start orientations" in declared.written:
         rest.exterior = {}
     sources = [*parts, rest] if "image points" in declared.written else [rest, *parts]
-    return assembled(sources, NotStated(frame=None if frame == LOCAL else frame))
+    return assembled(sources, frame=None if frame == LOCAL else frame)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -255,7 +256,7 @@ def test_lists_in_each_system_and_unit_of_angles_give_the_same_rotations(
     block = made_block(FULL)
     declared = next(f for f in FORMATS if f.name == "table")
     write_as(declared, OrientedBlock(block), tmp_path, Writing(**said), SILENT)
-    parts = read_source(tmp_path / "orientations.txt", Reading(**said), SILENT, format="table")
+    parts = read_source(tmp_path / "orientations.txt", Reading(**said, format="table"), SILENT)
     np.testing.assert_allclose(parts.exterior["ground_from_image"], OrientedBlock(block).ground_from_image, atol=1e-14)
 
 
@@ -264,6 +265,6 @@ def test_every_preset_is_written_and_read_by_its_name(tmp_path: Path, preset: st
     block = made_block(FULL)
     declared = next(f for f in FORMATS if f.name == "table")
     write_as(declared, OrientedBlock(block), tmp_path, Writing(columns=preset), SILENT)
-    parts = read_source(tmp_path / "orientations.txt", Reading(columns=preset), SILENT, format="table")
+    parts = read_source(tmp_path / "orientations.txt", Reading(columns=preset, format="table"), SILENT)
     np.testing.assert_allclose(parts.exterior["ground_from_image"], OrientedBlock(block).ground_from_image, atol=1e-14)
     np.testing.assert_array_equal(parts.exterior["position_m"], block.exterior.position_m)

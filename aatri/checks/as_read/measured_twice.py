@@ -29,7 +29,7 @@ def measured_twice(block: Block) -> list[Finding]:
         gap = np.abs(rows.xy[b] - rows.xy[a]).max()
         text = f"image point {name_of_image_point(block, b)} measured twice, {gap:g} apart"
         text = f"{text} (first: {read_at(block, rows, a)})"
-        remedy = "remove the wrong one, or rename the point"
+        remedy = "remove the wrong one; or two points have one name, as markers and tie points may: rename one"
         findings.append(Finding("measured_twice", "error", text, remedy, where=read_at(block, rows, b)))
     return findings
 

@@ -4,8 +4,8 @@ All are brought into one frame (`one_frame`), joined by names (`joined`), and ge
 deviations, and what of the cameras is unknown. Images get their order in the sources as sequence where none has one.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PHOTO_MM, PixelAxes, converted, named
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.joined import JoinedParts, joined
+from aatri.formats.parts.not_stated import NOTHING_SAID, NotStated, stated_frame
 from aatri.formats.parts.one_frame import block_frame, in_frame
 from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
 from aatri.frames.conversion import Frame
@@ -35,28 +36,14 @@ ANOTHER_LIST = 14.0
 OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 
-@dataclass(frozen=True)
-class NotStated:
-    """What is taken where no file says it."""
-
-    image_sigma_px: float = 1.0
-    image_sigma_um: float = 5.0
-    """Of photo coordinates, where the pixels of the camera have no known size."""
-    control_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """(3,) float, m. 0: exact."""
-    position_sigma_m: tuple[float, float, float] | None = None
-    """(3,) float, m,. None: positions without a standard deviation are start values."""
-    attitude_sigma_rad: float | None = None
-    calibrate: bool = False
-    """c, principal point and distortion of all cameras are unknown and free; else held."""
-    frame: Frame | None = None
-    """The frame of the block."""
-
-
 def assembled(
-    sources: Sequence[BlockParts], not_stated: NotStated = NotStated(), *, name: str = "", reporter: Reporter = SILENT
+    sources: Sequence[BlockParts],
+    not_stated: NotStated = NOTHING_SAID,
+    *,
+    frame: Frame | None = None,
+    reporter: Reporter = SILENT,
 ) -> Block:
-    """The Block of some sources.
+    """The Block of some sources, in a frame if it is not to be that of `not_stated`.
 
     Raises
     ------
@@ -67,7 +54,7 @@ def assembled(
     for parts in sources:
         for note in parts.notes:
             reporter.log(f"{parts.files[0]}: {note}")
-    frame = block_frame(list(sources), not_stated.frame)
+    frame = block_frame(list(sources), frame or stated_frame(not_stated.crs, not_stated.vertical))
     tables = joined([in_frame(parts, frame, reporter) for parts in sources], reporter)
     _give_cameras(tables)
     _count_from_camera(tables)
@@ -84,7 +71,7 @@ def assembled(
     _check_others(sources, given)
     others = dict(sources[0].others) | _distortion_tables(sources, rows["cameras"]["id"])
     return block_of(
-        name=name or sources[0].name or sources[0].format,
+        name=not_stated.name or sources[0].name or sources[0].format,
         files=tables.files,
         **(given | ({} if "frames" in others else _of_frame(frame)) | others),
     )
@@ -205,13 +192,13 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
         points["sigma_mm"] = _image_sigma_mm(tables, not_stated)
     if ground:
         known = np.isin(ground["role"], (CONTROL, CHECK))
-        lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma_m))
-        if (lacking & known.any(axis=1)).any() and any(not_stated.control_sigma_m):
-            reporter.log(f"control without a standard deviation: {list(not_stated.control_sigma_m)} m is taken")
+        lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma))
+        if (lacking & known.any(axis=1)).any() and any(not_stated.control_sigma):
+            reporter.log(f"control without a standard deviation: {list(not_stated.control_sigma)} m is taken")
     if not exterior:
         return
     observed = exterior["position_use"] == OBSERVED_VALUE
-    if not_stated.position_sigma_m is None:
+    if not_stated.position_sigma is None:
         bare = observed & np.isnan(np.einsum("nii->ni", exterior["position_covariance_m2"])).any(axis=1)
         if bare.any():
             exterior["position_use"] = np.where(bare, 0, exterior["position_use"])
@@ -220,12 +207,13 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
                 "`position_sigma` makes them observations"
             )
     else:
-        _fill(exterior["position_covariance_m2"], np.asarray(not_stated.position_sigma_m))
+        _fill(exterior["position_covariance_m2"], np.asarray(not_stated.position_sigma))
     free = exterior["position_use"] != OBSERVED_VALUE
     exterior["position_covariance_m2"][free] = np.nan
     sigma = exterior["angle_sigma_rad"]
-    if not_stated.attitude_sigma_rad is not None:
-        exterior["angle_sigma_rad"] = np.where(np.isnan(sigma), not_stated.attitude_sigma_rad, sigma)
+    if not_stated.attitude_sigma_deg is not None:
+        stated_rad = math.radians(not_stated.attitude_sigma_deg)
+        exterior["angle_sigma_rad"] = np.where(np.isnan(sigma), stated_rad, sigma)
     exterior["angle_use"] = np.where(np.isnan(exterior["angle_sigma_rad"]).any(axis=1), 0, exterior["angle_use"])
 
 

@@ -102,6 +102,10 @@ def _as_tuple(values: Any) -> Any:
     return tuple(values) if isinstance(values, list) else values
 
 
+GEOID = "grid of the geoid above which its heights are, .tif or .gtx; null: as `vertical` says"
+"""What the option `geoid` of a source is."""
+
+
 class Reading(Options):
     """What may be said of a source that its files do not say."""
 
@@ -130,6 +134,9 @@ class Reading(Options):
     use: Literal["observed", "approximate"] | None = Field(
         None, description="positions and attitudes are observations, or start values; null: as the format has it"
     )
+
+    format: str | None = Field(None, description="a name of `aatri formats`; null: recognised by the content")
+    geoid: Path | None = Field(None, description=GEOID)
 
 
 AS_IT_SAYS = Reading()

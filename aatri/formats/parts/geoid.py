@@ -13,9 +13,26 @@ from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.ids import shown
+from aatri.regular_file import open_regular
 
 ENDINGS = (".tif", ".gtx")
 """Grids of undulations that PROJ reads: GTG and GTX."""
+
+
+_OF_UNDULATIONS = (b"VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL", b"geoid_undulation")
+"""Words of the metadata of a grid of PROJ (GTG)."""
+_BEGINNING = 1 << 16
+
+
+def is_geoid_grid(path: Path) -> bool:
+    """Whether a file is a grid of undulations: a GTG by its metadata, a GTX by its ending."""
+    if path.suffix.lower() not in ENDINGS or not path.is_file():
+        return False
+    if path.suffix.lower() == ".gtx":
+        return True
+    with open_regular(path) as file:
+        data = file.read(_BEGINNING)
+    return any(words in data for words in _OF_UNDULATIONS)
 
 
 def with_ellipsoidal_heights(parts: BlockParts, grid: Path) -> BlockParts:

@@ -9,13 +9,14 @@ import numpy as np
 
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.checked import check_parts
 from aatri.formats.parts.format import Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
-from aatri.formats.registry.recognised import Recognised, format_named, recognised, recognised_file
+from aatri.formats.parts.not_stated import stated_frame
+from aatri.formats.registry.recognised import format_named, recognised_file
+from aatri.formats.registry.settings import FRAME, Setting, Source, sources_of
 from aatri.formats.text.text_file import missing
-from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
 from aatri.ids import shown
 from aatri.progress import Reporter
@@ -33,20 +34,8 @@ OF_POSITIONS = ("position_m", "sigma_m", "position_covariance_m2", "position_use
 OF_ATTITUDES = ("angles_rad", "ground_from_image", "angle_sigma_rad", "angle_use")
 
 
-def read_source(
-    path: Path, reading: Reading, reporter: Reporter, *, format: str | None = None, geoid: Path | None = None
-) -> BlockParts:
-    """What a file or folder gives.
-
-    Parameters
-    ----------
-    path : Path
-    reading : Reading
-    reporter : Reporter
-    format : str, optional
-        Its name; None: a list where `reading` names columns, else recognised by the content.
-    geoid : Path, optional
-        Grid of the geoid above which its heights are.
+def read_source(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+    """What a file or folder gives; of a format that is named, else a list where columns are, else recognised.
 
     Raises
     ------
@@ -55,45 +44,80 @@ def read_source(
     """
     if not path.exists():
         raise missing(path)
-    if format is None and reading.columns is not None:
-        format = "table"
-    if format is None:
+    name = reading.format or ("table" if reading.columns is not None else None)
+    if name is None:
         of = recognised_file(path)
         declared = of.format
         reporter.log(f"{path}: {declared.title} ({of.seen})")
     else:
-        declared = format_named(format)
+        declared = format_named(name)
     if declared.read is None:
         what = f"{declared.title} is read by {declared.stage or 'nothing'} alone, not beside other sources"
         raise InputError(what, where=str(path), remedy=f"see {declared.page}")
     parts = declared.read(path, reading, reporter)
     parts = _as_said(parts, reading)
     check_parts(parts)
-    return parts if geoid is None else with_ellipsoidal_heights(parts, geoid)
+    return parts if reading.geoid is None else with_ellipsoidal_heights(parts, reading.geoid)
 
 
-def read_all(paths: Sequence[Path], reading: Reading, reporter: Reporter) -> tuple[list[Recognised], list[BlockParts]]:
+def read_all(
+    paths: Sequence[Path], settings: Sequence[Setting], reporter: Reporter, *, without: Sequence[str] = ()
+) -> tuple[list[Source], list[BlockParts]]:
     """The sources of some files and folders, and what they give.
 
-    The first one says which images there are (`parts.joined`), so those with most image points' images come first.
+    The first one says which images there are (`parts.joined`), so those with most images that have image points come
+    first.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    settings : sequence of Setting
+        Of a single source, or of every one; those of the block are no concern of this.
+    reporter : Reporter
+    without : sequence of str
+        Files and folders that are left out, by the ends of their paths.
 
     Raises
     ------
     InputError
         If a path is of no known format, or a source not of its form.
+    SpecError
+        If a setting or `without` is of no source, or of none alone.
     """
-    unread = list[Path]()
-    found = [source for path in paths for source in recognised(path, unread)]
-    for source in found:
+    sources, unread = sources_of(paths, settings, without)
+    for source in sources:
         reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
     if unread:
         reporter.log(f"of no known format, not read: {shown([str(path) for path in unread])}")
-    if len(found) == 1 and found[0].format.read is None:
-        return found, []
-    parts = [read_source(s.path, reading, reporter, format=s.format.name) for s in found]
+    if len(sources) == 1 and sources[0].format.read is None:
+        return sources, []
+    sources, parts = map(list, zip(*(_read(source, reporter) for source in sources)))
     images = [len({*p.image_points.get("image", ()), *p.images.get("id", ())}) if p.image_points else 0 for p in parts]
-    order = sorted(range(len(found)), key=lambda k: -images[k])
-    return [found[k] for k in order], [parts[k] for k in order]
+    order = sorted(range(len(sources)), key=lambda k: -images[k])
+    return [sources[k] for k in order], [parts[k] for k in order]
+
+
+def _read(source: Source, reporter: Reporter) -> tuple[Source, BlockParts]:
+    """A source with what is said of it; a coordinate system of every source holds where its files name none."""
+    own, general = source.reading(without=FRAME), source.reading()
+    if own == general:
+        return source, read_source(source.path, own, reporter)
+    try:
+        parts = read_source(source.path, own, reporter)
+        unnamed = _is_unnamed(parts)
+    except InputError:  # it cannot do without a coordinate system, or it is damaged
+        return source, read_source(source.path, general, reporter)
+    if unnamed:
+        return source, replace(parts, frame=_frame(parts, general))
+    return replace(source, said=tuple(s for s in source.said if s.source or s.key not in FRAME)), parts
+
+
+def _is_unnamed(parts: BlockParts) -> bool:
+    """Whether it has coordinates in metres of a system that its files do not name; a free model has none."""
+    has_coordinates = bool(parts.ground_points or parts.exterior)
+    return has_coordinates and (
+        parts.frame is None or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
+    )
 
 
 def _as_said(parts: BlockParts, reading: Reading) -> BlockParts:
@@ -121,38 +145,9 @@ def _as_said(parts: BlockParts, reading: Reading) -> BlockParts:
     return replace(parts, exterior=exterior)
 
 
-def stated_frame(crs: str | None, vertical: str | None, where: str = "") -> Frame | None:
-    """The frame of a coordinate system and a height system; None where there is neither.
-
-    Raises
-    ------
-    InputError
-        If pyproj does not know one of them, or it does not count in metres or degrees.
-    """
-    if crs is None and vertical is None:
-        return None
-    frame = Frame("map", _axes(crs or "local"), crs or "local", vertical or "")
-    if fault := fault_of_frame(frame):
-        key, what, remedy = fault
-        raise InputError(f"{key}: {what}", where=where, remedy=remedy)
-    return frame
-
-
 def _frame(parts: BlockParts, reading: Reading) -> Frame | None:
     own = parts.frame
     if reading.crs is None and own is not None and own.crs != "local":
         stated_frame(own.crs, reading.vertical, str(parts.files[0]))
         return replace(own, vertical=reading.vertical or own.vertical)
     return stated_frame(reading.crs, reading.vertical, str(parts.files[0]))
-
-
-def _axes(crs: str) -> tuple[str, ...]:
-    from aatri.frames.crs_text import crs_from
-
-    try:
-        system = crs_from(crs)
-    except Exception:  # of pyproj; told as a fault of the frame
-        return ("east", "north", "up")
-    if system.is_geocentric:
-        return ("x", "y", "z")
-    return ("longitude", "latitude", "height") if system.is_geographic else ("east", "north", "up")

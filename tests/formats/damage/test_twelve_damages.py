@@ -26,7 +26,7 @@ READ = [f.name for f in FORMATS if f.read]
 
 def read(path: Path, name: str, *, whole: bool) -> None:
     """Read a source; where it is a block by itself, make that of it."""
-    parts = read_source(path, SAMPLES[name].reading, SILENT, format=name)
+    parts = read_source(path, SAMPLES[name].reading.model_copy(update={"format": name}), SILENT)
     if whole:
         assembled([parts])
 

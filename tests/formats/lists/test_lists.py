@@ -108,7 +108,7 @@ def test_a_preset_reads_a_list_without_a_header(tmp_path: Path, name: str) -> No
     columns = PRESETS[name].columns
     row = [(words | matrix).get(column, "0") for column in columns.names]
     path = written(tmp_path, (PRESETS[name].separator or " ").join(row) + "\n")
-    parts = read_source(path, Reading(columns=name), SILENT, format="table")
+    parts = read_source(path, Reading(columns=name, format="table"), SILENT)
     np.testing.assert_allclose(
         image_of(np.asarray(parts.exterior["ground_from_image"])[0], [400.0, -200.0, 1500.0]), (0.0, -10.0), atol=1e-12
     )

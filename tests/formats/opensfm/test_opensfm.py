@@ -12,7 +12,7 @@ from aatri.artifacts.block import Block
 from aatri.camera.models import forward_models
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import AatriError
-from aatri.formats.parts.assembled import NotStated, assembled
+from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.sources import read_source
 from aatri.frames.conversion import Frame
@@ -25,7 +25,7 @@ UTM = Frame("utm", ("east", "north", "up"), "EPSG:32632")
 
 
 def read(*paths: Path, frame: Frame | None = None) -> Block:
-    return assembled([read_source(p, Reading(), SILENT) for p in paths], NotStated(frame=frame))
+    return assembled([read_source(p, Reading(), SILENT) for p in paths], frame=frame)
 
 
 def misfits_px(block: Block) -> np.ndarray:
@@ -149,7 +149,7 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, how: str) ->
     path = change(write_project(tmp_path))  # type: ignore[operator]
     name = "opensfm_tracks" if path.suffix == ".csv" else "opensfm"
     with pytest.raises(AatriError, match=what) as caught:
-        read_source(path, Reading(), SILENT, format=name)
+        read_source(path, Reading(format=name), SILENT)
     assert caught.value.exit_code == 3
     assert f"{path}:" in str(caught.value)
 
@@ -167,4 +167,4 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, how: str) ->
 def test_wrong_lists_of_control_are_refused(tmp_path: Path, text: str, what: str) -> None:
     (tmp_path / "g.txt").write_text(text)
     with pytest.raises(AatriError, match=what):
-        read_source(tmp_path / "g.txt", Reading(), SILENT, format="odm_gcp")
+        read_source(tmp_path / "g.txt", Reading(format="odm_gcp"), SILENT)

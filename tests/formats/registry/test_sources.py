@@ -43,7 +43,7 @@ def test_every_sample_is_recognised_by_its_content(samples: Path, folder: str) -
 
 def borea(samples: Path, reading: Reading, geoid: Path | None) -> list[BlockParts]:
     folder = samples / "borea"
-    parts = [read_source(folder / "23FD1305_alt_test.OPK", reading, SILENT, geoid=geoid)]
+    parts = [read_source(folder / "23FD1305_alt_test.OPK", reading.model_copy(update={"geoid": geoid}), SILENT)]
     parts += [read_source(folder / "GCP_test.app", Reading(crs="EPSG:2154"), SILENT)]
     return parts + [read_source(folder / name, Reading(), SILENT) for name in ("Camera1.txt", "terrain_test.mes")]
 

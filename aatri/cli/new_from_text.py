@@ -1,0 +1,65 @@
+"""The pipeline of `aatri new --from` as text: the line that reads the block with what is said of it, the stages."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aatri.formats.registry.settings import Source
+
+REMARKS = {"control_sigma": "     # m, of control without a standard deviation; 0 is exact"}
+"""What stands beside an option of the block."""
+
+
+def pipeline_text(
+    sources: Sequence[Source], folder: Path, stages: str, remarks: str = "", *, said: Mapping[str, object]
+) -> str:
+    """The pipeline with the line that reads the block, what is said of it and of each source, and remarks."""
+    if len(sources) == 1 and sources[0].format.stage:
+        options = {"path": path_from(sources[0].path, folder)} | dict(said)
+        block = f"  block:    {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
+    else:
+        lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
+        taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(said)
+        options_of_block = "".join(
+            f"      {key}: {_value(value)}{REMARKS.get(key, '')}\n" for key, value in taken.items()
+        )
+        block = (
+            "  block:\n    use: block/combined\n    with:\n"
+            "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
+            f"{options_of_block}{remarks}"
+            "      sources:                           # the first with images says which there are\n" + lines
+        )
+    count = f"{len(sources)} source{'s' * (len(sources) != 1)}"
+    return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
+
+
+def _of_source(source: Source, folder: Path) -> dict[str, object]:
+    """What the pipeline says of a source: what is said of it alone comes last."""
+    options: dict[str, object] = {"path": path_from(source.path, folder), "format": source.format.name}
+    for setting in sorted(source.said, key=lambda s: bool(s.source)):
+        options[setting.key] = setting.value
+    if grid := source.reading().geoid:
+        options["geoid"] = path_from(grid, folder)
+    return options
+
+
+def _mapping(options: Mapping[str, object]) -> str:
+    """Options as a mapping of YAML in one line."""
+    return f"{{{', '.join(f'{key}: {_value(value)}' for key, value in options.items())}}}"
+
+
+def _value(value: object) -> str:
+    """A value of YAML: a text in quotation marks where it is more than a word."""
+    plain = isinstance(value, str) and re.fullmatch(r"[a-z][a-z_]*", value) and value not in ("yes", "no", "null")
+    return str(value) if plain else json.dumps(value, ensure_ascii=False)
+
+
+def path_from(path: Path, folder: Path) -> str:
+    """The path as the pipeline names it: relative to its folder."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
