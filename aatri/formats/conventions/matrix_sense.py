@@ -90,6 +90,8 @@ def as_ground_from_image(
             why = "as usual: with lines along the axes of the ground system both senses are alike"
     if sense is None:
         what = "nothing says which way the rotation matrices map, and the positions are no lines that would show it"
-        raise InputError(what, where=where, remedy=f"say `maps`: {' or '.join(SENSES)}")
+        raise InputError(
+            what, where=where, remedy=f"say which, `--set maps=...` or in a pipeline `maps`: {' or '.join(SENSES)}"
+        )
     R = stated if sense == "ground_from_image" else stated.swapaxes(1, 2)
     return R, f"matrices are read as {sense.replace('_', ' ')}, {why}"

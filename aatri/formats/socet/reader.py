@@ -184,5 +184,8 @@ def _geographic(header: dict[str, str], crs: str | None, path: Path) -> Frame:
         crs = f"+proj=longlat +a={a!r} +b={a * math.sqrt(1 - e * e)!r} +no_defs +type=crs"
     if crs is None:
         what = "latitudes and longitudes, and the file names no datum"
-        raise InputError(what, where=str(path), remedy="give its coordinate system: `crs: EPSG:4979` or the planet's")
+        remedy = (
+            "say its coordinate system, or the planet's: `--set crs=EPSG:4979`, in a pipeline `crs:` beside the path"
+        )
+        raise InputError(what, where=str(path), remedy=remedy)
     return Frame("socet", ("longitude", "latitude", "height"), crs)
