@@ -7,7 +7,7 @@ import typer
 
 from aatri.cli.arguments.completion import complete_path
 from aatri.cli.arguments.exporting import check_folder, complete_written, write_format
-from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
+from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite, SourceSettings
 from aatri.cli.terminal.console import NARRATED, reports_errors
 from aatri.errors import SpecError
 
@@ -26,10 +26,7 @@ def convert(
     angle: ListAngle = None,
     rotation: ListRotation = None,
     lens_misfit: LensMisfit = 0.05,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="[SOURCE:]KEY=VALUE", help="What no file says: crs, columns, maps of a source."),
-    ] = None,
+    set_: SourceSettings = None,
 ) -> None:
     """Read files of other programs as one block, and write it for another, with the orientations that they have.
 

@@ -11,6 +11,7 @@ import typer
 
 from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_new_variant, complete_path
+from aatri.cli.arguments.options import SourceSettings
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
@@ -160,17 +161,10 @@ def new(
         float | None,
         typer.Option(min=0, help="With --from: largest misfit, px, of a distortion that is none of aatri's."),
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="[SOURCE:]KEY=VALUE",
-            help="With --from: what no file says. crs, vertical, geoid, columns, maps ... of a source; "
-            "control_sigma, image_sigma_px ... of the block; `aatri stages block/combined` lists all.",
-        ),
-    ] = None,
+    set_: SourceSettings = None,
     without: Annotated[
-        list[str] | None, typer.Option(metavar="FILE", help="With --from: leave out a file of a folder.")
+        list[str] | None,
+        typer.Option(metavar="FILE", autocompletion=complete_path, help="With --from: leave out a file of a folder."),
     ] = None,
     plugin: Annotated[
         str | None,

@@ -86,6 +86,16 @@ def complete_list_columns(incomplete: str) -> list[str]:
     return _starting(incomplete, PRESETS)
 
 
+def complete_source_setting(incomplete: str) -> list[str]:
+    """Options of a source, after its name too, and of a block of several."""
+    from aatri.formats.parts.format import Reading
+    from aatri.formats.parts.not_stated import NotStated
+
+    source, colon, _ = incomplete.rpartition(":")
+    names = Reading.model_fields if colon else {**Reading.model_fields, **NotStated.model_fields}
+    return _starting(incomplete, [f"{source}{colon}{name}=" for name in names])
+
+
 def one_of_words(*words: str) -> Callable[[str], list[str]]:
     """Some words."""
     return lambda incomplete: _starting(incomplete, words)

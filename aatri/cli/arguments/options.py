@@ -11,6 +11,7 @@ from aatri.cli.arguments.completion import (
     complete_path,
     complete_run,
     complete_setting,
+    complete_source_setting,
     complete_variant,
     one_of_words,
 )
@@ -62,6 +63,16 @@ Settings: TypeAlias = Annotated[
     Several,
     typer.Option(
         "--set", metavar="STAGE.OPTION=VALUE", autocompletion=complete_setting, help="Set an option; may be repeated."
+    ),
+]
+SourceSettings: TypeAlias = Annotated[
+    Several,
+    typer.Option(
+        "--set",
+        metavar="[SOURCE:]KEY=VALUE",
+        autocompletion=complete_source_setting,
+        help="What no file says: crs, vertical, geoid, columns, maps ... of a source; control_sigma, image_sigma_px ... "
+        "of the block. `aatri stages block/combined` lists all. May be repeated.",
     ),
 ]
 Methods: TypeAlias = Annotated[

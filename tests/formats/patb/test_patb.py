@@ -78,7 +78,7 @@ def test_what_shows_no_lines_is_refused_unless_the_user_says_it(tmp_path: Path) 
     path = written(tmp_path, records(*flight(scatter=1.0)))
     with pytest.raises(AatriError, match=r"block.ori:1: nothing says which way .* map") as refused:
         read_patb(path, Reading(), SILENT)
-    assert "say `maps`: ground_from_image or image_from_ground" in str(refused.value)
+    assert "`--set maps=...` or in a pipeline `maps`: ground_from_image or image_from_ground" in str(refused.value)
     parts = read_patb(path, Reading(maps="image_from_ground"), SILENT)
     np.testing.assert_allclose(parts.exterior["ground_from_image"], flight(scatter=1.0)[0].swapaxes(1, 2), atol=1e-11)
 
