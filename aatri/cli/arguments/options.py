@@ -71,7 +71,7 @@ SourceSettings: TypeAlias = Annotated[
         "--set",
         metavar="[SOURCE:]KEY=VALUE",
         autocompletion=complete_source_setting,
-        help="What no file says: crs, vertical, geoid, columns, maps ... of a source; control_sigma, image_sigma_px ... "
+        help="What no file says: crs, geoid, columns, maps ... of a source; control_sigma, image_sigma_px ... "
         "of the block. `aatri stages block/combined` lists all. May be repeated.",
     ),
 ]
