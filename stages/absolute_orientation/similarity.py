@@ -106,8 +106,10 @@ def similarity(
     findings += control_left_behind(block, solution, strips.suspects)
     solution = inside.back(solution)
     if options.start != "closed" and oriented.parts:
-        rows = [solution.transformations, tp_rows(block, strips, oriented.parts[0])]
-        solution = replace(solution, transformations=stacked(rows))
+        frame_tp = tp_rows(block, strips, oriented.parts[0])
+        if not len(frame_tp):
+            context.warn("no frame tp: fewer than two control points known in X, Y and Z lie in the largest component")
+        solution = replace(solution, transformations=stacked([solution.transformations, frame_tp]))
     images = solution.images
     findings += unlikely_orientations(block, images.position_m, images.ground_from_image, solution.points.xyz_m)
     report([*oriented.notes, *left_out, *findings], context)

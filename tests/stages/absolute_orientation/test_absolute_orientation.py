@@ -64,6 +64,15 @@ def test_the_classical_starts_end_at_the_same_and_tell_their_frame_tp(start: str
     np.testing.assert_allclose(back, solution.points.xyz_m, atol=1e-9)
 
 
+def test_without_two_points_in_full_there_is_no_frame_tp_and_the_run_says_so() -> None:
+    made = MadeBlock(3, 5, noise_m=0.02)
+    first, second, *others = made.corners()
+    made.control([first, second], (1, 1, 0), 0.05).control(others, (0, 0, 1), 0.05).control([7], sigma_m=0.05)
+    solution, heard = _oriented(made, start="two_points")
+    assert frame_tp(solution.transformations) is None
+    assert [text for text in heard.warnings if text.startswith("no frame tp")]
+
+
 def test_plan_and_height_control_and_antenna_positions_orient_together_exactly() -> None:
     made = MadeBlock(3, 5)
     a, b, c, d = made.corners()
