@@ -109,6 +109,7 @@ def _checks(request: Request) -> Iterator[_Check]:
     made: list[Mapping[str, Any]] = []
     if wired is not None:
         block, made = _read(wired[0], wired[1], frozenset(sources), local)
+        block.warnings += _without_start(wired[1], {record["stage"]: record["metrics"] for record in made})
         yield block
     yield _disk(spec, wired[1] if wired is not None else (), made)
     yield _tried("lock", lambda: _lock(spec.run))[1]
@@ -173,6 +174,21 @@ def _read(
     names = ("images", "points", "image_points", "control_points", "check_points")
     block.detail = "; ".join(", ".join(f"{m[n]} {n.replace('_', ' ')}" for n in names if m.get(n)) for m in figures)
     return block, list(listener.records.values())
+
+
+def _without_start(nodes: tuple[StageNode, ...], figures: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Bundles that begin with the orientations of a block that has none."""
+    bare = {name for name, of in figures.items() if of.get("images") and of.get("exterior_observations") == 0}
+    return [
+        f"{node.name}: no start values: {node.inputs['block']} has neither orientations nor positions of images, and "
+        "the stage has no `initial`: images that show fewer than four control points will be left out; put "
+        "initial_orientation/graph before it, and `initial` into its `from`"
+        for node in nodes
+        if node.method.name.startswith("bundle_adjustment/")
+        and node.inputs.get("block") in bare
+        and "image_points" in node.inputs
+        and "initial" not in node.inputs
+    ]
 
 
 class _Listener:

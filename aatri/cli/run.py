@@ -135,7 +135,7 @@ def run(
     if cluster and jobs > 1:
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
     how = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
-    records, report = carry_out(opened, selection, how, quiet=quiet or json, verbose=verbose, debug=debug)
+    records, report = carry_out(opened, selection, how, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_)
     verdicts = judge(opened.spec, records, selection.stages)
     if json:
         say_json(
@@ -167,7 +167,14 @@ def run(
 
 
 def carry_out(
-    opened: Opened, selection: Selection, how: dict[str, Any], *, quiet: bool, debug: bool, verbose: bool = False
+    opened: Opened,
+    selection: Selection,
+    how: dict[str, Any],
+    *,
+    quiet: bool,
+    debug: bool,
+    verbose: bool = False,
+    open_: bool = False,
 ) -> tuple[list[dict[str, Any]], Path | None]:
     """Run; whatever ends it, write the report and say how to go on."""
     from aatri.cli.terminal.narrator import Narrator
@@ -186,7 +193,11 @@ def carry_out(
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before
         if isinstance(error, AatriError) and began and not isinstance(error, SpecError | ResourceError):
-            _write_report(folder, debug=debug)
+            report = _write_report(folder, debug=debug)
+            if report is not None and not quiet:
+                narrate(f"report  {report}")
+            if report is not None and open_:
+                show_in_browser(report)
         if began:
             narrate(f"what was made stays; to go on: {_command()}")
         raise

@@ -6,6 +6,7 @@ from dataclasses import replace
 import typer
 
 from aatri.cli.arguments.planning import Opened, open_request
+from aatri.cli.run_ending import judgement
 from aatri.cli.terminal.compare_tables import say_side_by_side
 from aatri.cli.terminal.console import narrate, report_error, say
 from aatri.errors import AatriError, GateError
@@ -25,6 +26,9 @@ def run_variants(base: Opened, gates: GateError | None, carry_out: Callable[[Ope
     compared, failed = made_variants(base, gates, carry_out)
     say()
     say_side_by_side(compared)
+    for run in compared:
+        if text := judgement(run.folder / "report.json"):
+            say(f"{run.name}: {text}")
     say_failures(failed)
 
 

@@ -45,6 +45,7 @@ def judgement(run: RunView) -> str:
         _contradiction(solution),
         purpose or _accuracy(figures),
         _far_off(run.last(Evaluation)),
+        not_oriented(solution),
         "" if to_follow else _sigma0(solutions[-1].metrics),
         *wrong_observations(solution).values(),
         _image_points_left_out(solution),
@@ -147,6 +148,15 @@ def wrong_observations(solution: Solution) -> dict[str, str]:
         undecided = " (nothing tells which of them is wrong)" if (s.verdict[rows] == "undecidable").any() else ""
         sentences[kind] = f"{head}: {named}{more}{undecided}."
     return sentences
+
+
+def not_oriented(solution: Solution) -> str:
+    """How many images have no orientation, the first of them by name; empty without any, and of a network."""
+    missing = solution.images.id[~solution.images.oriented]
+    if not 0 < len(missing) < len(solution.images):
+        return ""
+    count = f"{number(len(missing))} of {number(len(solution.images))} images {'is' if len(missing) == 1 else 'are'}"
+    return f"{count} not oriented: {shown(missing.tolist(), MOST_NAMED)}."
 
 
 def _image_points_left_out(solution: Solution) -> str:

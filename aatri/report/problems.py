@@ -7,14 +7,11 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.ids import shown
 from aatri.notes import CONTRADICTION, FAR_OFF, REJECTED
-from aatri.report.judgement import wrong_observations
+from aatri.report.judgement import not_oriented, wrong_observations
 from aatri.report.verdict import BAD, LOOK, Light
-from aatri.report.view.numbers import NOUNS, number, spoken
+from aatri.report.view.numbers import NOUNS, spoken
 from aatri.report.view.run_view import RunView
-
-MOST_IMAGES = 5
 
 
 @dataclass(frozen=True)
@@ -111,10 +108,7 @@ def _of_solution(run: RunView) -> list[ReportedProblem]:
         )
         for kind, text in wrong_observations(solution).items()
     ]
-    missing = solution.images.id[~solution.images.oriented]
-    if 0 < len(missing) < len(solution.images):
-        count = f"{number(len(missing))} of {number(len(solution.images))} images are not oriented"
-        text = f"{count}: {shown(missing.tolist(), MOST_IMAGES)}"
+    if text := not_oriented(solution):
         made.append(ReportedProblem(text, "see their ties; the log of the stage says why", stage, "ties"))
     return made
 

@@ -49,6 +49,16 @@ def test_what_is_wrong_in_pipeline_and_tables_is_told_together(project: Path) ->
     assert "a run would be refused" in result.stdout
 
 
+def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> None:
+    """Without them the run orients the images that show control, one of fifteen here."""
+    (project / "quarry" / "exterior.csv").unlink()
+    assert "no start values" not in check(project).stdout
+    replaced(project / "pipeline.yaml", ", initial: start", "")
+    result = check(project)
+    assert result.exit_code == 0
+    assert "warning: bundle: no start values: block has neither orientations nor positions" in result.stdout
+
+
 def test_warnings_of_the_block_are_told(project: Path) -> None:
     replaced(project / "pipeline.yaml", "seed: 1", "seed: 1\nignore: [geodetic]")
     result = check(project)

@@ -42,6 +42,23 @@ def test_few_points_tell_little(capsys) -> None:
     assert "seconds" in text
 
 
+@pytest.mark.parametrize(("sigma0", "says"), [(1.0095, "within chance"), (1.012, "+1.2%")])
+def test_sigma0_of_a_redundancy_of_5000_is_uncertain_by_a_hundredth(sigma0: float, says: str) -> None:
+    one, two = _run("one", 0.02, 1.0), _run("two", 0.02, sigma0)
+    for run in (one, two):
+        run.records["bundle"]["metrics"]["redundancy"] = 5000  # 1 / sqrt(2 * 5000) is 0.01
+    (row,) = [row for row in key_figures([one, two])[1] if row[0] == "bundle: sigma0"]
+    assert row[-1] == says
+
+
+def test_the_last_result_comes_before_those_on_the_way_to_it() -> None:
+    first = _run("one", 0.02, 1.0)
+    records = {"strips": first.records["accuracy"], **first.records}
+    runs = [Compared(name, Path(name), ("strips", "bundle", "accuracy"), records) for name in ("one", "two")]
+    stages = [row[0].partition(":")[0] for row in key_figures(runs)[1]]
+    assert list(dict.fromkeys(stages)) == ["accuracy", "bundle", "seconds", "strips"]
+
+
 def test_a_table_can_be_pasted() -> None:
     head, rows = key_figures([_run("one", 0.02, 1.0), _run("a|b", 0.03, 1.0)])
     lines = pasted(head, rows, "markdown").splitlines()

@@ -90,6 +90,19 @@ def test_a_broken_report_does_not_hide_the_result(project: Path, monkeypatch: py
     assert "sum/add" in result.stdout
 
 
+@pytest.mark.parametrize(("variant", "code"), [("add", 0), ("stubborn", 5)])
+def test_the_report_of_a_run_is_named_and_opened_also_where_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variant: str, code: int
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) is None)
+    write_pipeline(tmp_path, LINES)
+    result = aatri("run", "--open", "--use", f"s=sum/{variant}")
+    assert result.exit_code == code
+    assert "report  out/report.html" in result.output
+    assert opened == [(tmp_path / "out" / "report.html").as_uri()]
+
+
 def test_control_characters_do_not_reach_the_terminal(project: Path) -> None:
     result = aatri("run", "--set", "a.count=7")
     assert "\x1b" not in result.output

@@ -102,7 +102,9 @@ def test_images_that_are_not_oriented_are_named(tmp_path: Path) -> None:
     oriented[2] = False
     page = _page(tmp_path, images=replace(solution.images, oriented=oriented))
     texts = [problem["text"] for problem in page["problems"]]
-    assert f"1 of {len(oriented)} images are not oriented: {solution.images.id[2]}" in texts
+    text = f"1 of {len(oriented)} images is not oriented: {solution.images.id[2]}."
+    assert text in texts
+    assert text in page["judgement"]
 
 
 def test_facts_are_those_of_the_flight(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 A root mean square of n independent errors is itself uncertain by its share 1 / sqrt(2 n): what differs by less is
 "within chance". That is one standard deviation of one RMSE; errors of two runs at the same points are alike, so that
 their difference is better known than this says. The number of independent errors is that of the evaluation, at most
-the number of points.
+the number of points; of sigma0 the redundancy. The last result comes first, then those on the way to it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
@@ -38,9 +39,9 @@ def say_key_figures(runs: Sequence[Compared]) -> None:
 
 def key_figures(runs: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
     """Head and rows of the key figures; of two runs with the difference, where chance does not explain it."""
-    rows = [*_accuracies(runs), *_of_solutions(runs)]
     seconds = [sum(float(r["seconds"]) for r in run.records.values()) for run in runs]
-    rows.append(["seconds", *(f"{s:.1f}" for s in seconds), ""])
+    last, *before = [_accuracy(stage, runs) for stage in reversed(_stages(runs, "Evaluation"))] or [[]]
+    rows = [*last, *_of_solutions(runs), ["seconds", *(f"{s:.1f}" for s in seconds), ""], *chain.from_iterable(before)]
     head = ["key figures", *(run.name for run in runs), "difference"]
     return (head, rows) if len(runs) == 2 else (head[:-1], [row[:-1] for row in rows])
 
@@ -56,16 +57,15 @@ def pasted(head: Sequence[str], rows: Sequence[Sequence[str]], form: str) -> str
     return "\n".join([lines[0], f"|---|{'---:|' * (len(head) - 1)}", *lines[1:]])
 
 
-def _accuracies(runs: Sequence[Compared]) -> list[list[str]]:
-    rows = []
-    for stage in _stages(runs, "Evaluation"):
-        figures = [run.records[stage]["metrics"] for run in runs]
-        for what, points, pattern in _OF_EVALUATIONS:
-            for axis in "xyz":
-                values = [f.get(pattern.format(axis)) for f in figures]
-                if None not in values:
-                    text = f"{stage}: {what} {axis.upper()} mm"
-                    rows.append([text, *(f"{1e3 * v:.1f}" for v in values), _difference(values, figures, points, axis)])
+def _accuracy(stage: str, runs: Sequence[Compared]) -> list[list[str]]:
+    rows, figures = [], [run.records[stage]["metrics"] for run in runs]
+    for what, points, pattern in _OF_EVALUATIONS:
+        for axis in "xyz":
+            values = [f.get(pattern.format(axis)) for f in figures]
+            if None not in values:
+                counts = [f.get(f"{points}_independent_{axis}") or f.get(f"{points}_points") for f in figures]
+                text = f"{stage}: {what} {axis.upper()} mm"
+                rows.append([text, *(f"{1e3 * v:.1f}" for v in values), _difference(values, counts if points else [])])
     return rows
 
 
@@ -76,7 +76,9 @@ def _of_solutions(runs: Sequence[Compared]) -> list[list[str]]:
         for name, what, form in (("sigma0", "sigma0", ".3f"), ("suspects", "suspects", "d"), ("images", "images", "d")):
             values = [f.get(name) for f in figures]
             if None not in values:
-                rows.append([f"{stage}: {what}", *(format(v, form) for v in values), _change(values)])
+                redundancies = [f.get("sigma0_redundancy") or f.get("redundancy") for f in figures]
+                change = _difference(values, redundancies if name == "sigma0" else [])
+                rows.append([f"{stage}: {what}", *(format(v, form) for v in values), change])
     return rows
 
 
@@ -89,12 +91,11 @@ def _kind(run: Compared, stage: str) -> str:
     return str(run.records[stage]["output"]["kind"]) if stage in run.records else ""
 
 
-def _difference(values: Sequence[Any], figures: Sequence[Any], points: str, axis: str) -> str:
-    """The change of an RMSE, and whether chance explains it."""
+def _difference(values: Sequence[Any], counts: Sequence[Any]) -> str:
+    """The change of the root of a mean square of so many independent errors, and whether chance explains it."""
     text = _change(values)
-    counts = [f.get(f"{points}_independent_{axis}") or f.get(f"{points}_points") for f in figures]
     fewest = min((float(n) for n in counts if n), default=0.0)
-    if not points or not text or not fewest:
+    if not text or not fewest:
         return text
     change, chance = abs(values[1] - values[0]) / max(values), (2 * fewest) ** -0.5
     return "within chance" if change <= chance else text
