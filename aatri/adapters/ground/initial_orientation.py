@@ -23,6 +23,7 @@ from aatri.adapters.ground.initial_tests import (
     contradicts,
     deformation_notes,
     two_that_differ,
+    with_uncertain_distances,
 )
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -35,6 +36,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
+from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
 from aatri.orientation.graph.on_ground import fits_bent
@@ -144,11 +146,18 @@ def _free(
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]
     images, points = ground.block.images.id, ground.block.points.id
-    oriented = orient_body(seen, body, settings, what="the block", image_ids=images, point_ids=points)
+
+    def by(observe: Observe) -> OrientedBody:
+        return orient_body(observe, body, settings, what="the block", image_ids=images, point_ids=points)
+
+    oriented = by(seen)
+    unit_m = precision(own.moved(oriented.ground_from_body), rays)
+    share, differ = two_that_differ(oriented, unit_m, settings.limit)
+    if differ:
+        oriented = by(lambda to: with_uncertain_distances(seen(to), body.on_ground(to), share))
     to = oriented.ground_from_body
-    own = own.moved(to)
-    part = OnGround(own, oriented, compose(to, similarity), free=True)
-    return part, [note, *two_that_differ(oriented, precision(own, rays), settings.limit)]
+    part = OnGround(own.moved(to), oriented, compose(to, similarity), free=True)
+    return part, [note, *differ]
 
 
 def _oriented(

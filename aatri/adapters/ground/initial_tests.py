@@ -1,6 +1,7 @@
 """What of control, positions, distances and attitudes fits an initial orientation: residuals, suspects and notes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -118,24 +119,38 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     return [Note("warning", text)]
 
 
-def two_that_differ(oriented: OrientedBody, precision_m: float, limit: float) -> list[Note]:
-    """Where two distances alone tell the scale and differ, nobody can tell which one is wrong.
+def two_that_differ(oriented: OrientedBody, precision_m: float, limit: float) -> tuple[float, list[Note]]:
+    """Where two distances alone tell the scale and differ, nobody can tell which one is wrong: by which ratio, and why.
 
     The points of the component, scaled by them, are known to `precision_m`.
     """
     observed = [o for o in _of_places(oriented.tied.problem.ground) if o.kind in DISTANCES]
     if sum(map(len, observed)) != 2 or not all(o.kind in (*DISTANCES, ATTITUDE) for o in oriented.tied.problem.ground):
-        return []
+        return 0.0, []
     ratio, length = _ratios(observed, oriented.state)
     sigma = np.concatenate([o.sigmas()[:, 0] for o in observed])
     names = np.concatenate([o.names(np.arange(len(o)))[1] for o in observed])
     error = np.hypot(sigma, np.sqrt(2.0) * precision_m) / length
+    by = abs(ratio[1] / ratio[0] - 1)
     if abs(ratio[1] - ratio[0]) <= limit * float(np.hypot(*error)):
-        return []
+        return 0.0, []
     text = (
-        f"two distances alone tell the scale; they differ by {abs(ratio[1] / ratio[0] - 1):.2%}, one of them is wrong"
+        f"two distances alone tell the scale; they differ by {by:.2%}, one of them is wrong, and nothing tells which: "
     )
-    return [Note("warning", text, tuple(names.tolist()))]
+    return by, [Note("warning", f"{text}both are used, as if uncertain by that", tuple(names.tolist()))]
+
+
+def with_uncertain_distances(observed: Iterable[Observed], state: State, share: float) -> tuple[Observed, ...]:
+    """The same, standard deviations of distances at least that share of their lengths."""
+
+    def uncertain(o: Observed) -> Observed:
+        if o.kind not in DISTANCES or o.exact:
+            return o
+        wider = np.maximum(share * _ratios([o], {**o.start, **state})[1][:, None] / o.sigmas(), 1.0)
+        L = o.records.whitener
+        return replace(o, records=replace(o.records, whitener=L / (wider if L.ndim == 2 else wider[:, :, None])))
+
+    return tuple(map(uncertain, observed))
 
 
 def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what: str) -> list[Note]:

@@ -89,6 +89,12 @@ def without_absent(result: BundleResult) -> BundleResult:
     return replace(result, xyz_m=np.where(result.absent, np.nan, result.xyz_m), covariances=covariances)
 
 
+def held_for_datum(result: BundleResult) -> int:
+    """Scalars that a free datum holds: as many as control, positions and distances leave open; 0 without."""
+    free = result.free
+    return 0 if free is None else int(sum(u.free.sum() for u in free.unknowns)) - result.adjusted.n_unknowns
+
+
 def without_covariances(result: BundleResult) -> BundleResult:
     """The same without what was not asked for."""
     groups = {name: np.full_like(values, np.nan) for name, values in result.covariances.items()}

@@ -15,7 +15,7 @@ from aatri.stages.image_refinement.systematic import SystematicOptions, systemat
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.stages.initial_orientation.test_datum import some_ends, with_distances
+from tests.stages.initial_orientation.test_datum import rejected_of, some_ends, with_distances
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
     Told,
@@ -71,6 +71,30 @@ def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
     assert far_off(block, found)[0] < 0.2
     text = next(text for text in told.warnings if "distances (6) contradict all else" in text)
     assert float(text.partition("by ")[2].partition(" ppm")[0]) == pytest.approx(20_000, abs=1_000)
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_of_two_distances_that_alone_tell_the_scale_none_is_rejected_where_they_differ(wrong: int) -> None:
+    block = without_strips(simulated(**SMALL_UAV))
+    ends, told = some_ends(block, 2), Told()
+    block = with_distances(block, ends)
+    g, nothing = block.geodetic, np.zeros(0, dtype=np.intp)
+    block = replace(
+        block,
+        geodetic=replace(g, value=g.value * np.where(np.arange(2) == wrong, 1.02, 1.0)),
+        ground_points=block.ground_points.take(nothing),
+        exterior=block.exterior.take(nothing),
+    )
+    found = initial_of(block, told, pairs_per_image=8)
+    assert rejected_of(found, "distance") == []
+    (text,) = (text for text in told.warnings if "nothing tells which" in text)
+    assert all(str(block.points.id[p]) in text for p in ends.ravel())
+    # the scale is between those of both: 1 to 1.02 times the true one
+    true = block.true_points
+    assert true is not None
+    solved = np.isfinite(found.points.xyz_m).all(axis=1)
+    spread = [np.sqrt(np.var(xyz[solved], axis=0).sum()) for xyz in (found.points.xyz_m, true.xyz_m)]
+    assert 1.005 < spread[0] / spread[1] < 1.015
 
 
 @pytest.mark.parametrize("elevation_deg", [0.0, 15.0])

@@ -3,7 +3,8 @@
 The rejected record is put back and the block adjusted. There the gain of leaving out each one of the kind is known, in
 the linear model exactly, whatever the start, the path and the order (`adjustment.statistics.leave_one_out`). If another
 gains more it goes instead. If several gain the same nothing tells which is wrong: all go, if the block is determined
-as well without them (two contradicting bars: nothing else gives the scale), else all stay, and so where they gain
+as well without them, else all stay (two contradicting bars: nothing else gives the scale), with standard deviations by
+which they agree: with their own they would bend the block, and its rays would seem wrong. All stay too where they gain
 little; they are named either way.
 
 Only a record that leaves some other of its kind all but untested can be taken for it: with correlation rho of their
@@ -28,14 +29,17 @@ from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.result import from_result
+from aatri.orientation.bundle.variance_groups import with_factor
 
 MOST = 12
 """Rejected records of a kind up to which each is tried: where there are more the others tell them apart."""
 
 STAY = (
-    "without them the block is not determined, so all of them are used: measure another, or take the wrong one out of "
-    "its table"
+    "without them the block is not determined, so all of them are used{how}: measure another, or take the wrong one "
+    "out of its table"
 )
+
+NONE = np.zeros(0, dtype=np.int64)
 
 SOFT = 0.02
 """Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
@@ -138,11 +142,16 @@ class _Attribution:
             self.tested = reduced
             self.undecided[best_rows] = len(best_rows) > 1
             return
-        self.tested = self._adjusted(use | self._at_points_of(best_rows.tolist()), {})
+        use |= self._at_points_of(best_rows.tolist())
+        factor = (
+            1.0 if ambiguous else self._agreeing(float(np.sqrt(np.nanmax(gain[np.isin(rows, best_rows)]))), best_rows)
+        )
+        self.tested = self._adjusted(use, {}, best_rows, factor)
         self.kept[best_rows] = True
         names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
         text = f"{self.records.observed[places[0]].kind}: one of these is wrong, and nothing tells which; "
-        text += "by little: all of them are used" if ambiguous else STAY
+        how = f", with standard deviations {factor:.3g} times as large" if factor > 1.0 else ""
+        text += "by little: all of them are used" if ambiguous else STAY.format(how=how)
         self.notes.append(Note("warning", text, tuple(name for kind_names in names for name in kind_names)))
 
     def _at_points_of(self, rows: list[int]) -> Bool:
@@ -173,9 +182,21 @@ class _Attribution:
             else None
         )
 
-    def _adjusted(self, use: Bool, soft: dict[int, float]) -> TestedBlock:
+    def _agreeing(self, test: float, rows: Int) -> float:
+        """Factor of standard deviations by which records agree, by their test; 1 where one is exact."""
+        parts = zip(self.records.observed, self.records.parts)
+        exact = any(o.holds is not None and ((rows >= p.start) & (rows < p.stop)).any() for o, p in parts)
+        return 1.0 if exact else max(test, 1.0)
+
+    def _adjusted(self, use: Bool, soft: dict[int, float], rows: Int = NONE, factor: float = 1.0) -> TestedBlock:
+        """Adjusted anew; `soft` are sigmas of exact coordinates by place, `factor` that of the sigmas of rows."""
         block: BundleInput = from_result(self.tested.block, self.tested.result)
         observed = list(self.records.without(block.observed, use))
+        for place, part in enumerate(self.records.parts) if len(rows) else ():
+            inside = np.isin(np.arange(part.start, part.stop), rows)
+            if inside.any():
+                number = np.where(inside[:, None], 0, np.full((1, observed[place].records.rows), -1))
+                observed[place] = with_factor(observed[place], number, np.array([factor]))
         for place, sigma in soft.items():
             observed[place] = softened(observed[place], sigma)
         block = replace(block, observed=tuple(observed))

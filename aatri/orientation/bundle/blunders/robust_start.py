@@ -19,7 +19,7 @@ from aatri.orientation.bundle.blunders.robust import Adjust, robust
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
-from aatri.orientation.bundle.result import from_result
+from aatri.orientation.bundle.result import from_result, held_for_datum
 
 
 class RobustStart(FittedSigmas):
@@ -65,7 +65,7 @@ class RobustStart(FittedSigmas):
         )
         self.pool = replace(self.pool, counted=self.pool.counted & ~np.concatenate(exchanged))
         wrong = active & (gross_errors_at | without_point)
-        rejected_kind = self._kind_to_reject(wrong, active)
+        rejected_kind = self._kind_to_reject(wrong, active, held_for_datum(result))
         if rejected_kind is not None:
             wrong[rejected_kind] = active[rejected_kind]
             self.rejected_kinds[rejected_kind] = True
@@ -73,8 +73,11 @@ class RobustStart(FittedSigmas):
         rejected = self.within_room(wrong, active, test)
         return (active | (self.all.native & self.at_points_of(points) & ~gross_errors_at)) & ~rejected
 
-    def _kind_to_reject(self, wrong: Bool, active: Bool) -> slice | None:
-        """A kind with more wrong than there is room for, where the rest agrees without it, and only without it."""
+    def _kind_to_reject(self, wrong: Bool, active: Bool, held: int) -> slice | None:
+        """A kind with more wrong than there is room for, where the rest agrees without it, and only without it.
+
+        What alone tells a part of the datum, of which `held` scalars are held with it, has no rest to disagree with.
+        """
         room, counted = room_left(self.snooping, self.pool, active), self.pool.counted
         parts = [p for p, o in zip(self.all.parts, self.all.observed) if not is_ray(o) and active[p].any()]
         overfull_parts = [
@@ -85,12 +88,12 @@ class RobustStart(FittedSigmas):
         other_parts = [p for p in parts if p != overfull_parts[0]]
         return (
             overfull_parts[0]
-            if self._agrees(wrong, active, overfull_parts[0], overfull_parts[0])
-            and not any(self._agrees(wrong, active, overfull_parts[0], p) for p in other_parts)
+            if self._agrees(wrong, active, overfull_parts[0], overfull_parts[0], held)
+            and not any(self._agrees(wrong, active, overfull_parts[0], p, held) for p in other_parts)
             else None
         )
 
-    def _agrees(self, wrong: Bool, active: Bool, overfull: slice, left_out: slice) -> bool:
+    def _agrees(self, wrong: Bool, active: Bool, overfull: slice, left_out: slice, held: int) -> bool:
         """Whether the block agrees without one kind; `overfull` is that with too many wrong ones."""
         use = active & ~wrong
         use[overfull] = active[overfull]
@@ -99,7 +102,7 @@ class RobustStart(FittedSigmas):
             tested = self.solve(None, use)
         except (GeometryError, ConvergenceError):
             return False
-        return not self._is_harmful(tested, use)
+        return held_for_datum(tested.result) <= held and not self._is_harmful(tested, use)
 
     def _start_from(self, initial: TestedBlock, active: Bool) -> BundleInput:
         """The block from where least squares has moved it; points with something above the limit may have run away."""
