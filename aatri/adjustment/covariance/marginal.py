@@ -172,7 +172,6 @@ class _Down:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
-        covariances = block_covariances(rays.records.rows, rays.parts.size)
         # S is zero where an unknown is held, so that A need not be; gains are of A itself.
         for p0, p1, v, A, B in linearised(self.problem, self.fill, stretch, masked=bool(self.gains)):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
@@ -182,7 +181,7 @@ class _Down:
             X = np.empty((last - base if self.gains else 0, A.shape[2], 3))
             filled = (self.problem.block_free, self.factored.block_factor, self.block, self.ray, X)
             loc, parts = rays.loc[base:last], rays.parts
-            covariances(p0, p1, base, rays.ray_start, active, A, B, loc, parts.size, parts.start, S, *filled)
+            block_covariances(p0, p1, base, rays.ray_start, active, A, B, loc, parts.size, parts.start, S, *filled)
             if self.gains:
                 row = row_of[part_columns(parts, self.problem.layout, slice(base, last))]
                 block = np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))

@@ -22,7 +22,7 @@ from aatri.adjustment.elimination.joint import joined
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.assemble import add_records, clear_lower, extend_add
-from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.index import KeptRecords
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -236,7 +236,6 @@ class Work:
         own = (self.D0, self.h0, self.problem.block_free, self.damping)
         common = (*own, F, g, d, self.block_factor, self.block_y, self.determined)
         cost, parts = 0.0, rays.parts
-        eliminate = eliminator(rays.records.rows, parts.size)
         for p0, p1, v, A, B in linearised(self.problem, self.fill, stretch, masked=False):
             cost += excess(rays.records, v)
             base = int(rays.ray_start[p0])

@@ -26,7 +26,7 @@ from aatri.adjustment.elimination.fronts import Work
 from aatri.adjustment.elimination.panels import Panels, down_the_tree, up_the_tree
 from aatri.adjustment.elimination.schedule import of_node
 from aatri.adjustment.kernels.assemble import add_records
-from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminator
+from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
@@ -144,8 +144,7 @@ class _Pieces:
         rays = self.problem.rays
         if rays is None or work.fill is None:
             return
-        p, eliminate = rays.parts, eliminator(rays.records.rows, rays.parts.size)
-        results = (work.block_factor, work.block_y, work.determined)
+        p, results = rays.parts, (work.block_factor, work.block_y, work.determined)
         chunks = (one for part in of_node(self.problem, k) for one in linearised(self.problem, work.fill, part))
         for p0, p1, v, A, B in chunks:
             chunk = slice(int(rays.ray_start[p0]), int(rays.ray_start[p1]))

@@ -2,7 +2,7 @@
 
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.small import OPTIONS
 
 _SUBSTITUTE = (
     "void(int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], int32[::1], int32[::1], "

@@ -9,15 +9,23 @@ Blocks are worked on in the groups of `eliminate`: the part of S that a group me
 serves all its blocks.
 """
 
-from collections.abc import Callable
-from functools import cache
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import MOST_RAYS, OPTIONS, SIZES, constants_of, group_of
-from aatri.arrays import Int
+from aatri.adjustment.kernels.eliminate import MOST_RAYS, group_of
+from aatri.adjustment.kernels.ray_loops import (
+    gather,
+    gather_images,
+    gather_models,
+    image_product,
+    image_ray_onto,
+    model_product,
+    model_ray_onto,
+    product,
+    ray_onto,
+    size_of,
+)
+from aatri.adjustment.kernels.small import OPTIONS
 
 _COVARIANCES = (
     "void(int64, int64, int64, int64[::1], boolean[::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], int32[::1], "
@@ -44,13 +52,13 @@ def from_factor(p, Ls, G, free, inverse, Q):
             Q[p, a, b] = s * free[p, a] * free[p, b]
 
 
-def block_covariances(m: int, size: Int) -> Callable[..., Any]:
-    """The compiled function for m residuals and parts of some sizes a ray, see `eliminator`; its parameters are
+@njit(_COVARIANCES, **OPTIONS)
+def block_covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, part_start, S, free, Ls, Q, R, X):
+    """Covariances of the blocks p0 ... p1 - 1 and of the adjusted values of their rays, see `eliminate`.
 
     Parameters
     ----------
     p0, p1 : int
-        Covariances of the blocks p0 ... p1 - 1 and of the adjusted values of their rays.
     base : int
         Number of the ray in row 0 of A, B and loc.
     ray_start : (n_blocks + 1,) int64
@@ -71,150 +79,130 @@ def block_covariances(m: int, size: Int) -> Callable[..., Any]:
     X : (n, columns, 3) float64, or without rows
         Filled in: minus the covariance of the kept unknowns of each ray with its block.
     """
-    return _block_covariances(*constants_of(m, size))
-
-
-@cache
-def _block_covariances(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
-    """The function for a pair of sizes, for zeros that of any sizes; for a single part or for any number of them."""
-
-    @njit(_COVARIANCES, **OPTIONS)
-    def covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, part_start, S, free, Ls, Q, R, X):
-        m = of_m if of_m else A.shape[1]
-        parts = 1 if single else loc.shape[1]
-        wide = of_k if of_k else A.shape[2]
-        places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
-        gathered, stacked, product = np.empty(0), np.empty(0), np.empty(0)
-        G, inverse, cross = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((wide, 3))
-        half, W, here = np.empty((m, wide)), np.empty((m, 3)), np.zeros(parts, dtype=np.int64)
-        p = p0
-        while p < p1:
-            end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
-            rows, columns = places[1, n], 3 * (end - p)
-            if rows * rows > len(gathered):
-                gathered = np.empty(2 * rows * rows)
-            if rows * columns > len(stacked):
-                stacked, product = np.empty(2 * rows * columns), np.empty(2 * rows * columns)
-            part_S = gathered[: rows * rows].reshape((rows, rows))
-            Z = stacked[: rows * columns].reshape((rows, columns))
-            T = product[: rows * columns].reshape((rows, columns))
-            for q in range(n):
-                for b in range(wide if single else places[1, q + 1] - places[1, q]):
-                    o = wide * q + b if single else places[1, q] + b
-                    for other in range(n):
-                        t = wide * other if single else places[1, other]
-                        for a in range(wide if single else places[1, other + 1] - places[1, other]):
-                            part_S[o, t + a] = S[places[0, other] + a, places[0, q] + b]
-            Z[:] = 0.0
-            for block in range(p, end):  # Z = L^-1 B'A, transposed
-                j = 3 * (block - p)
-                i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
-                f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
-                l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
-                here[:] = 0
-                for r in range(ray_start[block] - base, ray_start[block + 1] - base):
-                    if not active[r]:
+    m, parts, wide = A.shape[1], loc.shape[1], A.shape[2]
+    size = size_of(m, parts, wide)
+    places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
+    gathered, stacked, multiplied = np.empty(0), np.empty(0), np.empty(0)
+    G, inverse, cross = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((wide, 3))
+    half, W, here = np.empty((m, wide)), np.empty((m, 3)), np.zeros(parts, dtype=np.int64)
+    p = p0
+    while p < p1:
+        end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
+        rows, columns = places[1, n], 3 * (end - p)
+        if rows * rows > len(gathered):
+            gathered = np.empty(2 * rows * rows)
+        if rows * columns > len(stacked):
+            stacked, multiplied = np.empty(2 * rows * columns), np.empty(2 * rows * columns)
+        part_S = gathered[: rows * rows].reshape((rows, rows))
+        Z = stacked[: rows * columns].reshape((rows, columns))
+        T = multiplied[: rows * columns].reshape((rows, columns))
+        if size == 0:
+            gather_images(n, places, S, part_S)
+        elif size == 1:
+            gather_models(n, places, S, part_S)
+        else:
+            gather(n, places, S, part_S)
+        Z[:] = 0.0
+        for block in range(p, end):  # Z = L^-1 B'A, transposed
+            j = 3 * (block - p)
+            i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
+            f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
+            l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
+            here[:] = 0
+            for r in range(ray_start[block] - base, ray_start[block + 1] - base):
+                if not active[r]:
+                    continue
+                for part in range(parts):
+                    c, q = np.int64(loc[r, part]), here[part]
+                    if c < 0:
                         continue
-                    for part in range(parts):
-                        c, q = np.int64(loc[r, part]), here[part]
-                        if c < 0:
-                            continue
-                        if places[0, q] > c:
-                            q = 0
-                        while places[0, q] < c:
-                            q += 1
-                        here[part] = q
-                        k = wide if single else np.int64(part_size[part])
-                        o = k * q if single else places[1, q]
-                        s = 0 if single else np.int64(part_start[part])
-                        for i in range(m):
-                            u0 = B[r, i, 0] * f0
-                            u1 = (B[r, i, 1] * f1 - l1 * u0) * i1
-                            u2 = (B[r, i, 2] * f2 - l2 * u0 - l4 * u1) * i2
-                            for a in range(k):
-                                x, y, z, w = Z[o + a, j], Z[o + a, j + 1], Z[o + a, j + 2], A[r, i, s + a]
-                                Z[o + a, j] = x + w * u0
-                                Z[o + a, j + 1] = y + w * u1
-                                Z[o + a, j + 2] = z + w * u2
-            if n:
-                np.dot(part_S, Z, T)
-            for block in range(p, end):
-                j = 3 * (block - p)
-                g00, g10, g11, g20, g21, g22 = 1.0, 0.0, 1.0, 0.0, 0.0, 1.0  # symmetric, as the part of S is
-                for i in range(rows):
-                    x, y, z = Z[i, j], Z[i, j + 1], Z[i, j + 2]
-                    g00 += T[i, j] * x
-                    g10 += T[i, j + 1] * x
-                    g11 += T[i, j + 1] * y
-                    g20 += T[i, j + 2] * x
-                    g21 += T[i, j + 2] * y
-                    g22 += T[i, j + 2] * z
-                G[0, 0], G[1, 0], G[2, 0], G[0, 1], G[1, 1], G[2, 1] = g00, g10, g20, g10, g11, g21
-                G[0, 2], G[1, 2], G[2, 2] = g20, g21, g22
-                from_factor(block, Ls, G, free, inverse, Q)
-                f0, f1, f2 = free[block, 0], free[block, 1], free[block, 2]
-                i00, i10, i20, i11 = inverse[0, 0] * f0, inverse[1, 0] * f0, inverse[2, 0] * f0, inverse[1, 1] * f1
-                i21, i22 = inverse[2, 1] * f1, inverse[2, 2] * f2
-                here[:] = 0
-                for r in range(ray_start[block] - base, ray_start[block + 1] - base):
+                    if places[0, q] > c:
+                        q = 0
+                    while places[0, q] < c:
+                        q += 1
+                    here[part] = q
+                    k, o, s = np.int64(part_size[part]), places[1, q], np.int64(part_start[part])
+                    if size == 0:
+                        image_ray_onto(2, 6, r, s, o, j, f0, f1, f2, i1, i2, l1, l2, l4, A, B, Z)
+                    elif size == 1:
+                        model_ray_onto(3, 7, r, s, o, j, f0, f1, f2, i1, i2, l1, l2, l4, A, B, Z)
+                    else:
+                        ray_onto(m, k, r, s, o, j, f0, f1, f2, i1, i2, l1, l2, l4, A, B, Z)
+        if n:
+            np.dot(part_S, Z, T)
+        for block in range(p, end):
+            j = 3 * (block - p)
+            g00, g10, g11, g20, g21, g22 = 1.0, 0.0, 1.0, 0.0, 0.0, 1.0  # symmetric, as the part of S is
+            for i in range(rows):
+                x, y, z = Z[i, j], Z[i, j + 1], Z[i, j + 2]
+                g00 += T[i, j] * x
+                g10 += T[i, j + 1] * x
+                g11 += T[i, j + 1] * y
+                g20 += T[i, j + 2] * x
+                g21 += T[i, j + 2] * y
+                g22 += T[i, j + 2] * z
+            G[0, 0], G[1, 0], G[2, 0], G[0, 1], G[1, 1], G[2, 1] = g00, g10, g20, g10, g11, g21
+            G[0, 2], G[1, 2], G[2, 2] = g20, g21, g22
+            from_factor(block, Ls, G, free, inverse, Q)
+            f0, f1, f2 = free[block, 0], free[block, 1], free[block, 2]
+            i00, i10, i20, i11 = inverse[0, 0] * f0, inverse[1, 0] * f0, inverse[2, 0] * f0, inverse[1, 1] * f1
+            i21, i22 = inverse[2, 1] * f1, inverse[2, 2] * f2
+            here[:] = 0
+            for r in range(ray_start[block] - base, ray_start[block + 1] - base):
+                for i in range(m):
+                    for b in range(3):
+                        W[i, b] = 0.5 * (
+                            Q[block, b, 0] * B[r, i, 0] + Q[block, b, 1] * B[r, i, 1] + Q[block, b, 2] * B[r, i, 2]
+                        )
+                for part in range(parts):
+                    c, q = np.int64(loc[r, part]), here[part]
+                    if c < 0:
+                        continue
+                    if places[0, q] > c:
+                        q = 0
+                    while places[0, q] < c:
+                        q += 1
+                    here[part] = q
+                for part in range(parts):
+                    k, o, s = np.int64(part_size[part]), places[1, here[part]], np.int64(part_start[part])
+                    if loc[r, part] < 0:
+                        half[:, s : s + k], cross[s : s + k] = 0.0, 0.0
+                        continue
+                    for a in range(k):  # minus the covariance of the part's unknowns with the block
+                        t0, t1, t2 = T[o + a, j], T[o + a, j + 1], T[o + a, j + 2]
+                        cross[s + a, 0] = i00 * t0 + i10 * t1 + i20 * t2
+                        cross[s + a, 1] = i11 * t1 + i21 * t2
+                        cross[s + a, 2] = i22 * t2
+                    if size == 0:
+                        image_product(2, 6, 6, r, s, o, s, o, part_S, A, half)
+                    elif size == 1:
+                        model_product(3, 7, 7, r, s, o, s, o, part_S, A, half)
+                    else:
+                        half[:, s : s + k] = 0.0
+                        for other in range(parts):
+                            if loc[r, other] >= 0:
+                                first, t = np.int64(part_start[other]), places[1, here[other]]
+                                product(m, k, np.int64(part_size[other]), r, s, o, first, t, part_S, A, half)
                     for i in range(m):
+                        w0, w1, w2 = W[i, 0], W[i, 1], W[i, 2]
+                        for a in range(k):
+                            w0 -= A[r, i, s + a] * cross[s + a, 0]
+                            w1 -= A[r, i, s + a] * cross[s + a, 1]
+                            w2 -= A[r, i, s + a] * cross[s + a, 2]
+                        W[i, 0], W[i, 1], W[i, 2] = w0, w1, w2
+                if len(X):
+                    for a in range(wide):
                         for b in range(3):
-                            W[i, b] = 0.5 * (
-                                Q[block, b, 0] * B[r, i, 0] + Q[block, b, 1] * B[r, i, 1] + Q[block, b, 2] * B[r, i, 2]
-                            )
-                    for part in range(parts):
-                        c, q = np.int64(loc[r, part]), here[part]
-                        if c < 0:
-                            continue
-                        if places[0, q] > c:
-                            q = 0
-                        while places[0, q] < c:
-                            q += 1
-                        here[part] = q
-                    for part in range(parts):
-                        k = wide if single else np.int64(part_size[part])
-                        o = k * here[part] if single else places[1, here[part]]
-                        s = 0 if single else np.int64(part_start[part])
-                        if loc[r, part] < 0:
-                            half[:, s : s + k], cross[s : s + k] = 0.0, 0.0
-                            continue
-                        for a in range(k):  # minus the covariance of the part's unknowns with the block
-                            t0, t1, t2 = T[o + a, j], T[o + a, j + 1], T[o + a, j + 2]
-                            cross[s + a, 0] = i00 * t0 + i10 * t1 + i20 * t2
-                            cross[s + a, 1] = i11 * t1 + i21 * t2
-                            cross[s + a, 2] = i22 * t2
-                        for i in range(m):
-                            w0, w1, w2 = W[i, 0], W[i, 1], W[i, 2]
-                            for a in range(k):
-                                x = 0.0
-                                for other in range(parts):
-                                    if loc[r, other] < 0:
-                                        continue
-                                    t = k * here[other] if single else places[1, here[other]]
-                                    e = 0 if single else np.int64(part_start[other])
-                                    for b in range(k if single else np.int64(part_size[other])):
-                                        x += part_S[o + a, t + b] * A[r, i, e + b]
-                                half[i, s + a] = x
-                                w0 -= A[r, i, s + a] * cross[s + a, 0]
-                                w1 -= A[r, i, s + a] * cross[s + a, 1]
-                                w2 -= A[r, i, s + a] * cross[s + a, 2]
-                            W[i, 0], W[i, 1], W[i, 2] = w0, w1, w2
-                    if len(X):
+                            X[r, a, b] = cross[a, b]
+                for i in range(m):
+                    for e in range(i + 1):
+                        x = W[i, 0] * B[r, e, 0] + W[i, 1] * B[r, e, 1] + W[i, 2] * B[r, e, 2]
+                        x += W[e, 0] * B[r, i, 0] + W[e, 1] * B[r, i, 1] + W[e, 2] * B[r, i, 2]
                         for a in range(wide):
-                            for b in range(3):
-                                X[r, a, b] = cross[a, b]
-                    for i in range(m):
-                        for e in range(i + 1):
-                            x = W[i, 0] * B[r, e, 0] + W[i, 1] * B[r, e, 1] + W[i, 2] * B[r, e, 2]
-                            x += W[e, 0] * B[r, i, 0] + W[e, 1] * B[r, i, 1] + W[e, 2] * B[r, i, 2]
-                            for a in range(wide):
-                                x += half[i, a] * A[r, e, a]
-                            R[base + r, i, e] = x
-                            R[base + r, e, i] = x
-            p = end
-
-    found: Callable[..., Any] = covariances
-    return found
+                            x += half[i, a] * A[r, e, a]
+                        R[base + r, i, e] = x
+                        R[base + r, e, i] = x
+        p = end
 
 
 @njit("float64[::1,:](float64[::1,:], int32[::1])", nogil=True, cache=True)
@@ -226,7 +214,3 @@ def part_of(S, row):
         for i in range(n):
             part[i, j] = S[row[i], row[j]]
     return part
-
-
-for constants in SIZES:
-    _block_covariances(*constants)

@@ -13,14 +13,19 @@ one list of places; their Y' stand below one another in one matrix, zero where a
 group, and the product of that matrix with itself enters the front once for the whole group.
 """
 
-from collections.abc import Callable
-from functools import cache
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-from aatri.arrays import Int
+from aatri.adjustment.kernels.ray_loops import (
+    add_image_ray,
+    add_model_ray,
+    add_ray,
+    images_into_front,
+    into_front,
+    models_into_front,
+    size_of,
+)
+from aatri.adjustment.kernels.small import OPTIONS
 
 MOST_RAYS = 256
 """Most rays of an eliminated block; blocks with more are retained as unknowns."""
@@ -33,15 +38,6 @@ GROUP = 16
 
 SPARE = 3
 """Places a group may have beyond those of a block that joins it: with more, groups grow and so do the zeros."""
-
-UNROLLED = 8
-"""Most unknowns a ray for which loops of constant length are faster: 3 times at 7, not at 12 and 15 (measured)."""
-
-SIZES = ((2, 6, True), (3, 7, True), (0, 0, True), (0, 0, False))
-"""What nearly every block needs, compiled with the module: residuals, unknowns, whether they are of a single part."""
-
-OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
-"""Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
 
 _ELIMINATE = (
     "float64(int64, int64, int64, int64[::1], float64[:,::1], float64[:,:,::1], float64[:,:,::1], int32[:,::1], "
@@ -135,21 +131,12 @@ def group_of(p0, p1, base, ray_start, loc, part_size, places):
     return end, n
 
 
-def constants_of(m: int, size: Int) -> tuple[int, int, bool]:
-    """Constants of the code for m residuals and parts of some sizes a ray, as in `SIZES`.
-
-    Where a ray has a single part, of a few unknowns, both sizes are constants, and loops over them are unrolled; else
-    that gains nothing, and one function serves all sizes (zeros), one all numbers of parts.
-    """
-    single = len(size) == 1
-    return (m, int(size[0]), True) if single and size[0] <= UNROLLED else (0, 0, single)
-
-
-def eliminator(m: int, size: Int) -> Callable[..., Any]:
-    """The compiled function for m residuals and parts of some sizes a ray.
-
-    It is compiled when it is first asked for, and found in the cache from then on: a function that encloses nothing but
-    numbers may be cached. It eliminates the blocks p0 ... p1 - 1 and returns the sum of squares of v. Its parameters are
+@njit(_ELIMINATE, **OPTIONS)
+def eliminate(
+    p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys,
+    lowest,
+):  # fmt: skip
+    """Eliminate the blocks p0 ... p1 - 1, for any number of residuals and parts a ray.
 
     Parameters
     ----------
@@ -172,123 +159,93 @@ def eliminator(m: int, size: Int) -> Callable[..., Any]:
         Factors, for back substitution.
     lowest : (n_blocks,) float64
         Set to 0 where a block is not determined.
+
+    Returns
+    -------
+    float
+        Sum of squares of v.
     """
-    return _eliminator(*constants_of(m, size))
-
-
-@cache
-def _eliminator(of_m: int, of_k: int, single: bool) -> Callable[..., Any]:
-    """The function for a pair of sizes, for zeros that of any sizes; for a single part or for any number of them."""
-
-    @njit(_ELIMINATE, **OPTIONS)
-    def eliminate(
-        p0, p1, base, ray_start, v, A, B, loc, part_size, part_start, D0, h0, free, damping, F, g, diagonal, Ls, ys,
-        lowest,
-    ):  # fmt: skip
-        m = of_m if of_m else B.shape[1]
-        parts = 1 if single else loc.shape[1]
-        widest = of_k if of_k else A.shape[2]
-        places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
-        stacked, product, N = np.empty(0), np.empty(0), np.empty((0, widest))
-        D, h, here = np.empty((3, 3)), np.empty(3), np.zeros(parts, dtype=np.int64)
-        cost, p = 0.0, p0
-        while p < p1:
-            end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
-            rows, columns = 3 * (end - p), places[1, n]
-            if rows * columns > len(stacked):
-                stacked = np.empty(2 * rows * columns)
-            if columns * columns > len(product):
-                product, N = np.empty(2 * columns * columns), np.empty((2 * columns, widest))
-            Y = stacked[: rows * columns].reshape((rows, columns))
-            S = product[: columns * columns].reshape((columns, columns))
-            Y[:], N[:columns] = 0.0, 0.0
-            for block in range(p, end):
-                for a in range(3):
-                    h[a] = h0[block, a]
-                    for b in range(3):
-                        D[a, b] = D0[block, a, b]
-                r0, r1, row = ray_start[block] - base, ray_start[block + 1] - base, 3 * (block - p)
-                for r in range(r0, r1):
-                    for i in range(m):
-                        x, y, z, e = B[r, i, 0], B[r, i, 1], B[r, i, 2], v[r, i]
-                        D[0, 0] += x * x
-                        D[1, 0] += y * x
-                        D[2, 0] += z * x
-                        D[1, 1] += y * y
-                        D[2, 1] += y * z
-                        D[2, 2] += z * z
-                        h[0] += x * e
-                        h[1] += y * e
-                        h[2] += z * e
-                        cost += e * e
-                if not block_factor(D, h, free[block], damping, Ls[block], ys[block]):
-                    lowest[block] = 0.0
-                    continue
-                i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
-                f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
-                l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
-                y0, y1, y2 = ys[block, 0], ys[block, 1], ys[block, 2]
-                here[:] = 0
-                for r in range(r0, r1):
-                    for part in range(parts):
-                        c, q = np.int64(loc[r, part]), here[part]
-                        if c < 0:
+    m, parts, widest = B.shape[1], loc.shape[1], A.shape[2]
+    size = size_of(m, parts, widest)
+    places = np.empty((2, 2 * MOST_RAYS * parts), dtype=np.int64)
+    stacked, product, N = np.empty(0), np.empty(0), np.empty((0, widest))
+    D, h, here = np.empty((3, 3)), np.empty(3), np.zeros(parts, dtype=np.int64)
+    cost, p = 0.0, p0
+    while p < p1:
+        end, n = group_of(p, p1, base, ray_start, loc, part_size, places)
+        rows, columns = 3 * (end - p), places[1, n]
+        if rows * columns > len(stacked):
+            stacked = np.empty(2 * rows * columns)
+        if columns * columns > len(product):
+            product, N = np.empty(2 * columns * columns), np.empty((2 * columns, widest))
+        Y = stacked[: rows * columns].reshape((rows, columns))
+        S = product[: columns * columns].reshape((columns, columns))
+        Y[:], N[:columns] = 0.0, 0.0
+        for block in range(p, end):
+            for a in range(3):
+                h[a] = h0[block, a]
+                for b in range(3):
+                    D[a, b] = D0[block, a, b]
+            r0, r1, row = ray_start[block] - base, ray_start[block + 1] - base, 3 * (block - p)
+            for r in range(r0, r1):
+                for i in range(m):
+                    x, y, z, e = B[r, i, 0], B[r, i, 1], B[r, i, 2], v[r, i]
+                    D[0, 0] += x * x
+                    D[1, 0] += y * x
+                    D[2, 0] += z * x
+                    D[1, 1] += y * y
+                    D[2, 1] += y * z
+                    D[2, 2] += z * z
+                    h[0] += x * e
+                    h[1] += y * e
+                    h[2] += z * e
+                    cost += e * e
+            if not block_factor(D, h, free[block], damping, Ls[block], ys[block]):
+                lowest[block] = 0.0
+                continue
+            i0, i1, i2 = 1.0 / Ls[block, 0], 1.0 / Ls[block, 3], 1.0 / Ls[block, 5]
+            f0, f1, f2 = free[block, 0] * i0, free[block, 1], free[block, 2]
+            l1, l2, l4 = Ls[block, 1], Ls[block, 2], Ls[block, 4]
+            y0, y1, y2 = ys[block, 0], ys[block, 1], ys[block, 2]
+            here[:] = 0
+            for r in range(r0, r1):
+                for part in range(parts):
+                    c, q = np.int64(loc[r, part]), here[part]
+                    if c < 0:
+                        continue
+                    if places[0, q] > c:
+                        q = 0
+                    while places[0, q] < c:
+                        q += 1
+                    here[part] = q
+                    k, o, s = np.int64(part_size[part]), places[1, q], np.int64(part_start[part])
+                    if size == 0:
+                        add_image_ray(
+                            2, 6, r, s, row, o, c, f0, f1, f2, i1, i2, l1, l2, l4, y0, y1, y2, v, A, B, Y, N, g
+                        )
+                    elif size == 1:
+                        add_model_ray(
+                            3, 7, r, s, row, o, c, f0, f1, f2, i1, i2, l1, l2, l4, y0, y1, y2, v, A, B, Y, N, g
+                        )
+                    else:
+                        add_ray(m, k, r, s, row, o, c, f0, f1, f2, i1, i2, l1, l2, l4, y0, y1, y2, v, A, B, Y, N, g)
+                    for other in range(parts):
+                        d = np.int64(loc[r, other])
+                        if other == part or d < 0 or d > c:
                             continue
-                        if places[0, q] > c:
-                            q = 0
-                        while places[0, q] < c:
-                            q += 1
-                        here[part] = q
-                        k = widest if single else np.int64(part_size[part])
-                        o = k * q if single else places[1, q]
-                        s = 0 if single else np.int64(part_start[part])
+                        t = np.int64(part_start[other])
                         for i in range(m):
-                            # a row of B L^-T, and what is left of v
-                            u0 = B[r, i, 0] * f0
-                            u1 = (B[r, i, 1] * f1 - l1 * u0) * i1
-                            u2 = (B[r, i, 2] * f2 - l2 * u0 - l4 * u1) * i2
-                            e = v[r, i] - u0 * y0 - u1 * y1 - u2 * y2
-                            for a in range(k):
-                                Y[row, o + a] += u0 * A[r, i, s + a]
-                            for a in range(k):
-                                Y[row + 1, o + a] += u1 * A[r, i, s + a]
-                            for a in range(k):
-                                Y[row + 2, o + a] += u2 * A[r, i, s + a]
-                            for a in range(k):
-                                g[c + a] += e * A[r, i, s + a]
-                            for a in range(k):
-                                x = A[r, i, s + a]
-                                for b in range(k):
-                                    N[o + a, b] += x * A[r, i, s + b]
-                        for other in range(parts):
-                            d = np.int64(loc[r, other])
-                            if other == part or d < 0 or d > c:
-                                continue
-                            t = np.int64(part_start[other])
-                            for i in range(m):
-                                for b in range(part_size[other]):
-                                    x = A[r, i, t + b]
-                                    for a in range(k):
-                                        F[c + a, d + b] += A[r, i, s + a] * x
-            if n:
-                np.dot(Y.T, Y, S)
-            for q in range(n):
-                wide = widest if single else places[1, q + 1] - places[1, q]
-                c, o = places[0, q], wide * q if single else places[1, q]
-                for b in range(wide):
-                    diagonal[c + b] += N[o + b, b]
-                    for a in range(wide):
-                        S[o + b, o + a] -= N[o + b, a]
-                    for other in range(q, n):
-                        d, first = places[0, other], wide * other if single else places[1, other]
-                        for a in range(wide if single else places[1, other + 1] - first):
-                            F[d + a, c + b] -= S[o + b, first + a]
-            p = end
-        return cost
-
-    found: Callable[..., Any] = eliminate
-    return found
-
-
-for constants in SIZES:
-    _eliminator(*constants)
+                            for b in range(part_size[other]):
+                                x = A[r, i, t + b]
+                                for a in range(k):
+                                    F[c + a, d + b] += A[r, i, s + a] * x
+        if n:
+            np.dot(Y.T, Y, S)
+        if size == 0:
+            images_into_front(n, places, S, N, F, diagonal)
+        elif size == 1:
+            models_into_front(n, places, S, N, F, diagonal)
+        else:
+            into_front(n, places, S, N, F, diagonal)
+        p = end
+    return cost

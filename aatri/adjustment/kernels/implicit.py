@@ -7,7 +7,7 @@ With t = v and w = L^-1 (B'v + h0), which elimination has left, the same sum is 
 
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.small import OPTIONS
 
 _COMMON = "int64, int64, int64, int64[::1], float64[:,:,::1], float64[:,:,::1], int64[:,::1], int32[::1], int32[::1]"
 

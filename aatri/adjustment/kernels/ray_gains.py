@@ -7,7 +7,7 @@ With the front's covariance S, the block's covariance Q and X, minus that of the
 
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.small import OPTIONS
 
 _SIGNATURE = (
     "void(float64[:,:,::1], float64[:,:,::1], int64[:,::1], float64[::1,:], float64[:,:,::1], int64[::1], "

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.small import OPTIONS
 
 _SIGNATURE = (
     "void(int64, int64, float64[:,::1], float64[:,:,::1], boolean[:,::1], boolean[::1], float64, float64[:,::1], "

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from aatri.adjustment.kernels.eliminate import OPTIONS
+from aatri.adjustment.kernels.small import OPTIONS
 
 _ROWS = "float64[:,::1]"
 _SIGNATURE = (

@@ -52,7 +52,7 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str, siz
         full = both @ joint @ both.T
         for i, r in enumerate(rows):
             wanted_R[BASE + r] = full[m * i : m * i + m, m * i : m * i + m]
-    block_covariances(m, rays.size)(
+    block_covariances(
         0, n, BASE, rays.ray_start, active, rays.A, rays.B, rays.loc, rays.size, rays.start, S, free, L, Q, R, X
     )
     for found, wanted in ((Q, wanted_Q), (R, wanted_R), (X, wanted_X)):

@@ -7,7 +7,7 @@ import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import schedule
-from aatri.adjustment.kernels.eliminate import eliminator
+from aatri.adjustment.kernels.eliminate import eliminate
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.arrays import Bool, Float
 from tests.adjustment.block_problem import joined_problem, posed_problem
@@ -38,8 +38,7 @@ def _eliminated(rays: RaysOnPlaces, D0: Float, h0: Float, free: Float, damping: 
     k, n = rays.columns, rays.blocks
     F, g, d = np.zeros((k, k), order="F"), np.zeros(k), np.zeros(k)
     L, y, determined = np.ones((n, 6)), np.zeros((n, 3)), np.ones(n)
-    function = eliminator(rays.v.shape[1], rays.size)
-    cost = function(
+    cost = eliminate(
         0,
         n,
         BASE,
