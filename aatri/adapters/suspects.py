@@ -72,9 +72,9 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
         if not len(rows):
             continue
         error, test = _errors(adjusted, done.result.adjusted.state, rows)
-        made = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
-        restated = _restated(_with_verdicts(restated, earlier[rejected[earlier]], made), earlier, made)
-        parts.append(made.take([key not in before for key in keys_of(o, rows)]))
+        rows_stated = suspect_table(STAGE, o, rows, error, test, _verdicts(done, o, rows))
+        restated = _restated(_with_verdicts(restated, earlier[rejected[earlier]], rows_stated), earlier, rows_stated)
+        parts.append(rows_stated.take([key not in before for key in keys_of(o, rows)]))
     if options is not None and options.method == "robust":
         parts += _beyond_the_limit(done.result, options)
     return stacked([restated, *parts])
@@ -96,24 +96,24 @@ def _errors(adjusted: AdjustedObservations, state: State, rows: Int) -> tuple[Fl
     return error, tests_of(adjusted, state)[rows]
 
 
-def _with_verdicts(suspects: Suspects, out: Int, made: Suspects) -> Suspects:
+def _with_verdicts(suspects: Suspects, out: Int, later: Suspects) -> Suspects:
     """Suspects of earlier stages that are out now, with the verdict of this adjustment, unless it tells nothing."""
-    at = {int(row): k for k, row in enumerate(made.row.tolist())}
-    verdict = suspects.verdict.astype(np.result_type(suspects.verdict, made.verdict))
+    at = {int(row): k for k, row in enumerate(later.row.tolist())}
+    verdict = suspects.verdict.astype(np.result_type(suspects.verdict, later.verdict))
     for k in out.tolist():
         of = at[int(suspects.row[k])]
-        if np.isfinite(made.test[of]) or made.verdict[of] != "rejected" or not staying_out(suspects)[k]:
-            verdict[k] = made.verdict[of]
+        if np.isfinite(later.test[of]) or later.verdict[of] != "rejected" or not staying_out(suspects)[k]:
+            verdict[k] = later.verdict[of]
     return replace(suspects, verdict=verdict)
 
 
-def _restated(suspects: Suspects, earlier: Int, made: Suspects) -> Suspects:
+def _restated(suspects: Suspects, earlier: Int, later: Suspects) -> Suspects:
     """Suspects of earlier stages with the sizes of this adjustment, where it knows them."""
-    at = {int(row): k for k, row in enumerate(made.row.tolist()) if np.isfinite(made.size[k])}
+    at = {int(row): k for k, row in enumerate(later.row.tolist()) if np.isfinite(later.size[k])}
     rows = np.array([k for k in earlier.tolist() if int(suspects.row[k]) in at], dtype=np.int64)
     if not len(rows):
         return suspects
-    new = made.take([at[int(row)] for row in suspects.row[rows]])
+    new = later.take([at[int(row)] for row in suspects.row[rows]])
     values = {name: getattr(suspects, name).copy() for name in ("size", "sigma", "test", "error")}
     for name, column in values.items():
         column[rows] = getattr(new, name)

@@ -116,13 +116,13 @@ def _times(matrices: Float, vectors: Float) -> Float:
 def _rows_in_block(block: Block, image: Int, point: Int) -> Int:
     """Rows of image points in the Block; of a point measured twice in an image the first in use."""
     m, n = block.image_points, len(block.points)
-    wanted = np.zeros(n, dtype=bool)
-    wanted[point] = True
-    rows = np.flatnonzero(wanted[m.point] & m.active)
+    in_block = np.zeros(n, dtype=bool)
+    in_block[point] = True
+    rows = np.flatnonzero(in_block[m.point] & m.active)
     if not len(rows):
         return np.full(len(image), -1, dtype=np.int32)
     key = m.image[rows].astype(np.int64) * n + m.point[rows]
     order = np.argsort(key, kind="stable")
     place = np.minimum(np.searchsorted(key[order], image * n + point), len(key) - 1)
-    there = key[order][place] == image * n + point
-    return np.where(there, rows[order][place], -1).astype(np.int32)
+    matches = key[order][place] == image * n + point
+    return np.where(matches, rows[order][place], -1).astype(np.int32)

@@ -161,7 +161,7 @@ def observed_with_terms(
         Further unknowns that all of them touch.
     """
     touched = np.stack([t.block >= 0 for t in terms], axis=1) if terms else np.zeros((len(row), 0), dtype=bool)
-    made, new, exactness = list[Observed](), dict[str, tuple[Unknowns, Any]](own or {}), tuple(by_exactness)
+    observed_terms, new, exactness = list[Observed](), dict[str, tuple[Unknowns, Any]](own or {}), tuple(by_exactness)
     stated = set[str]()
     for pattern in np.unique(touched, axis=0) if terms else touched[:1]:
         for exact, chosen in exactness:
@@ -171,7 +171,7 @@ def observed_with_terms(
             of_these = [t.take(alike) for t, has in zip(terms, pattern) if has]
             new |= {t.unknowns.name: (t.unknowns, t.start) for t in of_these if t.unknowns.name not in stated}
             stated |= set(new)
-            made.append(
+            observed_terms.append(
                 Observed(
                     with_terms(records(alike, exact, of_these), of_these),
                     row[alike],
@@ -183,4 +183,4 @@ def observed_with_terms(
                 )
             )
             new = {}
-    return tuple(made)
+    return tuple(observed_terms)

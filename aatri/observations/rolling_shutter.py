@@ -55,7 +55,7 @@ def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:
         Images of one camera and flight.
     position_m : (n, 3) float64, m
     """
-    made = np.full((len(time_s), 3), np.nan)
+    velocity_m_per_s = np.full((len(time_s), 3), np.nan)
     usable = np.isfinite(time_s) & np.isfinite(position_m).all(axis=1)
     for of in np.unique(track[usable]):
         rows = np.flatnonzero(usable & (track == of))
@@ -74,5 +74,5 @@ def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:
         for side in (slice(None, -1), slice(1, None)):
             both[side] += weight[:, None] * step
             total[side] += weight
-        made[rows] = both / total[:, None]
-    return made
+        velocity_m_per_s[rows] = both / total[:, None]
+    return velocity_m_per_s

@@ -118,10 +118,10 @@ def simulate(
         else None,
     )
     context.log(f"{len(plan.id)} stations flown, {plan.base_m:.1f} m apart, strips {plan.spacing_m:.1f} m apart")
-    made = rigged(plan, photography, options.rig)
+    plan_with_rig = rigged(plan, photography, options.rig)
     disturbance = Disturbance(options.noise, options.gross_errors, streams)
     points = ground_targets(
-        made.photography,
+        plan_with_rig.photography,
         plan,
         GroundSurface(surface, false_origin),
         options.flight,
@@ -130,9 +130,16 @@ def simulate(
         planned_structures(options.survey, disturbance),
         streams,
     )
-    points = with_moved_points(points, made.photography, options.epoch, streams["movement"])
+    points = with_moved_points(points, plan_with_rig.photography, options.epoch, streams["movement"])
     context.log(f"{len(points.id)} points, {len(points.rays.image)} image points")
     scene = Scene(
-        options.name, options.earth, false_origin, made.plan, made.photography, points, made.member, options.rig
+        options.name,
+        options.earth,
+        false_origin,
+        plan_with_rig.plan,
+        plan_with_rig.photography,
+        points,
+        plan_with_rig.member,
+        options.rig,
     )
     return assembled(scene, options.film, options.gnss, options.imu, options.survey, disturbance)

@@ -92,9 +92,9 @@ def _searched(
     done = without_idle_parameters(done, adjust, rebuilt)
     if undecided and done.considered:  # parameters that are not worth keeping could take up what is wrong
         fewer = rebuilt(inputs, done.inputs.parameters)
-        again, groups = search_with_groups(fewer, adjust, single, candidate_groups, searching)
+        without_idle, groups = search_with_groups(fewer, adjust, single, candidate_groups, searching)
         removed = [note for note in done.notes if note not in before]
-        done = replace(again, notes=(*again.notes, *removed), considered=done.considered)
+        done = replace(without_idle, notes=(*without_idle.notes, *removed), considered=done.considered)
     return done, groups
 
 

@@ -60,13 +60,13 @@ def resected(
     control = block.ground_points.point[(block.ground_points.role == CONTROL).all(axis=1)]
     fixed = finite_rows(initial.points.xyz_m) | np.isin(np.arange(len(block.points)), control)
     covariance = _covariances(fixed, initial.points.covariance_m2, block.points.id, "point") if weighted else None
-    as_given, inputs = inputs, with_known_points(inputs, fixed & finite_rows(inputs.xyz_m), covariance)
-    tell(switched_off(as_given, inputs), context)
-    made = _made(source, initial, inputs, options, context, "resection", tests=options.reliability)
+    before, inputs = inputs, with_known_points(inputs, fixed & finite_rows(inputs.xyz_m), covariance)
+    tell(switched_off(before, inputs), context)
+    solution = _made(source, initial, inputs, options, context, "resection", tests=options.reliability)
     if weighted:
-        return made
+        return solution
     # Held is not known without error: what `initial` says of the points holds on.
-    return replace(made, points=replace(made.points, covariance_m2=initial.points.covariance_m2))
+    return replace(solution, points=replace(solution.points, covariance_m2=initial.points.covariance_m2))
 
 
 def intersected(
@@ -83,10 +83,14 @@ def intersected(
     inputs = bundle_input(source, options, initial.suspects)
     fixed = initial.images.oriented
     covariance = _covariances(fixed, initial.images.covariance, block.images.id, "image") if weighted else None
-    as_given, inputs = inputs, with_known_images(inputs, fixed, covariance)
-    tell(switched_off(as_given, inputs), context)
-    made = _made(source, initial, inputs, options, context, "intersection", tests=options.reliability)
-    return made if weighted else replace(made, images=replace(made.images, covariance=initial.images.covariance))
+    before, inputs = inputs, with_known_images(inputs, fixed, covariance)
+    tell(switched_off(before, inputs), context)
+    solution = _made(source, initial, inputs, options, context, "intersection", tests=options.reliability)
+    return (
+        solution
+        if weighted
+        else replace(solution, images=replace(solution.images, covariance=initial.images.covariance))
+    )
 
 
 def alternated(

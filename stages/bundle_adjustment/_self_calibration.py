@@ -73,23 +73,25 @@ class SelfCalibration(Options):
     @field_validator("per", mode="before")
     @classmethod
     def _units(cls, value: object) -> object:
-        wanted = f"one of {', '.join(SHARINGS)}, or a mapping from them to names: {{camera: [k1, k2], image: [x0, y0]}}"
+        requested = (
+            f"one of {', '.join(SHARINGS)}, or a mapping from them to names: {{camera: [k1, k2], image: [x0, y0]}}"
+        )
         if isinstance(value, Mapping):
             unknown = [str(unit) for unit in value if unit not in SHARINGS]
             if unknown:
-                raise ValueError(f"{unknown[0]} shares no parameters{did_you_mean(unknown[0], SHARINGS)}: {wanted}")
+                raise ValueError(f"{unknown[0]} shares no parameters{did_you_mean(unknown[0], SHARINGS)}: {requested}")
             if not all(isinstance(names, list) for names in value.values()):
-                raise ValueError(f"names stand in a list: {wanted}")
+                raise ValueError(f"names stand in a list: {requested}")
         elif value not in SHARINGS:
-            raise ValueError(f"{value} shares no parameters{did_you_mean(str(value), SHARINGS)}: {wanted}")
+            raise ValueError(f"{value} shares no parameters{did_you_mean(str(value), SHARINGS)}: {requested}")
         return value
 
 
-def units_named(wanted: SelfCalibration | None) -> tuple[str, ...]:
+def units_named(requested: SelfCalibration | None) -> tuple[str, ...]:
     """What the options say to share parameters."""
-    if wanted is None:
+    if requested is None:
         return ()
-    return (wanted.per,) if isinstance(wanted.per, str) else tuple(wanted.per)
+    return (requested.per,) if isinstance(requested.per, str) else tuple(requested.per)
 
 
 @dataclass(frozen=True)
@@ -108,66 +110,68 @@ class ChosenSet:
 
 
 def chosen_set(
-    block: Block, wanted: SelfCalibration | None, observed_positions: bool, solution: Solution | None = None
+    block: Block, requested: SelfCalibration | None, observed_positions: bool, solution: Solution | None = None
 ) -> ChosenSet | None:
     """The set of the options, or of a finished block that calibrates this one."""
     if solution is not None and (solution.calibrated_sets is not None or not has_camera_models(solution)):
-        return _calibrated(wanted, calibration_of(solution))
-    if wanted is None:
+        return _calibrated(requested, calibration_of(solution))
+    if requested is None:
         return None
-    chosen = _wanted_set(wanted)
+    chosen = _wanted_set(requested)
     has_it = holds_interior(chosen, camera_scale(block, 0))
-    if wanted.interior and has_it:
+    if requested.interior and has_it:
         raise SpecError(f"{chosen.name} has the interior orientation already", remedy="interior: false")
-    if isinstance(wanted.per, str):
-        interior = wanted.interior if wanted.interior is not None else observed_positions and not has_it
+    if isinstance(requested.per, str):
+        interior = requested.interior if requested.interior is not None else observed_positions and not has_it
     else:
-        in_parts = {name for names in wanted.per.values() for name in names}
+        in_parts = {name for names in requested.per.values() for name in names}
         interior = not has_it and bool(in_parts & set(INTERIOR.parameters))
     full = with_interior(chosen) if interior else chosen
-    parts = parts_of_set(full, wanted.per)
+    parts = parts_of_set(full, requested.per)
     in_parts = {name for part in parts for name in part.parameters.parameters}
     unnamed = tuple(name for name in full.parameters if name not in in_parts)
-    return ChosenSet(chosen.name, interior, _sigma_mm(wanted), parts, unnamed=unnamed)
+    return ChosenSet(chosen.name, interior, _sigma_mm(requested), parts, unnamed=unnamed)
 
 
-def _sigma_mm(wanted: SelfCalibration) -> float | None:
-    return None if wanted.sigma_um is None else 1e-3 * wanted.sigma_um
+def _sigma_mm(requested: SelfCalibration) -> float | None:
+    return None if requested.sigma_um is None else 1e-3 * requested.sigma_um
 
 
-def _calibrated(wanted: SelfCalibration | None, calibration: Calibration) -> ChosenSet:
+def _calibrated(requested: SelfCalibration | None, calibration: Calibration) -> ChosenSet:
     if calibration.set == "user":
-        chosen = _wanted_set(wanted if wanted is not None and wanted.set == "user" else SelfCalibration(set="user"))
+        chosen = _wanted_set(
+            requested if requested is not None and requested.set == "user" else SelfCalibration(set="user")
+        )
     else:
         chosen = parameter_set(calibration.set)
     chosen = with_interior(chosen) if calibration.interior else chosen
     parts = parts_of_set(chosen, calibration.per)
-    if wanted is not None:
-        same = _wanted_set(wanted).name == calibration.set
-        of_set = names_of_parts(parts_of_set(chosen, wanted.per)) if same else ""
+    if requested is not None:
+        same = _wanted_set(requested).name == calibration.set
+        of_set = names_of_parts(parts_of_set(chosen, requested.per)) if same else ""
         if of_set != names_of_parts(parts):
-            per = of_set or (f"per {wanted.per}" if isinstance(wanted.per, str) else str(wanted.per))
+            per = of_set or (f"per {requested.per}" if isinstance(requested.per, str) else str(requested.per))
             raise SpecError(
-                f"self_calibration is {wanted.set} {per}, the calibration {calibration.set} {names_of_parts(parts)}",
+                f"self_calibration is {requested.set} {per}, the calibration {calibration.set} {names_of_parts(parts)}",
                 remedy="leave self_calibration out, or set it as in the block that calibrates",
             )
-    if wanted is not None and wanted.remove:
+    if requested is not None and requested.remove:
         raise SpecError("self_calibration.remove with a calibration: its parameters are known", remedy="remove: false")
     return ChosenSet(
         calibration.set,
         calibration.interior,
-        _sigma_mm(wanted or SelfCalibration(set="brown_conrady")),
+        _sigma_mm(requested or SelfCalibration(set="brown_conrady")),
         parts,
         calibration,
     )
 
 
-def _wanted_set(wanted: SelfCalibration) -> ParameterSet:
-    if wanted.set != "user":
-        return parameter_set(wanted.set, orders=wanted.orders, balance_radius_mm=wanted.balance_radius_mm)
-    if wanted.user is None:
+def _wanted_set(requested: SelfCalibration) -> ParameterSet:
+    if requested.set != "user":
+        return parameter_set(requested.set, orders=requested.orders, balance_radius_mm=requested.balance_radius_mm)
+    if requested.user is None:
         raise SpecError("self_calibration with set: user needs a file", remedy="user: my_parameters.py")
-    return user_set("\n".join(read_lines(wanted.user)), str(wanted.user))
+    return user_set("\n".join(read_lines(requested.user)), str(requested.user))
 
 
 def parameters_of(

@@ -38,4 +38,4 @@ def used(
         ("image_points.group", "group" in levels),
         ("image_points.row_time_s", row_times),
     )
-    return (*kinds.USES, *own, *(name for name, wanted in optional if wanted))
+    return (*kinds.USES, *own, *(name for name, requested in optional if requested))

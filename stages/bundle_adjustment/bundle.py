@@ -152,10 +152,10 @@ class BundleOptions(AdjustmentOptions):
             raise ValueError("datum_over goes with datum: free")
         removes = self.self_calibration is not None and self.self_calibration.remove
         if self.blunders.method == "robust" and (self.reliability or removes or self.variance_components):
-            wanted = "self_calibration.remove" if removes else "variance_components"
-            wanted = "reliability" if self.reliability else wanted
+            requested = "self_calibration.remove" if removes else "variance_components"
+            requested = "reliability" if self.reliability else requested
             raise ValueError(
-                f"blunders: robust gives no statistics: {wanted} needs least squares, as robust_snooping ends with"
+                f"blunders: robust gives no statistics: {requested} needs least squares, as robust_snooping ends with"
             )
         return self
 
@@ -197,8 +197,8 @@ def bundle(
     of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
     source, done, groups, suspects, chosen = of.source, of.done, of.groups, of.suspects, of.chosen
     searched = options.blunders.method != "none"
-    wanted = options.standard_deviations is not False or options.reliability
-    shown = done if wanted else replace(done, result=without_covariances(done.result))
+    requested = options.standard_deviations is not False or options.reliability
+    shown = done if requested else replace(done, result=without_covariances(done.result))
     findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability)
     of_cameras, camera_notes = camera_tables(block, shown.result, chosen)
     uncontrolled = uncontrolled_of(done.result)

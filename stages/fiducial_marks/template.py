@@ -65,14 +65,14 @@ def template(block: Block, *, options: TemplateOptions = TemplateOptions(), cont
         remedy = "name the scans in the column path of images.csv; digital images have no marks"
         raise InputError("no film image with a file", where=block.name, remedy=remedy)
     cameras = np.unique(block.images.camera[images]).tolist()
-    asked = {camera: _places_px(block, camera, options) for camera in cameras}
+    places_of_marks = {camera: _places_px(block, camera, options) for camera in cameras}
     picture = "" if options.picture is None else str(options.picture)
     work = []
     for k in images.tolist():
         camera = int(block.images.camera[k])
         size_mm = float(block.cameras.pixel_size_mm[camera].mean())
         settings = {
-            "places_px": asked[camera][0].tolist(),
+            "places_px": places_of_marks[camera][0].tolist(),
             "half_px": options.search_mm / size_mm,
             "shape": options.shape,
             "size_px": options.size_mm / size_mm,
@@ -86,7 +86,7 @@ def template(block: Block, *, options: TemplateOptions = TemplateOptions(), cont
     rows: list[tuple[int, int, Float, Float]] = []
     for k, kept in zip(images.tolist(), scans):
         camera = int(block.images.camera[k])
-        rows += _measured(block, k, kept.load(), asked[camera], options, context)
+        rows += _measured(block, k, kept.load(), places_of_marks[camera], options, context)
     if not rows:
         raise InputError("no fiducial mark found", where=block.name, remedy="another template; a larger search_mm")
     columns = [np.array(column) for column in zip(*rows)]
@@ -106,10 +106,15 @@ def _places_px(block: Block, camera: int, options: TemplateOptions) -> tuple[Flo
 
 
 def _measured(
-    block: Block, image: int, scan: ScanMarks, asked: tuple[Float, Int, Int], options: TemplateOptions, context: Context
+    block: Block,
+    image: int,
+    scan: ScanMarks,
+    places_of_marks: tuple[Float, Int, Int],
+    options: TemplateOptions,
+    context: Context,
 ) -> list[tuple[int, int, Float, Float]]:
     """Image, mark, coordinates and standard deviations of the marks found in a scan, told what was not."""
-    (_, place, marks), of = asked, scan.marks
+    (_, place, marks), of = places_of_marks, scan.marks
     camera, name = int(block.images.camera[image]), str(block.images.id[image])
     size_mm, ids = block.cameras.pixel_size_mm[camera], block.fiducials.id[marks]
     like = np.isfinite(of.xy_px).all(axis=1) & (np.abs(of.correlation) >= options.min_correlation)

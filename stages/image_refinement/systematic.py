@@ -62,7 +62,7 @@ def systematic(
 ) -> ImagePoints:
     """Photo coordinates freed from the systematic errors that are known beforehand."""
     check_same_block(block, solution=solution)
-    wanted = [name for name in IN_ORDER if getattr(options, name)]
-    made, notes = systematically_corrected(block, image_points, wanted, solution, options.atmosphere)
+    requested = [name for name in IN_ORDER if getattr(options, name)]
+    corrected, notes = systematically_corrected(block, image_points, requested, solution, options.atmosphere)
     tell(notes, context)
-    return made
+    return corrected

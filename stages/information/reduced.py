@@ -73,23 +73,23 @@ def reduced(
 ) -> Information:
     """Adjust the block and reduce its normal equations."""
     of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
-    wanted = {
+    requested = {
         POSE: _chosen("image", block.images.id, options.keep.images, other.images.id if other else None),
         POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
     }
     included = information if options.include else None
     in_both = (
-        wanted
+        requested
         if included is None
         else {
             group: chosen | np.isin(ids, included.unknowns.object[included.unknowns.group == group])
-            for (group, chosen), ids in zip(wanted.items(), (block.images.id, block.points.id))
+            for (group, chosen), ids in zip(requested.items(), (block.images.id, block.points.id))
         }
     )
     at = (of.source.start[POSE], of.source.start[POINT]) if options.at_initial and initial is not None else None
     equations = shared_equations(of.done, in_both, at)
-    _tell_rays_set_aside(block, wanted[POINT], context)
-    _tell_lost_rays(block, wanted[POINT] & ~equations.keep[POINT], context)
+    _tell_rays_set_aside(block, requested[POINT], context)
+    _tell_lost_rays(block, requested[POINT] & ~equations.keep[POINT], context)
     if not any(kept.any() for kept in equations.keep.values()):
         raise InputError(
             "nothing stays: no adjusted image or point is one of another block",
@@ -101,18 +101,18 @@ def reduced(
     if included is not None:
         staying = {
             (group, name)
-            for group, ids in zip(wanted, (block.images.id, block.points.id))
-            for name in ids[wanted[group]].tolist()
+            for group, ids in zip(requested, (block.images.id, block.points.id))
+            for name in ids[requested[group]].tolist()
         }
         made = added(made, included, lambda group, name: (group, name) in staying)
     context.log(", ".join(f"{count} {name}" for name, count in made.metrics().items()))
     return made
 
 
-def _tell_rays_set_aside(block: Block, wanted: Bool, context: Context) -> None:
+def _tell_rays_set_aside(block: Block, requested: Bool, context: Context) -> None:
     """Image points of shared points that were set aside as the block was read: it alone has one of each."""
     rows = np.flatnonzero((block.rejects.kind == "image_point") & (block.rejects.reason == SEEN_ONCE))
-    names, shared = block.rejects.id[rows].tolist(), set(block.points.id[wanted].tolist())
+    names, shared = block.rejects.id[rows].tolist(), set(block.points.id[requested].tolist())
     lost = [name for name in names if name.partition("/")[2] in shared]
     if lost:
         context.warn(

@@ -162,11 +162,11 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
         )
 
     expected = turned[pairs.left].swapaxes(1, 2) @ turned[pairs.right]
-    made = oriented(expected)
-    by_planes, others = rotations_by_planes(pairs.left, pairs.right, pairs.rays, pairs.start, made)
+    orientations = oriented(expected)
+    by_planes, others = rotations_by_planes(pairs.left, pairs.right, pairs.rays, pairs.start, orientations)
     if others:
         context.log(f"{others} pairs are oriented anew: over a plane, which their neighbours see otherwise")
-        made = oriented(np.where(np.isfinite(by_planes), by_planes, expected))
+        orientations = oriented(np.where(np.isfinite(by_planes), by_planes, expected))
     context.progress(len(images), len(images), "models")
-    context.log(f"{int(made.orientations.formed.sum())} of {len(images)} pairs make a model")
-    return essential_models(block, image_points, pairs, made)
+    context.log(f"{int(orientations.orientations.formed.sum())} of {len(images)} pairs make a model")
+    return essential_models(block, image_points, pairs, orientations)

@@ -59,7 +59,7 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         undeformed[marks.image[usable]] = without_deformation(
             model, fit.matrix[usable], fit.terms[usable], fit.photo_from_nominal[usable], nominal[usable]
         )
-    made = image_points_of(
+    image_points = image_points_of(
         block,
         interior.take(np.argsort(interior.image, kind="stable")),
         fiducial_residuals=film_residuals(block, marks, fit),
@@ -67,5 +67,5 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         margin=PHOTO_MARGIN,
         film_deformation=undeformed,
     )
-    report(outside_format(block, made), context)
-    return made
+    report(outside_format(block, image_points), context)
+    return image_points

@@ -25,12 +25,12 @@ from aatri.plugin import SILENT, Context, stage
 def calibrated(block: Block, *, context: Context = SILENT) -> ImagePoints:
     """Photo coordinates from pixels or given photo coordinates, reduced to the principal point."""
     interior = calibrated_interior(block, np.flatnonzero(block.images.active))
-    made = image_points_of(
+    image_points = image_points_of(
         block,
         interior,
         fiducial_residuals=FiducialResiduals.empty(),
         suspects=Suspects.empty(),
         margin=PHOTO_MARGIN,
     )
-    report(outside_format(block, made), context)
-    return made
+    report(outside_format(block, image_points), context)
+    return image_points

@@ -63,7 +63,7 @@ def essential(
 
     def orient(rays: RayPairs, start: Int) -> RelativeOrientations:
         nonlocal made
-        made = essential_orientations(
+        orientations = essential_orientations(
             rays,
             start,
             snooping_limit=options.snooping_limit,
@@ -72,7 +72,7 @@ def essential(
             max_samples=options.max_samples,
             reporter=context,
         )
-        return made.orientations
+        return orientations.orientations
 
     _, orientations = by_orientation_points(block, pairs, options, orient)
     assert made is not None

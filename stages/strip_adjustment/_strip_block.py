@@ -61,7 +61,7 @@ def strip_block(
         basis,
         degree=options.degree,
         degrees=options.degrees,
-        asked=bool({"degree", "degrees"} & options.model_fields_set),
+        degrees_requested=bool({"degree", "degrees"} & options.model_fields_set),
         limit=options.limit,
         max_sigma0=options.max_sigma0,
     )

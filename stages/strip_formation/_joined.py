@@ -94,10 +94,10 @@ def joined(
     chains, breaks = chains_of(runs, _open_joints(models, joints, options.min_connection_points))
     gaps += [*breaks, *images_left_alone(block, chains)]
     strips = strips_of(block, models, table, joints, chains, gaps, apart=options.models_apart)
-    made = strips.strips.id.tolist()
+    strip_ids = strips.strips.id.tolist()
     turned = turns_round(table, joints)
     findings = findings_of_joints(block, models, joints, chains, gaps, turned, options.scale_jump, limit)
-    counted = Note("note", f"{len(made)} free strips", tuple(made))
+    counted = Note("note", f"{len(strip_ids)} free strips", tuple(strip_ids))
     report(_scale_notes(strips), context)
     report([*findings, counted, *findings_of(block, strips, "strip_formation")], context)
     return strips

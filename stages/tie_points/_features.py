@@ -93,11 +93,11 @@ def with_features(
 
 def checked(block: Block, matched: MatchedFeatures, options: CheckOptions, context: Context) -> Block:
     """The block with tie points by matches; images with few of them are named."""
-    made = with_tie_points(
+    matched_block = with_tie_points(
         block, matched, **options.model_dump(include=set(CheckOptions.model_fields)), reporter=context
     )
-    _tell_weak(made, np.flatnonzero(block.images.active), context)
-    return made
+    _tell_weak(matched_block, np.flatnonzero(block.images.active), context)
+    return matched_block
 
 
 def _tell_weak(block: Block, images: Int, context: Context) -> None:

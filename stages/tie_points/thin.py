@@ -40,6 +40,6 @@ def thin(block: Block, *, options: ThinOptions = ThinOptions(), context: Context
         least=options.least,
     )
     context.log(f"{int(kept.sum())} of {len(tie)} image points of {len(np.unique(points.point[tie]))} tie points stay")
-    gone = np.zeros(len(points), dtype=bool)
-    gone[tie[~kept]] = True
-    return without_image_points(block, gone)
+    removed = np.zeros(len(points), dtype=bool)
+    removed[tie[~kept]] = True
+    return without_image_points(block, removed)

@@ -124,24 +124,26 @@ def _image_groups(block: Block) -> ImageGroups:
     return ImageGroups(cameras.id, corner_mm, images.camera, strip, images.flight, images.time_s, images.sequence)
 
 
-def with_parameters(source: ObservationSource, made: BundleInput, parameters: tuple[ParameterRows, ...]) -> BundleInput:
+def with_parameters(
+    source: ObservationSource, inputs: BundleInput, parameters: tuple[ParameterRows, ...]
+) -> BundleInput:
     """The same block with other parameters of images and cameras; weights, rejections and start values stay.
 
     Parameters
     ----------
     source : ObservationSource
-    made : BundleInput
+    inputs : BundleInput
     parameters : tuple of ParameterRows
-        The groups of `made` with other terms, or with others free; those that are not free begin anew.
+        The groups of `inputs` with other terms, or with others free; those that are not free begin anew.
     """
     rays, *priors = observed_image_points(replace(source, parameters=parameters))
     before, observed = {f"{p.group}_prior" for p in parameters}, list[Observed]()
-    for o in made.observed:
+    for o in inputs.observed:
         if o.kind == IMAGE_POINT:
             observed += [_of_parameters(o, rays, parameters), *priors]
         elif o.kind not in before:
             observed.append(o)
-    return replace(made, observed=tuple(observed), parameters=parameters)
+    return replace(inputs, observed=tuple(observed), parameters=parameters)
 
 
 def _of_parameters(before: Observed, now: Observed, parameters: Sequence[ParameterRows]) -> Observed:

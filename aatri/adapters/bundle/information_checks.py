@@ -50,9 +50,9 @@ def check_unknowns(information: Information, block: Block, inputs: BundleInput) 
         if digests.get(name, digest) != digest:
             what = f"camera {printable(name)} is another in block {of}: its figures differ"
             faults.add(what, remedy="give it another id, or the same figures in both")
-    gone = information.eliminated_objects
+    eliminated = information.eliminated_objects
     for group, ids in ((POSE, inputs.image_ids), (POINT, inputs.point_ids)):
-        both = np.intersect1d(gone.object[gone.group == group], np.asarray(ids, dtype=np.str_))
+        both = np.intersect1d(eliminated.object[eliminated.group == group], np.asarray(ids, dtype=np.str_))
         if len(both):
             what = f"{group}s {shown(both.tolist())} of this block were eliminated in the Information of block {of}"
             faults.add(what, remedy="keep them there (`keep`), or give what is something else another id")

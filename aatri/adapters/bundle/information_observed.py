@@ -112,20 +112,20 @@ def information_share(information: Information, inputs: BundleInput) -> Informat
     N, right, fall, rank = without(information.matrix, information.unknowns.right, own, other)
     sizes = {POSE: 6, POINT: 3, **{u.name: u.size for o in inputs.observed for u in o.unknowns}}
     observed, best = _observed(information, blocks, sizes, N, right)
-    made = {b"": observed}
+    images = {b"": observed}
 
     def determined(others: Sequence[Observed]) -> Observed:
         left = ~_open_blocks(blocks, N, others, sizes)
         if left.all():
             return observed
-        if left.tobytes() not in made:
+        if left.tobytes() not in images:
             left_of, stays = (
                 [b for b, kept in zip(blocks, left) if kept],
                 np.repeat(left, [len(b.column) for b in blocks]),
             )
             reduced, of_some, _, _ = without(N, right, np.flatnonzero(stays), np.flatnonzero(~stays))
-            made[left.tobytes()] = _observed(information, left_of, sizes, reduced, of_some)[0]
-        return made[left.tobytes()]
+            images[left.tobytes()] = _observed(information, left_of, sizes, reduced, of_some)[0]
+        return images[left.tobytes()]
 
     return InformationShare(
         replace(observed, determined=determined),

@@ -135,13 +135,13 @@ def _values(value: Any, u: Unknowns) -> Any:
 
 def _eliminated(done: AdjustedBlock, keep: Mapping[str, Bool]) -> EliminatedObjects:
     stated, result = done.inputs, done.result
-    gone = {
+    eliminated = {
         POSE: np.asarray(stated.image_ids)[result.image_adjusted & ~keep[POSE]],
         POINT: np.asarray(stated.point_ids)[result.point_adjusted & ~keep[POINT]],
     }
     return EliminatedObjects(
-        group=np.repeat(np.array(list(gone)), [len(ids) for ids in gone.values()]),
-        object=np.concatenate([ids.astype(np.str_) for ids in gone.values()]),
+        group=np.repeat(np.array(list(eliminated)), [len(ids) for ids in eliminated.values()]),
+        object=np.concatenate([ids.astype(np.str_) for ids in eliminated.values()]),
     )
 
 

@@ -65,7 +65,7 @@ def added(own: Information, other: Information, stays: Callable[[str, str], bool
         dtype=bool,
     )
     N, g, fall, rank = without(N, g, np.flatnonzero(kept), np.flatnonzero(~kept))
-    gone = list(dict.fromkeys(key[:2] for key, stay in zip(_keys(unknowns), kept) if not stay))
+    eliminated = list(dict.fromkeys(key[:2] for key, stay in zip(_keys(unknowns), kept) if not stay))
     images = stacked([own.images, other.images.take(np.flatnonzero(~np.isin(other.images.image, own.images.image)))])
     left = np.isin(images.image, unknowns.object[kept & (unknowns.group == POSE)])
     more = np.flatnonzero(~np.isin(other.cameras.id, own.cameras.id))
@@ -77,7 +77,7 @@ def added(own: Information, other: Information, stays: Callable[[str, str], bool
         unknowns=replace(unknowns.take(np.flatnonzero(kept)), right=g),
         images=images.take(np.flatnonzero(left)),
         normals=Normals(value=N[np.tril_indices(len(N))]),
-        eliminated_objects=stacked([own.eliminated_objects, other.eliminated_objects, _objects(gone)]),
+        eliminated_objects=stacked([own.eliminated_objects, other.eliminated_objects, _objects(eliminated)]),
         counted=stacked([own.counted, other.counted]),
         cameras=stacked([own.cameras, other.cameras.take(more)]),
         calibrated_sets=own.calibrated_sets if own.calibrated_sets is not None else other.calibrated_sets,
@@ -88,8 +88,8 @@ def _keys(unknowns: KeptUnknowns) -> list[tuple[str, str, str]]:
     return list(zip(unknowns.group.tolist(), unknowns.object.tolist(), unknowns.name.tolist()))
 
 
-def _objects(gone: list[tuple[str, str]]) -> EliminatedObjects:
-    names = np.array(gone, dtype=np.str_).reshape(-1, 2)
+def _objects(eliminated: list[tuple[str, str]]) -> EliminatedObjects:
+    names = np.array(eliminated, dtype=np.str_).reshape(-1, 2)
     return EliminatedObjects(group=names[:, 0], object=names[:, 1])
 
 

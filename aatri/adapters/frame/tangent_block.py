@@ -45,14 +45,14 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
     frame = frame_of(block)
     if frame is None:
         return InTangentFrame(block, initial, None)
-    made = replace(
+    moved = replace(
         block,
         earth_curvature="ignore",
         frames=replace(block.frames, crs=_tangent_crs(block.frames.crs)),
         ground_points=_ground(block, frame, initial),
         exterior=_exterior(block, frame, initial),
     )
-    return InTangentFrame(made, _solution(frame, initial, into=True) if initial else None, frame)
+    return InTangentFrame(moved, _solution(frame, initial, into=True) if initial else None, frame)
 
 
 def _tangent_crs(crs: Text) -> Text:

@@ -132,22 +132,28 @@ def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStri
     while fitting is None:
         if len(left) >= max(1, len(names) // MISFIT_SHARE):
             return None
-        tried = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
+        trials = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
         for strip, off_m in misfitting_strips(of.strips, oriented.parts)[:CANDIDATES]:
             if (without := _tried(of, replace(joining, aside=(*left, strip)))) is not None:
                 worse = _fitting(of, without) is None, -without.strips, tables.pooled(without.parts)[1]
-                tried.append((worse, strip, off_m, without))
-        if not tried:
+                trials.append((worse, strip, off_m, without))
+        if not trials:
             return None
-        _, strip, left_m, oriented = min(tried, key=lambda one: one[0])
+        _, strip, left_m, oriented = min(trials, key=lambda one: one[0])
         left[strip] = left_m
         fitting = _fitting(of, oriented)
     texts = [f"strip {names[strip]} is {off_m:.3g} m (RMS) off all else" for strip, off_m in left.items()]
-    alone = _tried(of, replace(joining, apart=tuple(left)))
-    if alone is None or alone.strips == oriented.strips or (alone_fitting := _fitting(of, alone)) is None:
+    by_themselves = _tried(of, replace(joining, apart=tuple(left)))
+    if (
+        by_themselves is None
+        or by_themselves.strips == oriented.strips
+        or (alone_fitting := _fitting(of, by_themselves)) is None
+    ):
         why = "left out here: its models are weak, or its points or its control are wrong"
         return oriented.with_notes([*(Note("warning", f"{text}: {why}") for text in texts), *fitting])
-    return alone.with_notes([*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting])
+    return by_themselves.with_notes(
+        [*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting]
+    )
 
 
 def _tried(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:

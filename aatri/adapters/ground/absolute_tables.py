@@ -81,8 +81,10 @@ def residual_tables(part: OrientedPart) -> Iterator[Residuals]:
     yield residuals_of(part.result.tied, part.result.state)
     if (ties := part.component.tied) is not None:
         to = part.result.ground_from_body
-        made = residuals_of(replace(ties, observations=tuple(_on_ground(one, to) for one in ties.observations)))
-        yield replace(made, residual=to.scale * made.residual @ to.rotation.T)
+        tie_residuals = residuals_of(
+            replace(ties, observations=tuple(_on_ground(one, to) for one in ties.observations))
+        )
+        yield replace(tie_residuals, residual=to.scale * tie_residuals.residual @ to.rotation.T)
 
 
 def _on_ground(adjusted: AdjustedObservations, to: Similarity) -> AdjustedObservations:

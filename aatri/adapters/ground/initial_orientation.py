@@ -90,8 +90,8 @@ def to_ground(
             continue
         done.append(part)
         notes += of_part
-    for component, what, alone in failed:
-        beside, of_part = _otherwise(ground, component, rays, done, what, settings, alone)
+    for component, what, failure in failed:
+        beside, of_part = _otherwise(ground, component, rays, done, what, settings, failure)
         notes += of_part
         done += [] if beside is None else [beside]
     if not done:
@@ -106,7 +106,7 @@ def _otherwise(
     done: Sequence[OnGround],
     what: str,
     settings: OrientationSettings,
-    alone: AatriError,
+    failure: AatriError,
 ) -> tuple[OnGround | None, list[Note]]:
     """A component that observations of its own leave open: by its neighbours, or hardly determined; else None."""
     beside = observed_by_neighbours(ground.block, [part.component for part in done], component, rays)
@@ -114,15 +114,15 @@ def _otherwise(
         try:
             oriented, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), settings, what)
             to = oriented.ground_from_body
-            text = f"{what}: oriented by the images and points it shares with others; without them {alone.what}"
+            text = f"{what}: oriented by the images and points it shares with others; without them {failure.what}"
             return OnGround(component.moved(to), None, to), [Note("note", text)]
         except (ConvergenceError, GeometryError):
             pass
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        return None, [_apart(ground.block, component, alone.what)]
-    return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {alone.what}")]
+        return None, [_apart(ground.block, component, failure.what)]
+    return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
 
 
 def _apart(block: Block, component: ImageComponent, why: str) -> Note:

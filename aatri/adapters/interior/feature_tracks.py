@@ -114,11 +114,11 @@ def merged_places(xy_px: Sequence[Float], pairs: Int, matches: Sequence[Int]) ->
     for xy in xy_px:
         _, row, of = np.unique(np.round(xy, 2), axis=0, return_index=True, return_inverse=True)
         first.append(row[of.ravel()])
-    made = []
+    places = []
     for (left, right), rows in zip(pairs.tolist(), matches):
         same = np.column_stack([first[left][rows[:, 0]], first[right][rows[:, 1]]])
-        made.append(np.unique(same, axis=0))
-    return made
+        places.append(np.unique(same, axis=0))
+    return places
 
 
 def _checked(

@@ -77,8 +77,8 @@ def pixel_matrices(block: Block) -> Float:
 
 def from_first_pixel(block: Block) -> Float:
     """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first."""
-    made = [of_camera(block.cameras, k, block.cameras.format[k]) for k in range(len(block.cameras))]
-    return np.array(made).reshape(-1, 2, 3)[block.images.camera]
+    shifted = [of_camera(block.cameras, k, block.cameras.format[k]) for k in range(len(block.cameras))]
+    return np.array(shifted).reshape(-1, 2, 3)[block.images.camera]
 
 
 def of_camera(cameras: Cameras, camera: int, format_px: Float) -> Float:
@@ -141,7 +141,7 @@ def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma
     return replace(block, **tables)
 
 
-def with_measured(block: Block, rows: Int, xy_px: Float, sigma_px: Float, aside: Int, reason: str) -> Block:
+def with_measured(block: Block, rows: Int, xy_px: Float, sigma_px: Float, left_out: Int, reason: str) -> Block:
     """The block with other coordinates of some of its image points, and some set aside.
 
     Parameters
@@ -150,12 +150,12 @@ def with_measured(block: Block, rows: Int, xy_px: Float, sigma_px: Float, aside:
         In image_points.
     xy_px, sigma_px : (n, 2) float64, px
         Of all image points, from the centre of the first pixel; those of other rows do not count.
-    aside : (k,) int
+    left_out : (k,) int
         Rows that are not used any more, and why.
     """
     points, active = block.image_points, block.image_points.active.copy()
-    active[aside] = False
-    names = [f"{block.images.id[points.image[k]]}/{block.points.id[points.point[k]]}" for k in aside.tolist()]
+    active[left_out] = False
+    names = [f"{block.images.id[points.image[k]]}/{block.points.id[points.point[k]]}" for k in left_out.tolist()]
     further = Rejects.of(kind="image_point", id=names, reason=reason) if names else Rejects.empty()
     rejects = joined_rows(block.rejects, further)
     matrix = from_first_pixel(block)[points.image[rows]]

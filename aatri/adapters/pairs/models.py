@@ -43,7 +43,7 @@ def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orient
     if film is not None:
         covariance = covariance + film_in_orientations(pairs, orientations, film.basis, film.covariance)
     points, parallax = _model_points(pairs, model, orientations)
-    made = Models(
+    models = Models(
         images=image_points.images,
         points=image_points.points,
         orientations=Orientations(
@@ -68,8 +68,8 @@ def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orient
     )
     in_model, m = model >= 0, image_points.measurements
     in_models = np.concatenate([pairs.left_row[in_model], pairs.right_row[in_model]])
-    alone = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
-    return replace(made, uncontrolled=stacked([alone, _uncontrolled(block, made, parallax)]))
+    in_none = in_no_model(block, m.active & finite_rows(m.xy_mm) & block.images.active[m.image], in_models)
+    return replace(models, uncontrolled=stacked([in_none, _uncontrolled(block, models, parallax)]))
 
 
 def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontrolled:
@@ -168,24 +168,26 @@ def _rejected_connection_points(block: Block, model: str, connection: Connection
     )
 
 
-def essential_models(block: Block, image_points: ImagePoints, pairs: ImagePairs, made: EssentialOrientations) -> Models:
+def essential_models(
+    block: Block, image_points: ImagePoints, pairs: ImagePairs, essential: EssentialOrientations
+) -> Models:
     """Models of oriented pairs; second orientations of ambiguous ones; pairs without base."""
-    formed = np.flatnonzero(made.orientations.formed)
-    also = np.flatnonzero(finite_rows(made.second[formed]))
-    turned = np.flatnonzero(finite_rows(made.turned))
+    formed = np.flatnonzero(essential.orientations.formed)
+    also = np.flatnonzero(finite_rows(essential.second[formed]))
+    turned = np.flatnonzero(finite_rows(essential.turned))
     return replace(
-        models_of(block, image_points, pairs, made.orientations),
+        models_of(block, image_points, pairs, essential.orientations),
         second_orientations=SecondOrientations(
             model=also.astype(np.int32),
-            left_from_right=made.second[formed[also]][:, :, :3],
-            base=made.second[formed[also]][:, :, 3],
+            left_from_right=essential.second[formed[also]][:, :, :3],
+            base=essential.second[formed[also]][:, :, 3],
         ),
         turns=Turns(
             left=pairs.left[turned],
             right=pairs.right[turned],
-            left_from_right=made.turned[turned],
-            sigma_rad=made.turned_sigma_rad[turned],
-            points=made.turned_points[turned].astype(np.int32),
+            left_from_right=essential.turned[turned],
+            sigma_rad=essential.turned_sigma_rad[turned],
+            points=essential.turned_points[turned].astype(np.int32),
         ),
     )
 

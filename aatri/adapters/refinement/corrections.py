@@ -50,7 +50,7 @@ def largest_length(correction_mm: Float, used: Bool) -> float:
 def systematically_corrected(
     block: Block,
     image_points: ImagePoints,
-    wanted: Sequence[str],
+    requested: Sequence[str],
     poses: Solution | None = None,
     atmosphere: Atmosphere = "coefficients",
 ) -> tuple[ImagePoints, tuple[Note, ...]]:
@@ -60,7 +60,7 @@ def systematically_corrected(
     ----------
     block : Block
     image_points : ImagePoints
-    wanted : sequence of str
+    requested : sequence of str
     poses : Solution, optional
         Orientations: every ray is corrected in its own vertical plane.
     atmosphere : str
@@ -72,13 +72,13 @@ def systematically_corrected(
     InputError
         If a distortion is not known or folds.
     """
-    wanted, notes = _to_apply(block, image_points, wanted)
+    requested, notes = _to_apply(block, image_points, requested)
     m = image_points.measurements
     xy = m.xy_mm.copy()
     rows = np.isfinite(xy).all(axis=1)
     image = m.image[rows]
     largest, stations = [], None
-    for name in wanted:
+    for name in requested:
         if name == "distortion":
             correction, more = lens_correction(block, image, xy[rows])
         else:
@@ -90,7 +90,7 @@ def systematically_corrected(
         xy[rows] += correction
         largest.append(largest_length(correction, m.active[rows]))
         notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
-    return with_corrections(image_points, xy, wanted, largest), tuple(notes)
+    return with_corrections(image_points, xy, requested, largest), tuple(notes)
 
 
 def without_distortion(block: Block, image_points: ImagePoints) -> tuple[ImagePoints, tuple[Note, ...]]:
@@ -107,9 +107,9 @@ def without_distortion(block: Block, image_points: ImagePoints) -> tuple[ImagePo
     return corrected, (Note("note", text), *notes)
 
 
-def _to_apply(block: Block, image_points: ImagePoints, wanted: Sequence[str]) -> tuple[list[str], list[Note]]:
+def _to_apply(block: Block, image_points: ImagePoints, requested: Sequence[str]) -> tuple[list[str], list[Note]]:
     """The corrections to make, in order; those that the block has no use for are left out with a note."""
-    names, notes = [name for name in IN_ORDER if name in wanted], []
+    names, notes = [name for name in IN_ORDER if name in requested], []
     twice = [name for name in names if name in image_points.corrections.name]
     if twice:
         raise SpecError(

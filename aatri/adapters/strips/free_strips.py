@@ -22,12 +22,12 @@ def free_strip_ids(block: Block, chains: Sequence[Chain]) -> list[str]:
     """The Block's id of the strip, with .1 .2 ... where it is broken."""
     of_strip = [chain.strip for chain in chains]
     ids: list[str] = []
-    taken = set(block.strips.id.tolist())
+    used_ids = set(block.strips.id.tolist())
     for k, strip in enumerate(of_strip):
         number = of_strip[: k + 1].count(strip)
         if strip < 0:
             name = f"found {number}"
-            ids.append(name if name not in taken else f"{name} by overlap")
+            ids.append(name if name not in used_ids else f"{name} by overlap")
             continue
         ids.append(str(block.strips.id[strip]) + (f".{number}" if of_strip.count(strip) > 1 else ""))
     return ids
@@ -51,7 +51,7 @@ def strips_of(
     joint = of_row[joints.of_row()]
     rows = np.flatnonzero(joint >= 0)
     rows = rows[np.argsort(joint[rows], kind="stable")]
-    made = Strips(
+    strips = Strips(
         images=models.images,
         points=models.points,
         strips=FreeStrips(id=np.array(free_strip_ids(block, chains), dtype=np.str_)),
@@ -80,7 +80,7 @@ def strips_of(
         suspects=stacked([models.suspects, _suspects(block, models, table, joints, rows[~joints.active[rows]])]),
         uncontrolled=_uncontrolled(block, models, formed, joints, chains),
     )
-    return with_models_apart(made, block, models, table, formed, chains) if apart else made
+    return with_models_apart(strips, block, models, table, formed, chains) if apart else strips
 
 
 def _joints(joints: JointTable, chains: Sequence[Chain], used: Int) -> Joints:
@@ -129,19 +129,19 @@ def _uncontrolled(
     strip = np.full(len(models.orientations), -1, dtype=np.int64)
     for number, chain in enumerate(chains):
         strip[chain.models] = number
-    made = np.zeros(len(joints.first), dtype=bool)
-    made[[k for chain in chains for k in chain.joints]] = True
+    is_formed = np.zeros(len(joints.first), dtype=bool)
+    is_formed[[k for chain in chains for k in chain.joints]] = True
     use = strip[p.model[rows]] >= 0
-    rejected = ~joints.active & made[joints.of_row()]
+    rejected = ~joints.active & is_formed[joints.of_row()]
     use[joints.first_row[rejected]] = use[joints.second_row[rejected]] = False
     rows = rows[use]
     key = formed.strip.astype(np.int64) * n + formed.point
     place = np.searchsorted(key, strip[p.model[rows]] * n + p.point[rows])
     single = formed.models[place] == 1
-    alone = np.flatnonzero(joints.active & (made & (joints.used() == 1))[joints.of_row()])
+    single_tie = np.flatnonzero(joints.active & (is_formed & (joints.used() == 1))[joints.of_row()])
     ties = unchecked(
         "model_tie",
-        models.orientations.id[joints.second[joints.of_row()[alone]]],
-        block.points.id[p.point[active_rows(models)[joints.second_row[alone]]]],
+        models.orientations.id[joints.second[joints.of_row()[single_tie]]],
+        block.points.id[p.point[active_rows(models)[joints.second_row[single_tie]]]],
     )
     return stacked([still_in_no_model(models.uncontrolled), seen_by_one(block, models, rows[single]), ties])

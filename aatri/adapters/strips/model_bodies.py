@@ -126,9 +126,9 @@ def bodies_of(
         text = f"models that share fewer than {FEWEST} points with others, perspective centres counted, are left out"
         notes.append(Note("warning", text, tuple(names[left].tolist())))
     label, n = _components(bodies, block)
-    why = [_open(bodies, block, np.flatnonzero(label == k)) for k in range(n)]
-    lost = np.isin(label, [k for k, text in enumerate(why) if text])
-    texts = [text for text in why if text]
+    reasons = [_open(bodies, block, np.flatnonzero(label == k)) for k in range(n)]
+    lost = np.isin(label, [k for k, text in enumerate(reasons) if text])
+    texts = [text for text in reasons if text]
     if lost.all():
         raise GeometryError("; ".join(texts), remedy="more control, or observed positions of the images")
     if lost.any():

@@ -122,11 +122,11 @@ def adjust_strips(
     *,
     degree: int,
     degrees: Mapping[str, int],
-    asked: bool,
+    degrees_requested: bool,
     limit: float | None,
     max_sigma0: float | None,
 ) -> AdjustedStrips:
-    """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `asked` for.
+    """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `degrees_requested` for.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def adjust_strips(
     if len(left):
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
-    notes += fall_notes(result, names.tolist(), "warning" if asked else "note")
+    notes += fall_notes(result, names.tolist(), "warning" if degrees_requested else "note")
     notes += strip_notes(block, ground, result, names)
 
     tied = result.tied

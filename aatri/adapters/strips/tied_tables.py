@@ -152,11 +152,11 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
 
 def not_tested(before: Suspects, result: TiedResult, bodies: Text) -> Suspects:
     """Suspects of earlier stages but those tested here anew: ties of some bodies, and what was observed."""
-    again = np.zeros(len(before), dtype=bool)
+    readmitted = np.zeros(len(before), dtype=bool)
     for o, _ in _native(result):
         part = np.isin(before.row, o.row) if (o.row >= 0).any() else np.isin(before.image, bodies)
-        again |= (before.kind == o.kind) & part
-    return before.take(~again)
+        readmitted |= (before.kind == o.kind) & part
+    return before.take(~readmitted)
 
 
 def seen_points(result: TiedResult) -> Bool:

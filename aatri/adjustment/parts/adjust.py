@@ -108,10 +108,10 @@ def adjust(
         why = "exact constraints join all of it"
         if not constraints:
             problem = indexed(Problem(tuple(unknowns), tuple(records)), _undivided(settings))
-            found = _in_parts(problem, start, settings, vetoes, covariances, reporter)
-            if isinstance(found, Adjusted):
-                return found
-            why = found
+            adjusted = _in_parts(problem, start, settings, vetoes, covariances, reporter)
+            if isinstance(adjusted, Adjusted):
+                return adjusted
+            why = adjusted
         reporter.log(f"adjusted as a whole: {why}")
     of_all = [veto(np.flatnonzero(r.active)) for veto, r in zip(vetoes, records) if veto]
     veto = Vetoes(tuple(of_all)) if of_all else None
@@ -153,7 +153,7 @@ def _in_parts(
     first: PartAdjusted = results[0]
     weighted = first.down_weighted
     sigma0 = float(np.sqrt(first.cost / redundancy)) if redundancy > 0 and not weighted else float("nan")
-    found = _covariances(problem, parts, results) if covariances and not weighted else None
+    covariances_of_parts = _covariances(problem, parts, results) if covariances and not weighted else None
     return AdjustedInParts(
         state,
         problem,
@@ -165,7 +165,7 @@ def _in_parts(
         first.history,
         weighted,
         notes=_notes(results),
-        covariances=found,
+        covariances=covariances_of_parts,
     )
 
 

@@ -67,9 +67,9 @@ def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) ->
     met = np.zeros((n_parts, len(layout.size)), dtype=bool)
     for k in range(n_parts):
         met[k] = of_vertex == k
-        for r, some in zip(problem.records, rows[k]):
+        for r, part_rows in zip(problem.records, rows[k]):
             for group, block in r.touches:
-                vertex = layout.vertex[group][block[some]]
+                vertex = layout.vertex[group][block[part_rows]]
                 met[k, vertex[vertex >= 0]] = True
     met[0] |= ~met.any(axis=0)
     first = met.argmax(axis=0)
@@ -100,10 +100,14 @@ def _part(
         common = inside & kept & shared[vertex]
         unknowns.append(replace(u, free=u.free & inside[:, None], retained=retained, shared=common))
     records = tuple(
-        replace(r if len(some) == len(r.active) else r.take(some), label=None, similarity=None)
-        for r, some in zip(problem.records, rows)
+        replace(r if len(part_rows) == len(r.active) else r.take(part_rows), label=None, similarity=None)
+        for r, part_rows in zip(problem.records, rows)
     )
-    of_rows = [veto(some[r.active[some]]) for veto, r, some in zip(vetoes, problem.records, rows) if veto and len(some)]
+    of_rows = [
+        veto(part_rows[r.active[part_rows]])
+        for veto, r, part_rows in zip(vetoes, problem.records, rows)
+        if veto and len(part_rows)
+    ]
     return Part(tuple(unknowns), records, rows, own, Vetoes(tuple(of_rows)) if of_rows else None)
 
 
@@ -178,7 +182,7 @@ def _rows(problem: IndexedProblem, part_of_node: Int, n_parts: int) -> list[tupl
 
 def _of_blocks(problem: IndexedProblem, part_of_node: Int) -> Int:
     """Part of each block of the eliminated group, -1 where it is kept."""
-    found = np.full(len(problem.layout.block), -1, dtype=np.int64)
+    owner = np.full(len(problem.layout.block), -1, dtype=np.int64)
     if problem.rays is not None:
-        found[problem.rays.block] = np.repeat(part_of_node, np.diff(problem.rays.first))
-    return found
+        owner[problem.rays.block] = np.repeat(part_of_node, np.diff(problem.rays.first))
+    return owner

@@ -85,16 +85,16 @@ def clearest(snooping: Snooping, pool: Pool, test: Float, active: Bool, controll
     room = room_left(snooping, pool, active)
     ties = [_carriers(pool, block, active) for block in pool.neighbours.T]
     most = max(1, int(snooping.most * len(test) + 1e-9))
-    taken: list[set[int]] = [set() for _ in snooping.neighbourhood]
+    neighbours: list[set[int]] = [set() for _ in snooping.neighbourhood]
     for k in order:
         near = pool.neighbours[k].tolist()
-        met = any(b in seen for b, seen in zip(near, taken))
+        met = any(b in seen for b, seen in zip(near, neighbours))
         last = pool.carrier[k] and any(b >= 0 and count[b] < 2 for b, count in zip(near, ties))
         if met or last or room[pool.source[k]] <= 0:
             continue
         wrong[k] = True
         room[pool.source[k]] -= 1
-        for b, seen in zip(near, taken):
+        for b, seen in zip(near, neighbours):
             if b >= 0:
                 seen.add(b)
         if wrong.sum() >= most:

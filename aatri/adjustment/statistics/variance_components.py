@@ -37,14 +37,14 @@ ESTIMABLE = 10.0
 """Least redundancy of a group whose standard deviation is estimated."""
 
 
-def common_sigma(squares: Float, known: Float, share: Float, *, robust: bool = False) -> float:
+def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust: bool = False) -> float:
     """The standard deviation that records of m components have beyond what is known.
 
     Parameters
     ----------
     squares : (n, m) float64
         Squared residuals along the eigenvectors of each known covariance, unit squared.
-    known : (n, m) float64
+    known_variance : (n, m) float64
         Eigenvalues of the known covariances, unit squared; all zero where there are none.
     share : (n,) float64
         Mean redundancy number of each record.
@@ -59,11 +59,11 @@ def common_sigma(squares: Float, known: Float, share: Float, *, robust: bool = F
     m = squares.shape[1]
     # Component by component: sums along three numbers of a row cost more than all the rest.
     usable = np.isfinite(squares @ np.ones(m)) & np.isfinite(share)
-    if not known.any() and not robust:
+    if not known_variance.any() and not robust:
         total = m * float(share[usable].sum())
         return float(np.sqrt(max(float(squares[usable].sum()), 0.0) / total)) if total > 0 else 0.0
     rows = np.flatnonzero((share > LEAST_SHARE) & usable)
-    q, values, share = squares[rows].T.copy(), known[rows].T.copy(), share[rows]
+    q, values, share = squares[rows].T.copy(), known_variance[rows].T.copy(), share[rows]
     terms, sums, half = np.empty_like(q), np.empty_like(share), len(share) // 2
     largest, total = float(values.max(initial=0.0)), m * float(share.sum())
     middle = 2 * float(gammaincinv(m / 2, 0.5)) * share  # the median of chi squared
@@ -135,6 +135,6 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
     count = np.bincount(group, minlength=n_groups)
     r = np.asarray(np.bincount(group, redundancy, minlength=n_groups), dtype=np.float64)
     estimable = np.asarray(r >= ESTIMABLE)
-    whole = np.bincount(group, squares, minlength=n_groups)
-    factor = np.sqrt(np.divide(np.maximum(whole, 0.0), r, out=np.ones(n_groups), where=estimable))
+    squares_of_group = np.bincount(group, squares, minlength=n_groups)
+    factor = np.sqrt(np.divide(np.maximum(squares_of_group, 0.0), r, out=np.ones(n_groups), where=estimable))
     return GroupSigmas(count, r, factor, estimable)

@@ -37,7 +37,7 @@ class KeptIterations:
         """Keep where the next iteration begins, if that is worth its writing."""
         if time.monotonic() - self._clock < self._checkpoint.every_s:
             return
-        said = json.dumps([dataclasses.asdict(note) for note in notes], default=str)
+        notes_text = json.dumps([dataclasses.asdict(note) for note in notes], default=str)
         self._checkpoint.save(
             self._name,
             {
@@ -47,7 +47,7 @@ class KeptIterations:
                 "curvature": np.array(curvature_of(here.problem)),
                 "hold": here.problem.hold,
                 "history": np.array([dataclasses.astuple(step) for step in history], dtype=np.float64),
-                "notes": np.array(said),
+                "notes": np.array(notes_text),
                 **{f"state {name}": values for name, values in arrays_of(here.state).items()},
             },
         )

@@ -54,8 +54,8 @@ def user_set(text: str, where: str) -> ParameterSet:
         except Exception as error:
             raise PluginError(f"basis fails: {type(error).__name__}: {error}", where=where, remedy=REMEDY) from error
         if columns.shape != (len(xy_mm), 2, len(names)):
-            wanted = (len(xy_mm), 2, len(names))
-            raise PluginError(f"basis returns shape {columns.shape}, not {wanted}", where=where, remedy=REMEDY)
+            shape = (len(xy_mm), 2, len(names))
+            raise PluginError(f"basis returns shape {columns.shape}, not {shape}", where=where, remedy=REMEDY)
         if not np.isfinite(columns).all():
             row = int(np.flatnonzero(~np.isfinite(columns).all(axis=(1, 2)))[0])
             point = f"({xy_mm[row, 0]:.3f}, {xy_mm[row, 1]:.3f}) mm"

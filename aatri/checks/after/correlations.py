@@ -43,8 +43,8 @@ def high_correlations(result: BundleResult, kinds: Mapping[str, str]) -> list[Fi
             correlated += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
     pairs = list(combinations(blocks, 2))
     pairs.sort(key=lambda pair: pair[0][0] == pair[1][0])  # of different groups first
-    taken = pairs[:MOST_PAIRS]
-    for (a, b), cross in zip(taken, covariances_of_pairs(result.adjusted, taken) if taken else []):
+    first_pairs = pairs[:MOST_PAIRS]
+    for (a, b), cross in zip(first_pairs, covariances_of_pairs(result.adjusted, first_pairs) if first_pairs else []):
         first, second = result.covariances[a[0]][a[1]], result.covariances[b[0]][b[1]]
         every = tuple(i.ravel() for i in np.indices(cross.shape))
         correlated += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)

@@ -48,12 +48,12 @@ def hidden_distortion(source: ObservationSource, result: BundleResult, *, tests:
     derivative = np.zeros((len(rows), 2, len(radial.ids)))
     derivative[np.arange(len(rows)), :, radial.block[rows]] = -radial.basis[rows, :, 0]
     records, adjusted = rays.observed.records, with_factor(result.adjusted)
-    tried = score(adjusted, records, rows, derivative)
+    scores = score(adjusted, records, rows, derivative)
     findings = []
     sigma2 = result.point_covariance_m2[:, 2, 2]
     height_m = float(np.sqrt(np.median(sigma2[np.isfinite(sigma2) & (sigma2 > 0)])))
     for k, camera in enumerate(radial.ids):
-        one = tried.joint(0, [k])
+        one = scores.joint(0, [k])
         if one.rank:
             size_mm = UNSEEN_DISTORTION * float(np.sqrt(one.covariance[0, 0])) * max(1.0, result.adjusted.sigma0)
             bend_m = float(np.abs(moved(adjusted, records, rows, size_mm * derivative[:, :, k])[POINT][:, 2]).max())

@@ -24,13 +24,15 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     images = np.asarray(inputs.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
     tied = touched_points(inputs)
     points = np.asarray(inputs.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
-    for ids, of, what, why in (
+    for ids, of, what, reason in (
         (points, len(inputs.point_ids), "points", "too few usable rays"),
         (images, len(inputs.image_ids), "images", "no start or too few points"),
     ):
         if len(ids):
             findings.append(
-                Finding("left_out", "warning", f"left out, {why} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist()))
+                Finding(
+                    "left_out", "warning", f"left out, {reason} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist())
+                )
             )
     n_rays = -1 if inputs.rays is None else len(inputs.rays.image)
     for o in result.observations:

@@ -15,7 +15,7 @@ from aatri.checks.finding import Finding
 
 
 def findings_of(
-    block: Block, made: Models | Strips | Solution, stage: str, before: Suspects | None = None
+    block: Block, artifact: Models | Strips | Solution, stage: str, before: Suspects | None = None
 ) -> list[Finding]:
     """What was rejected, what of it has another's number, and what nothing controls.
 
@@ -28,5 +28,5 @@ def findings_of(
     before : Suspects, optional
         Of the Solution it began from.
     """
-    exchanged = exchanged_numbers(block, made, before or Suspects.empty()) if isinstance(made, Solution) else []
-    return [*rejections(made.suspects, stage), *exchanged, *uncontrolled_observations(made.uncontrolled)]
+    exchanged = exchanged_numbers(block, artifact, before or Suspects.empty()) if isinstance(artifact, Solution) else []
+    return [*rejections(artifact.suspects, stage), *exchanged, *uncontrolled_observations(artifact.uncontrolled)]

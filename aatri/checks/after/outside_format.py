@@ -16,13 +16,16 @@ from aatri.checks.limits import LARGE_PRINCIPAL_POINT, MAX_REJECT_SHARE
 from aatri.ids import shown
 
 
-def outside_format(block: Block, made: ImagePoints) -> list[Finding]:
+def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
     """Image points outside the format, and principal points far from its middle."""
-    cameras, suspects = block.cameras, made.suspects
+    cameras, suspects = block.cameras, image_points.suspects
     rows = suspects.row[suspects.kind == "image_point"].tolist()
-    names, whole = [name_of_image_point(block, row) for row in rows], len(rows) + int(made.measurements.active.sum())
-    if len(rows) > MAX_REJECT_SHARE * whole:
-        text = f"{len(rows)} of {whole} image points lie outside the format: {shown(names)}"
+    names, total = (
+        [name_of_image_point(block, row) for row in rows],
+        len(rows) + int(image_points.measurements.active.sum()),
+    )
+    if len(rows) > MAX_REJECT_SHARE * total:
+        text = f"{len(rows)} of {total} image points lie outside the format: {shown(names)}"
         remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
         where = read_at(block, block.image_points, rows[0])
         return [Finding("outside_format", "error", text, remedy, where=where)]

@@ -74,9 +74,9 @@ def _calibrated(group: AdjustedParameters) -> list[Finding]:
         test = joint_test(estimates([g.labels[c] for c in columns], difference, spread / np.outer(scale, scale)))
         text = f"{name}: difference to the calibration, chi-square over {test.parameters}: {test.statistic:.2f}"
         if test.p_value < CALIBRATION_CHANGED:
-            why = "has the camera changed since, or has the calibration other corrections before it?"
+            reason = "has the camera changed since, or has the calibration other corrections before it?"
             findings.append(
-                Finding("parameters", "warning", text, why, statistic=test.statistic, significance=test.p_value)
+                Finding("parameters", "warning", text, reason, statistic=test.statistic, significance=test.p_value)
             )
         else:
             findings.append(Finding("parameters", "note", text))
@@ -113,9 +113,9 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Finding]:
     moved = [f"{names[columns[k]]} by {change[k]:.3g} ({abs(change[k]) / sigma[k]:.0f} of its sigmas)" for k in far]
     if not moved:
         return []
-    why = "is it calibrated with this lens, focus and film?"
+    reason = "is it calibrated with this lens, focus and film?"
     text = f"parameters leave their given values: {', '.join(moved)}"
-    return [Finding("parameters", "warning", text, why, where=str(g.ids[unit]))]
+    return [Finding("parameters", "warning", text, reason, where=str(g.ids[unit]))]
 
 
 def _pairs_with_pose(

@@ -143,8 +143,10 @@ def control_left_behind(block: Block, solution: Solution, before: Suspects) -> l
     names = []
     for k in control.point[~taken & (shows[control.point] > 0)].tolist():
         name, count = str(block.points.id[k]), int(shows[k])
-        why = f"rejected before, {count} images show it" if name in rejected else f"in no model, {count} images show it"
-        names.append(f"{name} ({'one image shows it' if count == 1 else why})")
+        reason = (
+            f"rejected before, {count} images show it" if name in rejected else f"in no model, {count} images show it"
+        )
+        names.append(f"{name} ({'one image shows it' if count == 1 else reason})")
     if not names:
         return []
     text = "control that takes no part here, for relative orientation gave no model point of it"

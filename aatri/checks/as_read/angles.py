@@ -140,14 +140,14 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
 
 def points_off(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:
     """Control points without which no image is off: the one with the largest median misfit goes first."""
-    gone = list[int]()
+    rejected = list[int]()
     while len(pairs.image) and (misfit_of_images(rays, pairs) > limit).any():
         first, second, off = rays.point[pairs.first], rays.point[pairs.second], misfit_of_pairs(rays, pairs)
         points = np.union1d(first, second)
         median = [float(np.median(off[(first == k) | (second == k)])) for k in points]
-        gone.append(int(points[int(np.argmax(median))]))
-        pairs = pairs.take((first != gone[-1]) & (second != gone[-1]))
-    return tuple(sorted(gone)) if len(pairs.image) else ()
+        rejected.append(int(points[int(np.argmax(median))]))
+        pairs = pairs.take((first != rejected[-1]) & (second != rejected[-1]))
+    return tuple(sorted(rejected)) if len(pairs.image) else ()
 
 
 def _place(block: Block, of: str, rays: ControlRays) -> str:
@@ -167,9 +167,9 @@ def _percent(share: float) -> str:
 
 def best_cause(rays: ControlRays, pairs: Pairs) -> tuple[AngleCause, float]:
     """The simplest of the changes that make the misfit smallest, and the misfit it leaves."""
-    tried = [(cause, misfit(cause.rays, pairs)) for cause in _causes(rays, pairs)]
-    least = min(left for _, left in tried)
-    return next(one for one in tried if one[1] <= max(2 * least, 1e-3))
+    causes = [(cause, misfit(cause.rays, pairs)) for cause in _causes(rays, pairs)]
+    least = min(left for _, left in causes)
+    return next(one for one in causes if one[1] <= max(2 * least, 1e-3))
 
 
 def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[AngleCause]:

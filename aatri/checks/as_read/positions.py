@@ -90,4 +90,4 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
     if above > LEVEL_FLIGHT * spread[2]:
         for k in np.flatnonzero(xyz[:, 2] - control_height_m < LOW_POSITION * above).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
-    return {int(rows[k]): why for k, why in sorted(reasons.items())}
+    return {int(rows[k]): reason for k, reason in sorted(reasons.items())}

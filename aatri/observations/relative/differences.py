@@ -41,21 +41,23 @@ def relative_differences(source: ObservationSource) -> tuple[Observed, ...]:
     return tuple(observed)
 
 
-def _equal(source: ObservationSource, made: Conditions) -> Observed:
-    pairs, of, n = made.point, made.of, len(made.row)
+def _equal(source: ObservationSource, conditions: Conditions) -> Observed:
+    pairs, of, n = conditions.point, conditions.of, len(conditions.row)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         x = state[POINT]
         length, u = slope(x[pairs[rows, 1]] - x[pairs[rows, 0]])
-        v = length - state[made.group][of[rows], 0]
+        v = length - state[conditions.group][of[rows], 0]
         return v[:, None], (-u[:, None, :], u[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
         moves = np.zeros((n, 1, 7))
-        moves[:, 0, 6] = state[made.group][:, 0]
+        moves[:, 0, 6] = state[conditions.group][:, 0]
         return moves
 
     x = source.start[POINT]
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     placed = np.flatnonzero(np.isfinite(length))
-    return made.observed(evaluate, means(length[placed, None], of[placed], n), ("length",), generator, seeing(NOTHING))
+    return conditions.observed(
+        evaluate, means(length[placed, None], of[placed], n), ("length",), generator, seeing(NOTHING)
+    )

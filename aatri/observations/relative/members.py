@@ -152,7 +152,7 @@ def observed_conditions(
         members = [members_of(block, int(k)) for k in row]
         point, ids = (np.concatenate(part).reshape(-1, at_once) for part in zip(*members))
         of = np.repeat(np.arange(len(row)), [len(m[0]) // at_once for m in members]).astype(np.int32)
-        made = Conditions(
+        conditions = Conditions(
             type_,
             exact,
             row,
@@ -163,14 +163,15 @@ def observed_conditions(
             np.array([shown(m[1].tolist(), MOST_NAMED) for m in members], dtype=np.str_),
             block.relative_control.sigma[row][of],
         )
-        yield _refitting(source, made, observe)
+        yield _refitting(source, conditions, observe)
 
 
 def _refitting(
-    source: ObservationSource, made: Conditions, observe: Callable[[ObservationSource, Conditions], Observed]
+    source: ObservationSource, conditions: Conditions, observe: Callable[[ObservationSource, Conditions], Observed]
 ) -> Observed:
     return replace(
-        observe(source, made), refitted=lambda start: _refitting(replace(source, start=start), made, observe)
+        observe(source, conditions),
+        refitted=lambda start: _refitting(replace(source, start=start), conditions, observe),
     )
 
 

@@ -58,13 +58,13 @@ PLANE_SHAPE = Shape("plane", ("tilt 1", "tilt 2", "offset"), 1, _plane, _fit_pla
 VERTICAL = Shape("vertical_plane", ("turn", "offset"), 1, _vertical, _fit_vertical, TILT)
 
 
-def _level(source: ObservationSource, made: Conditions) -> Observed:
+def _level(source: ObservationSource, conditions: Conditions) -> Observed:
     """Points of one height, which is unknown."""
-    level, point, of, n = source.level, made.point[:, 0], made.of, len(made.row)
+    level, point, of, n = source.level, conditions.point[:, 0], conditions.of, len(conditions.row)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         h, by_point = level.height(state[POINT][point[rows]])
-        v = h - state[made.group][of[rows], 0]
+        v = h - state[conditions.group][of[rows], 0]
         return v[:, None], (by_point[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
@@ -76,4 +76,4 @@ def _level(source: ObservationSource, made: Conditions) -> Observed:
     placed = np.flatnonzero(finite_rows(source.start[POINT][point]))
     start = means(level.height(source.start[POINT][point[placed]])[0][:, None], of[placed], n)
     sees = ALL if level.curved else HEIGHT
-    return made.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)
+    return conditions.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)

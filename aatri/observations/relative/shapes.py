@@ -63,12 +63,12 @@ class Shape:
 
 def observed_shapes(source: ObservationSource, shape: Shape) -> tuple[Observed, ...]:
     """The conditions of one type, observed and exact ones apart."""
-    return tuple(observed_conditions(source, shape.type, lambda start, made: _observed(start, shape, made)))
+    return tuple(observed_conditions(source, shape.type, lambda start, conditions: _observed(start, shape, conditions)))
 
 
-def _observed(source: ObservationSource, shape: Shape, made: Conditions) -> Observed:
-    point, of, group, n = made.point[:, 0], made.of, made.group, len(made.row)
-    radius = source.block.relative_control.value[made.row]
+def _observed(source: ObservationSource, shape: Shape, conditions: Conditions) -> Observed:
+    point, of, group, n = conditions.point[:, 0], conditions.of, conditions.group, len(conditions.row)
+    radius = source.block.relative_control.value[conditions.row]
     F, c, t = _started(source, shape, [point[of == k] for k in range(n)], radius)
     free = np.ones(t.shape, dtype=bool)
     if shape.radius:
@@ -102,7 +102,9 @@ def _observed(source: ObservationSource, shape: Shape, made: Conditions) -> Obse
 
     seen = tilt_across if shape.sees == TILT_ACROSS else seeing(shape.sees)
     steep = np.array([MOST_TILT if name.startswith(TURNS) else np.inf for name in shape.labels])
-    return made.observed(evaluate, t, shape.labels, generator, seen, rows=shape.rows, free=free, implausible=steep)
+    return conditions.observed(
+        evaluate, t, shape.labels, generator, seen, rows=shape.rows, free=free, implausible=steep
+    )
 
 
 def _started(source: ObservationSource, shape: Shape, points: list[Int], radius_m: Float) -> tuple[Float, Float, Float]:

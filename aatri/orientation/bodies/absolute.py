@@ -260,9 +260,9 @@ def _held(motions: Float, body: FreeBody, start: Similarity, centre: Float) -> O
     along[:, :3] /= extent
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        now: Similarity = state[BODY][0]
-        turned = log_rotation((now.rotation @ start.rotation.T)[None])[0]
-        moved = np.concatenate([now.translation - middle, turned, [np.log(now.scale / start.scale)]])
+        current: Similarity = state[BODY][0]
+        turned = log_rotation((current.rotation @ start.rotation.T)[None])[0]
+        moved = np.concatenate([current.translation - middle, turned, [np.log(current.scale / start.scale)]])
         return (along @ moved)[None, :][rows], (along[None][rows],)
 
     n = len(along)

@@ -241,8 +241,8 @@ def _reasons(
                 texts[f"{between} have {tie.common} common point{'s' * (tie.common > 1)}, 3 are needed"] = False
             else:
                 weakly = tie.joins(weakly=True)
-                why = tie.misfit or ("lie nearly on a line" if weakly else "lie on a line")
-                texts[f"{between} have {tie.common} common points that {why}"] = weakly
+                reason = tie.misfit or ("lie nearly on a line" if weakly else "lie on a line")
+                texts[f"{between} have {tie.common} common points that {reason}"] = weakly
     return texts
 
 

@@ -146,10 +146,12 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
         rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
         J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])
         size = np.append(np.full(3, start.scale * np.linalg.norm(np.ptp(body.places, axis=0))), 1.0)
-        U, seen, Vt = np.linalg.svd(J[:, SHIFT_AND_SCALE] * size, full_matrices=False)
+        U, singular_values, Vt = np.linalg.svd(J[:, SHIFT_AND_SCALE] * size, full_matrices=False)
         along = U.T @ np.concatenate([w.ravel() for w, _ in rows])
         step = np.zeros((1, 7))
-        step[0, SHIFT_AND_SCALE] = -size * (Vt.T @ np.divide(along, seen, out=np.zeros(len(seen)), where=seen > 1.0))
+        step[0, SHIFT_AND_SCALE] = -size * (
+            Vt.T @ np.divide(along, singular_values, out=np.zeros(len(singular_values)), where=singular_values > 1.0)
+        )
         start = _retracted(start, step)
     return start
 
@@ -166,9 +168,9 @@ def _of_body(records: Records, body: FreeBody) -> Records:
     others = tuple(touch for touch, of_body in zip(records.touches, is_of_body) if not of_body)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        now = {**state, **body.on_ground(state[BODY])}
-        v, jacobians = records.evaluate(now, rows)
-        J = times(records, rows, jacobians, generators(now))
+        current = {**state, **body.on_ground(state[BODY])}
+        v, jacobians = records.evaluate(current, rows)
+        J = times(records, rows, jacobians, generators(current))
         return v, (J, *(by_block for by_block, of_body in zip(jacobians, is_of_body) if not of_body))
 
     if not any(is_of_body):  # what is known beforehand of unknowns of their own

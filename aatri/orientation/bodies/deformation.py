@@ -69,7 +69,7 @@ class Misfit:
     farthest: str = ""
     """The bodies that are farthest off, for messages."""
 
-    def notes(self, sigma0: float, expected: float, off_m: float, what: str, why: str) -> list[Note]:
+    def notes(self, sigma0: float, expected: float, off_m: float, what: str, reason: str) -> list[Note]:
         """A warning where sigma0 is beyond the limit and the misfit is small.
 
         Raises
@@ -80,7 +80,7 @@ class Misfit:
         limit = MAX_SIGMA0 if self.max_sigma0 is None else self.max_sigma0
         if not (np.isfinite(sigma0) and sigma0 > limit * expected):
             return []
-        text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{why}: strips and control do not fit "
+        text = f"{what}: sigma0 is {sigma0:.3g}, beyond max_sigma0 = {limit:g}{reason}: strips and control do not fit "
         text += f"each other{self.farthest}"
         remedy = (
             "check ids of points and control, units and axes of control, strips and models of the images; "
@@ -140,8 +140,8 @@ def sigma0_notes(
         If no deformation explains the misfit.
     """
     expected = expected_ratio(models)
-    why = f" times the {expected:.2g} that strips of {models} models lead one to expect"
-    notes = misfit.notes(sigma0, expected, off_m, what, why)
+    reason = f" times the {expected:.2g} that strips of {models} models lead one to expect"
+    notes = misfit.notes(sigma0, expected, off_m, what, reason)
     ratios: Float = np.array([t.weighted_sigma0 for t in tied])
     redundancy: Int = np.array([max(t.redundancy, 0) for t in tied])
     test = pooled_test(ratios, redundancy)

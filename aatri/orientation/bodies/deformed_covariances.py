@@ -110,14 +110,16 @@ def _deformed_covariances(
     tied, n_strips = result.tied, len(axes)
     kept = kept_coefficients(result.degree, result.basis)
     K = kept.shape[1]
-    nothing = np.full((n_points, 3, 3), np.nan), np.full(kept.shape, np.nan)
+    undetermined = np.full((n_points, 3, 3), np.nan), np.full(kept.shape, np.nan)
     problem = tied.problem
     spread = problem.spread(tied.state)
     redundancy = tied.redundancy
     if redundancy <= 0 or not spread.values.any():
-        return DeformedCovariances(*nothing, {}, {}, "the deformation of the strips is not estimable (no redundancy)")
+        return DeformedCovariances(
+            *undetermined, {}, {}, "the deformation of the strips is not estimable (no redundancy)"
+        )
     if n_strips > MOST_STRIPS:
-        return DeformedCovariances(*nothing, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
+        return DeformedCovariances(*undetermined, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
     active, T_ties = tied.active[: len(points.strip)], tie_whitener(spread, tied.tau_m)
     ties = deformed_ties(points, axes, active, T_ties, wide=is_wide(result.basis))
     typical = typical_variance(spread, tied.tau_m)
@@ -127,19 +129,19 @@ def _deformed_covariances(
     strips_of_point = np.bincount(ties.point, minlength=n_points)
     controlled = np.bincount(control.point, minlength=n_points) > 0
     inverse = _inverses(total + _sums(T, control.point, n_points))
-    made = by_functions(axes, models, result.basis)
+    latent_basis = by_functions(axes, models, result.basis)
     width = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
     S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :width]
-    made = np.concatenate([made[:, :, :K], S, made[:, :, K:]], axis=2)
-    N_ties = normals(ties, made, inverse, (strips_of_point > 1) & ~controlled)
-    N = N_ties + normals(ties, made, inverse, controlled)
-    place = np.tile(np.arange(made.shape[2]), n_strips)
-    c = np.flatnonzero(np.pad(kept, ((0, 0), (0, made.shape[2] - K))).ravel())
+    latent_basis = np.concatenate([latent_basis[:, :, :K], S, latent_basis[:, :, K:]], axis=2)
+    N_ties = normals(ties, latent_basis, inverse, (strips_of_point > 1) & ~controlled)
+    N = N_ties + normals(ties, latent_basis, inverse, controlled)
+    place = np.tile(np.arange(latent_basis.shape[2]), n_strips)
+    c = np.flatnonzero(np.pad(kept, ((0, 0), (0, latent_basis.shape[2] - K))).ravel())
     s, z = np.flatnonzero((place >= K) & (place < K + width)), np.flatnonzero(place >= K + width)
     err = np.zeros((len(s), len(z)))  # of the similarities, for deformations of one
     if width:
-        N_ties = N_ties + normals(ties, made, _inverses(total), (strips_of_point > 1) & controlled)
-        moved = N if T.any() else normals(ties, made, 0.0 * inverse, np.ones(n_points, dtype=bool))
+        N_ties = N_ties + normals(ties, latent_basis, _inverses(total), (strips_of_point > 1) & controlled)
+        moved = N if T.any() else normals(ties, latent_basis, 0.0 * inverse, np.ones(n_points, dtype=bool))
         err = taken_up(N_ties, moved, s, z, axes)
     L = np.linalg.cholesky(N[c][:, c].toarray())
     brought = N[:, z].toarray() + N[:, s] @ err
@@ -148,7 +150,7 @@ def _deformed_covariances(
     S = brought[z] + err.T @ brought[s] - half.T @ half
     left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
     z, A, S, err = z[left], A[:, left], S[np.ix_(left, left)], err[:, left]
-    of_misfit = np.einsum("sfk,sf->sk", made, misfit(ties, tied.residuals, n_strips)).ravel()
+    of_misfit = np.einsum("sfk,sf->sk", latent_basis, misfit(ties, tied.residuals, n_strips)).ravel()
     squares = tied.weighted_sigma0**2 * redundancy
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
     g, kind = of_misfit[z] + err.T @ of_misfit[s], np.tile(COMPONENT, n_strips)[left]
@@ -164,10 +166,10 @@ def _deformed_covariances(
     sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
     of_component = {names[k]: float(estimated.redundancy[k]) for k in present}
     if few or not present:
-        why = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
-        why = f"the deformation of the strips is not estimable ({why})"
-        return DeformedCovariances(*nothing, sigma, of_component, why)
-    by_control = made.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
+        reason = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
+        reason = f"the deformation of the strips is not estimable ({reason})"
+        return DeformedCovariances(*undetermined, sigma, of_component, reason)
+    by_control = latent_basis.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
     noise = Q @ by_control.reshape(N.shape[0], 3 * len(control.point))[c]
     theta, C = estimated.variance[component] * estimated.size[strip], np.zeros(N.shape)
     r, R = np.concatenate([c, s]), np.concatenate([-A, err])
@@ -177,7 +179,7 @@ def _deformed_covariances(
     C[np.ix_(c, c)] += estimated.phi * Q + (1 - estimated.phi) * noise @ noise.T
     sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
     return DeformedCovariances(
-        _of_points(ties, C, made, total, estimated.phi), np.where(kept, sigmas, np.nan), sigma, of_component
+        _of_points(ties, C, latent_basis, total, estimated.phi), np.where(kept, sigmas, np.nan), sigma, of_component
     )
 
 
@@ -202,16 +204,21 @@ def _inverses(weights: Float) -> Float:
     return np.asarray(np.linalg.inv(full))
 
 
-def _of_points(ties: DeformedTies, C: Float, made: Float, weights: Float, phi: float) -> Float:
+def _of_points(ties: DeformedTies, C: Float, latent_basis: Float, weights: Float, phi: float) -> Float:
     """Covariances of the weighted means over the strips; NaN where no strip holds the point."""
-    n, functions, size = made.shape
+    n, functions, size = latent_basis.shape
     blocks = C.reshape(n, size, n, size).swapaxes(1, 2)
     m = functions // 3
     inverse = _inverses(weights)
     B, covariance = inverse[ties.point] @ ties.weight, phi * inverse
     for j, k, first, second in pairs_of_strips(ties.strip, ties.point):
         # Of the functions: for each pair of axes f_j' C f_k.
-        of = (made[j] @ blocks[j, k] @ made[k].T).reshape(3, m, 3, m).transpose(1, 0, 2, 3).reshape(m, 9 * m)
+        of = (
+            (latent_basis[j] @ blocks[j, k] @ latent_basis[k].T)
+            .reshape(3, m, 3, m)
+            .transpose(1, 0, 2, 3)
+            .reshape(m, 9 * m)
+        )
         spread = ((ties.f[first] @ of).reshape(-1, 9, m) @ ties.f[second][:, :, None]).reshape(-1, 3, 3)
         of_pair = B[first] @ spread @ B[second].swapaxes(1, 2)
         covariance[ties.point[first]] += of_pair if j == k else of_pair + of_pair.swapaxes(1, 2)

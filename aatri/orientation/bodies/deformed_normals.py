@@ -72,36 +72,39 @@ def by_functions(axes: Sequence[StripAxes], models: Int, basis: StripBasis) -> F
     u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, HIGHEST + 2), np.linspace(-1, 1, 5)))
     f = functions(u, v, wide=wide)
     # The coefficients' terms are sums of the functions: at a few places they say which.
-    made = np.linalg.pinv(f)
-    of_basis = [made @ basis.rows(u, v, np.full(len(u), across / along)).transpose(1, 0, 2) for along, across in half_m]
+    inverse_of_functions = np.linalg.pinv(f)
+    of_basis = [
+        inverse_of_functions @ basis.rows(u, v, np.full(len(u), across / along)).transpose(1, 0, 2)
+        for along, across in half_m
+    ]
     camera_m = np.stack([a.camera_m for a in axes])
     both = np.concatenate([np.stack(of_basis), causes(half_m, camera_m, models, f.shape[1])], axis=3)
     return both.reshape(len(axes), -1, both.shape[3])
 
 
-def normals(ties: DeformedTies, made: Float, inverse: Float, points: Bool) -> csr_array:
+def normals(ties: DeformedTies, latent_basis: Float, inverse: Float, points: Bool) -> csr_array:
     """Normal matrix of what is made of the functions of every strip, (n_strips K, n_strips K), in blocks of strips.
 
     Parameters
     ----------
-    made : (n_strips, 3 m, K) float64
+    latent_basis : (n_strips, 3 m, K) float64
     inverse : (n_points, 3, 3) float64, m^2
         W_p^-1.
     points : (n_points,) bool
         Those that count.
     """
-    n, m, K = len(made), ties.f.shape[1], made.shape[2]
+    n, m, K = len(latent_basis), ties.f.shape[1], latent_basis.shape[2]
     blocks: list[list[tuple[int, Float]]] = [[] for _ in range(n)]
     rows = np.flatnonzero(points[ties.point])
     WG, f = ties.weight[rows], ties.f[rows]
-    out = inverse[ties.point[rows]] @ WG
+    weighted = inverse[ties.point[rows]] @ WG
     for j, k, first, second in pairs_of_strips(ties.strip[rows], ties.point[rows]):
-        P = -WG[first].swapaxes(1, 2) @ out[second]
+        P = -WG[first].swapaxes(1, 2) @ weighted[second]
         if j == k:
             P += ties.axes[rows[first]].swapaxes(1, 2) @ WG[first]
         left = (P.reshape(-1, 9, 1) * f[first, None]).reshape(-1, 9 * m)
         block = (left.T @ f[second]).reshape(3, 3, m, m).transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
-        of_pair = made[j].T @ block @ made[k]
+        of_pair = latent_basis[j].T @ block @ latent_basis[k]
         blocks[j].append((k, of_pair))
         if j != k:
             blocks[k].append((j, of_pair.T))

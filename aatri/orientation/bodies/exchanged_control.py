@@ -62,8 +62,8 @@ def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: 
     if not 2 <= control <= MOST or len(x) < fewest or not np.ptp(x, axis=0).any():
         return exchanged
     step = max(1, (len(x) - control) // BESIDE)
-    taken = np.append(np.arange(control), np.arange(control, len(x), step))
-    x, X = x[taken], X[taken]
+    sample = np.append(np.arange(control), np.arange(control, len(x), step))
+    x, X = x[sample], X[sample]
 
     def misfit(order: list[int]) -> float:
         return float(np.linalg.norm(transform(closed_form(x, X[order]), x) - X[order], axis=1).sum())

@@ -126,8 +126,8 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
 def _scale_in_plan(model: Float, ground: Float) -> float:
     """Scale of the similarity in plan: the median ratio of distances from the middle, which one wrong point leaves."""
     a, b = (np.linalg.norm((xyz - np.median(xyz, axis=0))[:, :2], axis=1) for xyz in (model, ground))
-    seen = (a > 0) & (b > 0)
-    return float(np.median(b[seen] / a[seen])) if seen.any() else 1.0
+    both = (a > 0) & (b > 0)
+    return float(np.median(b[both] / a[both])) if both.any() else 1.0
 
 
 def _residuals(design: Float, observed: Float) -> Float:

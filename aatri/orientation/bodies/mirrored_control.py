@@ -46,15 +46,15 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     ------
     GeometryError
     """
-    why = _mirrored(places.take(used), to, up)
-    if not why:
+    reason = _mirrored(places.take(used), to, up)
+    if not reason:
         return
     two = places.name[exchanged_of(places, 3)].tolist()
     if two:
-        text = f"{what}: {why}, unless {' and '.join(two)} have each other's number"
+        text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
     raise GeometryError(
-        f"{what}: {why}",
+        f"{what}: {reason}",
         remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]; check "
         "the y axis of the image coordinates (pixel: y)",
     )

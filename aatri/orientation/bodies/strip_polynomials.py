@@ -95,17 +95,17 @@ def adjust_strip_polynomials(
         ties_there = replace(of_ties, unknowns=(replace(ties.unknowns, free=free),))
         return tied_problem([ties_there, *of_control], at, {POINT: ids}, "strip block adjustment")
 
-    whole = with_free(ties.unknowns.free)
-    use = np.ones(whole.edges[-1], dtype=bool) if begin is None else begin(whole.observed)
-    design, rule = design_of_points(points, axes, basis), snooping_of(whole, limit)
+    complete = with_free(ties.unknowns.free)
+    use = np.ones(complete.edges[-1], dtype=bool) if begin is None else begin(complete.observed)
+    design, rule = design_of_points(points, axes, basis), snooping_of(complete, limit)
     while True:
-        degrees, fell = determined_degrees(whole, design, use, degrees, basis)
+        degrees, fell = determined_degrees(complete, design, use, degrees, basis)
         falls += fell
         free = kept_coefficients(degrees, basis)
-        tied = adjust_tied(whole if free.all() else with_free(free), rule, active=use)
+        tied = adjust_tied(complete if free.all() else with_free(free), rule, active=use)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
-        if not lost or not determined_degrees(whole, design, tied.active, degrees, basis)[1]:
+        if not lost or not determined_degrees(complete, design, tied.active, degrees, basis)[1]:
             break
         use = tied.active
     return StripPolynomials(

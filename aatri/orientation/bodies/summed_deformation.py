@@ -112,7 +112,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
     (n_strips, 3, m, L) float64, m
         By the functions in U, V and W.
     """
-    found = np.zeros((len(models), 3, count, len(COMPONENT)))
+    variances = np.zeros((len(models), 3, count, len(COMPONENT)))
     of = [np.flatnonzero(component == COMPONENT) for component in range(len(COMPONENTS))]
     lasting, summed, single, white = _roots()
     along, across = np.sqrt(models) * half_range_m.T * [[2], [1]]
@@ -128,7 +128,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
         (PITCH, 2, along, summed),
         (BASES, 1, along / models, single),
     ):
-        found[:, axis, k, of[component]] = size[:, None, None] * root
+        variances[:, axis, k, of[component]] = size[:, None, None] * root
     for component, axis, share, root in (
         (SCALE, 1, models**0, lasting),
         (AZIMUTH, 0, -(models**0), lasting),
@@ -136,10 +136,10 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
         (IMAGES, 2, 1 / models, white),
     ):
         rows = flat[: len(root)]  # a lever of V less that of the cameras
-        found[:, axis, walks[:, None], of[component]] = (share * across)[:, None, None] * root[:_N]
-        found[:, axis, rows[:, None], of[component]] = -(share * aside)[:, None, None] * root[:HIGHEST]
-    found[:, 2, flat[:, None], of[SCALE]] = -height[:, None, None] * lasting[:HIGHEST]
-    return found
+        variances[:, axis, walks[:, None], of[component]] = (share * across)[:, None, None] * root[:_N]
+        variances[:, axis, rows[:, None], of[component]] = -(share * aside)[:, None, None] * root[:HIGHEST]
+    variances[:, 2, flat[:, None], of[SCALE]] = -height[:, None, None] * lasting[:HIGHEST]
+    return variances
 
 
 @cache

@@ -140,7 +140,7 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
         start = start_orientation(
             *image_data,
             area_mm2=_area_mm2(rays, image_data[1]),
-            others=() if linear_start is None else ((FEWEST, linear_start),),
+            other_starts=() if linear_start is None else ((FEWEST, linear_start),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
         )
         if start is not None:

@@ -157,9 +157,9 @@ def _spread(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> float:
 def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tuple[Poses, int]:
     """Without images most of whose points do not fit, as of a mirrored image; and how many they are."""
     n = len(poses.position_m)
-    seen = rays.active & finite_rows(xyz)[rays.point] & finite_rows(poses.position_m)[rays.image]
-    of_all, of_kept = (np.bincount(rays.image[some], minlength=n) for some in (seen, kept))
-    lost = of_kept < LEAST_SHARE * of_all
+    visible = rays.active & finite_rows(xyz)[rays.point] & finite_rows(poses.position_m)[rays.image]
+    total, fitting_count = (np.bincount(rays.image[rows], minlength=n) for rows in (visible, kept))
+    lost = fitting_count < LEAST_SHARE * total
     return poses.where(~lost), int(lost.sum())
 
 
@@ -180,7 +180,7 @@ def _bundled(
 ) -> tuple[Poses, Float]:
     ids, points = np.asarray(image_ids, dtype=np.str_), np.asarray(point_ids, dtype=np.str_)
     names = named(image=ids[rays.image], point=points[rays.point])
-    given = BundleInput(
+    inputs = BundleInput(
         image_ids, point_ids, observed_image_points(rays, (), names), poses, xyz[: len(points)], np.zeros(3), rays
     )
     settings = BundleSettings(
@@ -189,7 +189,7 @@ def _bundled(
         huber=HUBER,
         solution=SolverSettings(max_iterations=ITERATIONS, tolerance=tolerance),
     )
-    result = adjust_bundle(given, settings, reporter=reporter)
+    result = adjust_bundle(inputs, settings, reporter=reporter)
     lost = finite_rows(poses.position_m) & ~result.image_adjusted
     if lost.any():
         reporter.log(f"not held by the points that fit: {shown(ids[lost])}")

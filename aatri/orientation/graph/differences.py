@@ -62,11 +62,11 @@ def fitted(n: int, first: Int, second: Int, difference: Float, weight: Float) ->
         Zero at the first node of each connected part.
     """
     part = parts_of(n, first, second)
-    held = np.zeros(n, dtype=bool)
-    held[np.unique(part, return_index=True)[1]] = True
-    place = np.where(held, -1, np.cumsum(~held) - 1)
+    fixed = np.zeros(n, dtype=bool)
+    fixed[np.unique(part, return_index=True)[1]] = True
+    place = np.where(fixed, -1, np.cumsum(~fixed) - 1)
     x = np.zeros((n, difference.shape[1]))
-    free = int((~held).sum())
+    free = int((~fixed).sum())
     if not free:
         return x
     a, b, w = place[first], place[second], weight
@@ -78,7 +78,7 @@ def fitted(n: int, first: Int, second: Int, difference: Float, weight: Float) ->
     right = np.zeros((free, difference.shape[1]))
     np.add.at(right, b[of_b], (w[:, None] * difference)[of_b])
     np.add.at(right, a[of_a], -(w[:, None] * difference)[of_a])
-    x[~held] = splu(laplacian, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
+    x[~fixed] = splu(laplacian, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
     return x
 
 

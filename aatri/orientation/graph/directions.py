@@ -71,8 +71,8 @@ def adjusted_directions(
     if linear:
         start = dict(adjust_large(unknowns, [_of_length_one(direction, image, point), _prior(centre)], start).state)
     records = [_across(direction, image, point, sigma_rad), _prior(start[CENTRE])]
-    found = adjust_large(unknowns, records, start, max_iterations=100, tolerance=1e-2)
-    return found.state[CENTRE], found.state[POINT]
+    adjusted = adjust_large(unknowns, records, start, max_iterations=100, tolerance=1e-2)
+    return adjusted.state[CENTRE], adjusted.state[POINT]
 
 
 def _names(n: int) -> tuple[str, ...]:
@@ -88,13 +88,13 @@ def _across(direction: Float, image: Int, point: Int, sigma_rad: float) -> Recor
         length = np.linalg.norm(w, axis=1)
         w = w / length[:, None]
         cosine = np.maximum(np.einsum("ni,ni->n", v, w), 0.0)
-        aside = np.einsum("nij,ni->nj", across, w)
-        r = np.concatenate([-cosine[:, None] * aside, 1.0 - cosine[:, None] ** 2], axis=1)
+        offset = np.einsum("nij,ni->nj", across, w)
+        r = np.concatenate([-cosine[:, None] * offset, 1.0 - cosine[:, None] ** 2], axis=1)
         by_w = (np.eye(3) - w[:, :, None] * w[:, None, :]) / length[:, None, None]
         of_cosine = np.where(cosine > 0, 1.0, 0.0)[:, None] * np.einsum("ni,nij->nj", v, by_w)
         J = np.empty((len(rows), 3, 3))
         J[:, :2] = -cosine[:, None, None] * np.einsum("nij,nik->njk", across, by_w)
-        J[:, :2] -= aside[:, :, None] * of_cosine[:, None, :]
+        J[:, :2] -= offset[:, :, None] * of_cosine[:, None, :]
         J[:, 2] = -2.0 * cosine[:, None] * of_cosine
         return r, (-J, J)
 

@@ -96,14 +96,16 @@ def orient_free(
     scaled = scaled_bases(fitting)
     components: list[ImageComponent] = []
     for k in range(int(scaled.component.max(initial=-1)) + 1):
-        mine = scaled.component == k
-        pairs = fitting.take(scaled.pair[mine])
+        pair_rows = scaled.component == k
+        pairs = fitting.take(scaled.pair[pair_rows])
         images = np.zeros(n, dtype=bool)
         images[pairs.left] = images[pairs.right] = True
-        reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(mine.sum())} pairs carry its scale")
+        reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(pair_rows.sum())} pairs carry its scale")
         try:
-            centre, told = _centres(pairs, scaled.length[mine], rotation, rays, images, start, observed_m, rng)
-            notes += [Note("note", text) for text in told]
+            centre, centre_notes = _centres(
+                pairs, scaled.length[pair_rows], rotation, rays, images, start, observed_m, rng
+            )
+            notes += [Note("note", text) for text in centre_notes]
             components.append(adjusted_component(rays, images, rotation, centre, image_ids, point_ids, reporter))
         except (ConvergenceError, GeometryError) as failed:
             ids = tuple(np.asarray(image_ids)[images].tolist())
@@ -114,8 +116,8 @@ def orient_free(
             remedy="measure more points that several images have in common; check the ids of images and points"
             + ("; images all taken at one place make no model" if len(turns.left) else ""),
         )
-    whole, more = joined(components, rays, image_ids, point_ids, reporter)
-    return FreeImages(tuple(whole), (*notes, *more))
+    joined_components, joining_notes = joined(components, rays, image_ids, point_ids, reporter)
+    return FreeImages(tuple(joined_components), (*notes, *joining_notes))
 
 
 def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, Int]:
@@ -149,16 +151,16 @@ def _centres(
     rng: np.random.Generator | None,
 ) -> tuple[Float, list[str]]:
     """Projection centres of a component, and what there is to say of their start."""
-    known = observed_m is not None and bool(np.isfinite(observed_m[images]).all())
+    all_observed = observed_m is not None and bool(np.isfinite(observed_m[images]).all())
     if start == "random" and rng is not None:
         centre = rng.uniform(-1.0, 1.0, (pairs.images, 3))
-    elif start == "gnss" and known and observed_m is not None:
+    elif start == "gnss" and all_observed and observed_m is not None:
         centre = from_gnss(pairs, rotation, observed_m)
     else:
         centre = from_bases(pairs, length, rotation)
-    centre, why = by_directions(rays, rotation, centre, images, anywhere=start == "random")
-    notes = [] if not why else [f"projection centres are not adjusted by the directions of rays: {why}"]
-    if start == "gnss" and not known:
+    centre, reason = by_directions(rays, rotation, centre, images, anywhere=start == "random")
+    notes = [] if not reason else [f"projection centres are not adjusted by the directions of rays: {reason}"]
+    if start == "gnss" and not all_observed:
         notes.append("not all of its images have an observed position: a component starts from its bases")
     return centre, notes
 

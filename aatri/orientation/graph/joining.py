@@ -46,49 +46,49 @@ def joined(
     notes: list[Note] = []
     done: list[ImageComponent] = []
     while left:
-        whole, grown = left.pop(0), True
+        base, grown = left.pop(0), True
         while grown:
             grown = False
             for other in list(left):
-                merged = _merged(whole, other)
+                merged = _merged(base, other)
                 if merged is None:
                     continue
                 poses, points = merged
                 try:
-                    found = refined(rays, poses, image_ids, point_ids, (None, None), reporter)
+                    refined_base = refined(rays, poses, image_ids, point_ids, (None, None), reporter)
                 except (ConvergenceError, GeometryError) as failed:
                     reporter.log(f"components are not joined: {failed.what}")
                     continue
-                new = tuple(np.asarray(image_ids)[other.images & ~whole.images].tolist())
+                new = tuple(np.asarray(image_ids)[other.images & ~base.images].tolist())
                 notes.append(Note("note", f"{len(new)} images joined to the others by {points} common points", new))
-                whole, grown = found, True
+                base, grown = refined_base, True
                 left.remove(other)
-        whole, resected = _with_resected(whole, rays, image_ids, point_ids, reporter)
+        base, resected = _with_resected(base, rays, image_ids, point_ids, reporter)
         if resected.any():
             ids = tuple(np.asarray(image_ids)[resected].tolist())
             notes.append(Note("note", f"{len(ids)} images oriented by resection to the points of the others", ids))
-        left = [c for c in left if (c.images & ~whole.images).any()]
-        done.append(whole)
+        left = [c for c in left if (c.images & ~base.images).any()]
+        done.append(base)
     return sorted(done, key=lambda c: -int(c.images.sum())), notes
 
 
-def _merged(whole: ImageComponent, other: ImageComponent) -> tuple[Poses, int] | None:
+def _merged(base: ImageComponent, other: ImageComponent) -> tuple[Poses, int] | None:
     """Poses of both in the frame of the first, and the points that joined them; None where they do not."""
-    found = _by_points(whole, other) or _by_images(whole, other)
-    if found is None:
+    fit = _by_points(base, other) or _by_images(base, other)
+    if fit is None:
         return None
-    similarity, points = found
-    new = other.images & ~whole.images
-    position = np.where(new[:, None], transform(similarity, other.poses.position_m), whole.poses.position_m)
+    similarity, points = fit
+    new = other.images & ~base.images
+    position = np.where(new[:, None], transform(similarity, other.poses.position_m), base.poses.position_m)
     turned = similarity.rotation @ other.poses.ground_from_image
-    rotation = np.where(new[:, None, None], turned, whole.poses.ground_from_image)
+    rotation = np.where(new[:, None, None], turned, base.poses.ground_from_image)
     return Poses(position, rotation), points
 
 
-def _by_points(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
+def _by_points(base: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
     """The similarity of common points, and how many of them fit it."""
-    common = finite_rows(whole.xyz) & finite_rows(other.xyz)
-    x, X = other.xyz[common], whole.xyz[common]
+    common = finite_rows(base.xyz) & finite_rows(other.xyz)
+    x, X = other.xyz[common], base.xyz[common]
     if len(x) < FEWEST:
         return None
     spread = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
@@ -99,14 +99,14 @@ def _by_points(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity
     return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST, (1.0 - MOST_WRONG) * len(x)) else None
 
 
-def _by_images(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
+def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
     """The same of common images: the scale is that of the distances of common points from them."""
-    shared, common = whole.images & other.images, finite_rows(whole.xyz) & finite_rows(other.xyz)
+    shared, common = base.images & other.images, finite_rows(base.xyz) & finite_rows(other.xyz)
     if not shared.any() or common.sum() < FEWEST_DISTANCES:
         return None
-    (c, R), (C, S) = ((of.poses.position_m[shared], of.poses.ground_from_image[shared]) for of in (other, whole))
+    (c, R), (C, S) = ((of.poses.position_m[shared], of.poses.ground_from_image[shared]) for of in (other, base))
     away, far = (
-        np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2) for of, centre in ((other, c), (whole, C))
+        np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2) for of, centre in ((other, c), (base, C))
     )
     ratio = np.median(np.log(far / np.maximum(away, 1e-300)), axis=0)
     fits = np.abs(ratio - np.median(ratio)) < SAME_SCALE
@@ -118,19 +118,19 @@ def _by_images(whole: ImageComponent, other: ImageComponent) -> tuple[Similarity
 
 
 def _with_resected(
-    whole: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
+    base: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids, reporter: Reporter
 ) -> tuple[ImageComponent, Bool]:
     """With images that see enough known points."""
-    seen = rays.active & finite_rows(whole.xyz)[rays.point] & ~whole.images[rays.image]
-    if not (np.bincount(rays.image[seen], minlength=len(whole.images)) >= 6).any():
-        return whole, np.zeros(len(whole.images), dtype=bool)
-    poses, _ = complete_start(rays, whole.poses, whole.xyz)
-    new = finite_rows(poses.position_m) & ~whole.images
+    visible = rays.active & finite_rows(base.xyz)[rays.point] & ~base.images[rays.image]
+    if not (np.bincount(rays.image[visible], minlength=len(base.images)) >= 6).any():
+        return base, np.zeros(len(base.images), dtype=bool)
+    poses, _ = complete_start(rays, base.poses, base.xyz)
+    new = finite_rows(poses.position_m) & ~base.images
     if not new.any():
-        return whole, new
+        return base, new
     try:
-        found = refined(rays, poses, image_ids, point_ids, (None,), reporter)
+        extended = refined(rays, poses, image_ids, point_ids, (None,), reporter)
     except (ConvergenceError, GeometryError) as failed:
         reporter.log(f"images are not resected: {failed.what}")
-        return whole, np.zeros(len(whole.images), dtype=bool)
-    return found, found.images & ~whole.images
+        return base, np.zeros(len(base.images), dtype=bool)
+    return extended, extended.images & ~base.images

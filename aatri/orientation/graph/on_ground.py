@@ -45,22 +45,22 @@ def fits_bent(
         Of the ground, with the priors of their own unknowns.
     image_ids, point_ids : (n,) str
     """
-    alone = _rays_of(component, rays, image_ids, point_ids)
+    rays_only = _rays_of(component, rays, image_ids, point_ids)
     try:
-        free = adjust_bundle(alone, BundleSettings("minimal", covariances=False)).adjusted
-        given = replace(alone, observed=(*alone.observed, *observed))
-        held = adjust_bundle(given, BundleSettings(covariances=False)).adjusted
+        free = adjust_bundle(rays_only, BundleSettings("minimal", covariances=False)).adjusted
+        with_ground = replace(rays_only, observed=(*rays_only.observed, *observed))
+        adjusted = adjust_bundle(with_ground, BundleSettings(covariances=False)).adjusted
     except AatriError:
         return False  # so far off that no adjustment reaches it
-    further = held.redundancy - free.redundancy
+    further = adjusted.redundancy - free.redundancy
     s2 = free.cost / free.redundancy if free.redundancy else 1.0
-    return further < 1 or (held.cost - free.cost) / further <= s2 * sigma0_interval(further, ALARM)[1] ** 2
+    return further < 1 or (adjusted.cost - free.cost) / further <= s2 * sigma0_interval(further, ALARM)[1] ** 2
 
 
 def rays_alone(component: ImageComponent, rays: ImagePointRows, image_ids: Ids, point_ids: Ids) -> tuple[Float, Float]:
     """Projection centres and points of a component adjusted by its rays, held minimally; NaN where it has none."""
-    given = _rays_of(component, rays, image_ids, point_ids)
-    result = adjust_bundle(given, BundleSettings("minimal", covariances=False))
+    inputs = _rays_of(component, rays, image_ids, point_ids)
+    result = adjust_bundle(inputs, BundleSettings("minimal", covariances=False))
     return result.poses.position_m, result.xyz_m
 
 

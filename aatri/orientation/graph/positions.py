@@ -102,7 +102,7 @@ def by_directions(
     lost = ~finite_rows(xyz)
     xyz[lost] = (centre[images].mean(axis=0) + _mean(direction, point, len(names)))[lost]
     try:
-        found, _ = adjusted_directions(
+        adjusted, _ = adjusted_directions(
             direction, place[rays.image[rows]], point, centre[images], xyz, SIGMA_RAD, linear=anywhere
         )
     except (ConvergenceError, GeometryError) as error:
@@ -110,7 +110,7 @@ def by_directions(
             raise
         return centre, error.what
     moved = centre.copy()
-    moved[images] = found
+    moved[images] = adjusted
     return moved, ""
 
 
@@ -123,10 +123,10 @@ def _mean(direction: Float, point: Int, n: int) -> Float:
 def _well_seen(rays: ImagePointRows, images: Bool) -> Int:
     """Rays of the points of most rays in every image, `PER_IMAGE` of each; a point is taken in all its images."""
     use = np.flatnonzero(rays.active & images[rays.image])
-    seen = np.bincount(rays.point[use], minlength=int(rays.point.max(initial=-1)) + 1)
-    order = np.lexsort((rays.point[use], -seen[rays.point[use]], rays.image[use]))
+    ray_count = np.bincount(rays.point[use], minlength=int(rays.point.max(initial=-1)) + 1)
+    order = np.lexsort((rays.point[use], -ray_count[rays.point[use]], rays.image[use]))
     image = rays.image[use][order]
     rank = np.arange(len(order)) - np.searchsorted(image, image)
     points = np.unique(rays.point[use][order][rank < PER_IMAGE])
-    points = points[seen[points] >= 2]
+    points = points[ray_count[points] >= 2]
     return use[np.isin(rays.point[use], points)]

@@ -52,10 +52,10 @@ def closing_triangles(n: int, left: Int, right: Int, left_from_right: Float, sig
     count = (first[1:] - first[:-1])[high]
     ab = np.repeat(np.arange(m), count)  # pair a-b, then every pair b-c with c > b
     bc = order[np.repeat(first[high], count) + np.arange(len(ab)) - np.repeat(np.cumsum(count) - count, count)]
-    wanted = low[ab].astype(np.int64) * n + high[bc]
-    found = np.minimum(np.searchsorted(key, wanted), max(m - 1, 0))
-    there = key[found] == wanted if m else np.zeros(0, dtype=bool)
-    ab, bc, ac = ab[there], bc[there], order[found[there]]
+    closing_key = low[ab].astype(np.int64) * n + high[bc]
+    place = np.minimum(np.searchsorted(key, closing_key), max(m - 1, 0))
+    has_pair = key[place] == closing_key if m else np.zeros(0, dtype=bool)
+    ab, bc, ac = ab[has_pair], bc[has_pair], order[place[has_pair]]
     trace = np.einsum("nij,njk,nik->n", turned[ab], turned[bc], turned[ac], optimize=True)
     error = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
     sigma = np.sqrt(sigma_rad[ab] ** 2 + sigma_rad[bc] ** 2 + sigma_rad[ac] ** 2)
@@ -102,14 +102,14 @@ def _along_a_tree(n: int, left: Int, right: Int, left_from_right: Float, weight:
     tree = coo_array(minimum_spanning_tree(coo_array((cost, (left, right)), shape=(n, n)).tocsr()))
     kept = dict(zip(zip(left.tolist(), right.tolist()), range(len(left))))
     both = (tree + tree.T).tocsr()
-    rotation, seen = np.tile(np.eye(3), (n, 1, 1)), np.zeros(n, dtype=bool)
+    rotation, visited = np.tile(np.eye(3), (n, 1, 1)), np.zeros(n, dtype=bool)
     for root in range(n):
-        if seen[root]:
+        if visited[root]:
             continue
-        order, before = breadth_first_order(both, root, directed=False)
-        seen[order] = True
+        order, predecessor = breadth_first_order(both, root, directed=False)
+        visited[order] = True
         for image in order[1:].tolist():
-            parent = int(before[image])
+            parent = int(predecessor[image])
             k = kept.get((parent, image))
             if k is not None:
                 rotation[image] = rotation[parent] @ left_from_right[k]

@@ -51,24 +51,24 @@ def intersected(
     direction = unit(rays.directions(poses, use))
     X0, active = poses.position_m[image], np.ones(len(use), dtype=bool)
     xyz = np.full((n_points, 3), np.nan)
-    again = np.ones(n_points, dtype=bool)
+    changed = np.ones(n_points, dtype=bool)
     for _ in range(ROUNDS):
-        mine = np.flatnonzero(again[point])  # all others stay as they are
-        rows = mine[active[mine]]
+        changed_rays = np.flatnonzero(changed[point])  # all others stay as they are
+        rows = changed_rays[active[changed_rays]]
         names, of = np.unique(point[rows], return_inverse=True)
-        xyz[again] = np.nan
+        xyz[changed] = np.nan
         xyz[names] = intersect_rays(X0[rows], direction[rows], of, len(names))
         enough = np.bincount(point[active], minlength=n_points) >= 2
         xyz[~enough] = np.nan
-        off = residuals_mm(rays, use[mine], poses, xyz)
-        worst = _worst(np.where(active[mine], off, -1.0), point[mine], n_points)
+        off = residuals_mm(rays, use[changed_rays], poses, xyz)
+        worst = _worst(np.where(active[changed_rays], off, -1.0), point[changed_rays], n_points)
         worst = worst[worst >= 0]
-        bad = mine[worst[off[worst] > limit_mm]]
+        bad = changed_rays[worst[off[worst] > limit_mm]]
         if not len(bad):
             break
         active[bad] = False
-        again = np.zeros(n_points, dtype=bool)
-        again[point[bad]] = True
+        changed = np.zeros(n_points, dtype=bool)
+        changed[point[bad]] = True
     xyz[narrow(direction, point, active, n_points)] = np.nan
     if adjusted is not None:
         xyz[: len(adjusted)] = np.where(finite_rows(adjusted)[:, None], adjusted, xyz[: len(adjusted)])
@@ -118,9 +118,9 @@ def residuals_mm(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> F
 def _worst(size: Float, point: Int, n_points: int) -> Int:
     """The row of the largest size of each point; -1 without rows."""
     order = np.lexsort((np.nan_to_num(size, nan=-1.0), point))
-    found = np.full(n_points, -1, dtype=np.int64)
-    found[point[order]] = order
-    return found
+    worst_row = np.full(n_points, -1, dtype=np.int64)
+    worst_row[point[order]] = order
+    return worst_row
 
 
 def narrow(direction: Float, point: Int, active: Bool, n_points: int) -> Bool:

@@ -92,8 +92,8 @@ def collocate(
     if function is None and len(cells.weight) >= FEWEST_CELLS:
         function = fit_covariance(empirical_covariance(cells, float((residual_mm**2).mean())), model)
     if function is None:
-        nothing = np.zeros((0, 2))
-        return Collocation(None, nothing, np.zeros((0, 0)), nothing)
+        empty = np.zeros((0, 2))
+        return Collocation(None, empty, np.zeros((0, 0)), empty)
     C = function(_distances(cells.xy_mm, cells.xy_mm))
     noise = function.noise_mm2 / cells.weight + NUGGET * function.variance_mm2
     factor = linalg.cholesky(C + np.diag(noise), lower=True)

@@ -113,8 +113,8 @@ def classical_model_points(
             continue
         one, before = connection.orientation, connection.before
         used = connection.point[one.connects]
-        there = int(pairs.start[before]) + np.searchsorted(pairs.point[pairs.rows(before)], used)
-        seen = (xyz[there] - orientations.base[before]) @ orientations.left_from_right[before]
-        here = np.searchsorted(pairs.point[rows], used)
-        xyz[rows[here]] = connection_points(R, base, rays.take(here), seen[:, 2] / one.scale)
+        previous_rows = int(pairs.start[before]) + np.searchsorted(pairs.point[pairs.rows(before)], used)
+        previous_xyz = (xyz[previous_rows] - orientations.base[before]) @ orientations.left_from_right[before]
+        rows_of_model = np.searchsorted(pairs.point[rows], used)
+        xyz[rows[rows_of_model]] = connection_points(R, base, rays.take(rows_of_model), previous_xyz[:, 2] / one.scale)
     return xyz

@@ -97,8 +97,8 @@ def judged(
             remedy="measure points over the whole overlap, at different heights",
         )
     if largest > WEAK_RAD:
-        why = critical_configuration(xyz[active], base)
-        texts.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {why}")
+        reason = critical_configuration(xyz[active], base)
+        texts.append(f"weak geometry: the orientation is uncertain by {largest:.2g} rad; {reason}")
     if redundancy == 0:
         texts.append("exactly 5 points: no redundancy, nothing is checked")
     elif redundancy == 1 and sigma0 > limit:

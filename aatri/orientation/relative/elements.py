@@ -58,10 +58,10 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
 def along_track(base: Float) -> Float:
     """Turns (m, 3, 3) about z by a quarter, or none, after which the base is nearer to the X axis than to Y."""
     turned = np.where(np.abs(base[:, 1]) > np.abs(base[:, 0]), np.sign(base[:, 1]), 0.0)
-    found = np.zeros((len(base), 3, 3))
-    found[:, 0, 0] = found[:, 1, 1] = 1.0 - np.abs(turned)
-    found[:, 0, 1], found[:, 1, 0], found[:, 2, 2] = turned, -turned, 1.0
-    return found
+    derivatives = np.zeros((len(base), 3, 3))
+    derivatives[:, 0, 0] = derivatives[:, 1, 1] = 1.0 - np.abs(turned)
+    derivatives[:, 0, 1], derivatives[:, 1, 0], derivatives[:, 2, 2] = turned, -turned, 1.0
+    return derivatives
 
 
 def independent_elements(left_from_right: Float, base: Float, covariance: Float) -> tuple[Float, Float]:
@@ -89,11 +89,11 @@ def left_rotation(base: Float) -> Float:
 
 def left_angle_rates(base: Float) -> Float:
     """Derivatives (m, 2, 3) of phi1 and kappa1 to the base."""
-    found = np.zeros((len(base), 2, 3))
+    derivatives = np.zeros((len(base), 2, 3))
     flat = base[:, 0] ** 2 + base[:, 1] ** 2
-    found[:, 0, 2] = -1.0 / np.sqrt(flat)
-    found[:, 1, 0], found[:, 1, 1] = base[:, 1] / flat, -base[:, 0] / flat
-    return found
+    derivatives[:, 0, 2] = -1.0 / np.sqrt(flat)
+    derivatives[:, 1, 0], derivatives[:, 1, 1] = base[:, 1] / flat, -base[:, 0] / flat
+    return derivatives
 
 
 def turn_of_left(base: Float) -> Float:

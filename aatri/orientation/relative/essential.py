@@ -94,8 +94,8 @@ class FromConsensus:
         portion.all_pairs(consensus, portion.chosen, portion.table, self.max_samples, poses, costs, drawn, fits)
         portion.chosen[:] &= np.isfinite(costs[:, 0])
         # of five points, or of a plane, they are rotations to some digits only, and what follows turns them as they are
-        some = np.isfinite(costs)
-        poses[some, :, :3] = nearest_rotation(poses[some, :, :3])
+        finite = np.isfinite(costs)
+        poses[finite, :, :3] = nearest_rotation(poses[finite, :, :3])
         portion.pose[:] = poses[:, 0]
         portion.active[:] &= fits
         row = np.repeat(np.arange(len(count)), count)
@@ -180,12 +180,12 @@ def essential_orientations(
         orientations.warnings[pair] = (*orientations.warnings.get(pair, ()), text)
     second[~orientations.formed] = np.nan
     turned = np.full((m, 3, 3), np.nan), np.full(m, np.nan), np.zeros(m, dtype=np.int64)
-    rest = np.flatnonzero(~orientations.formed)
-    unformed = with_sigmas(rays.take(rows_of_pairs(start, rest)), orientations.scale)
-    first = np.concatenate([[0], np.cumsum(count[rest])])
+    not_formed = np.flatnonzero(~orientations.formed)
+    unformed = with_sigmas(rays.take(rows_of_pairs(start, not_formed)), orientations.scale)
+    first = np.concatenate([[0], np.cumsum(count[not_formed])])
     for k in degenerate_pairs(unformed, first, max(min_points, 5)):
         for column, value in zip(turned, _turned(unformed.take(slice(first[k], first[k + 1])))):
-            column[rest[k]] = value
+            column[not_formed[k]] = value
     return EssentialOrientations(orientations, second, *turned, samples)
 
 

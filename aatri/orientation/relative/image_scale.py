@@ -59,7 +59,7 @@ def _scale_of(orientations: RelativeOrientations) -> tuple[float, bool]:
     """The scale of all y-parallaxes, of rejected points too, and whether it is clearly above 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         redundancy = np.minimum(np.abs(orientations.parallax_mm / orientations.error_mm), 1.0)
-    known = np.isfinite(redundancy) & np.isfinite(orientations.test)
-    r = np.where(known, redundancy, 0.0)
-    scales = class_scales(np.where(known, orientations.test, 0.0) * np.sqrt(r), r, np.where(known, 0, -1), 1)
+    tested = np.isfinite(redundancy) & np.isfinite(orientations.test)
+    r = np.where(tested, redundancy, 0.0)
+    scales = class_scales(np.where(tested, orientations.test, 0.0) * np.sqrt(r), r, np.where(tested, 0, -1), 1)
     return float(scales.scale[0]), bool(scales.differing[0] > 1.0)

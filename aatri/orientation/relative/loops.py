@@ -112,20 +112,24 @@ def oriented_from(
             break
         rows, own_start = rows_of_pairs(start, pairs), np.concatenate([[0], np.cumsum(count[pairs])])
         part = rays if len(pairs) == m else rays.take(rows)
-        made = _adjusted_from(part, own_start, pairs, begin, enough, settings, reporter)
-        used, before = made.orientations.redundancy, orientations.redundancy[pairs]
-        better = (used > before) | (used == before) & (made.squares < squares[pairs])
-        better = made.orientations.formed & (better | ~orientations.formed[pairs])
+        adjusted = _adjusted_from(part, own_start, pairs, begin, enough, settings, reporter)
+        used, before = adjusted.orientations.redundancy, orientations.redundancy[pairs]
+        better = (used > before) | (used == before) & (adjusted.squares < squares[pairs])
+        better = adjusted.orientations.formed & (better | ~orientations.formed[pairs])
         own = np.flatnonzero(better)
         if len(own) == m:
-            orientations = made.orientations
+            orientations = adjusted.orientations
         else:
             orientations.put(
-                pairs[own], rows[np.repeat(better, count[pairs])], made.orientations, own, rows_of_pairs(own_start, own)
+                pairs[own],
+                rows[np.repeat(better, count[pairs])],
+                adjusted.orientations,
+                own,
+                rows_of_pairs(own_start, own),
             )
-        squares[pairs[own]] = made.squares[own]
-        reasons |= made.orientations.reasons
-        todo[pairs[made.good]] = False
+        squares[pairs[own]] = adjusted.squares[own]
+        reasons |= adjusted.orientations.reasons
+        todo[pairs[adjusted.good]] = False
     used = np.where(orientations.formed, orientations.redundancy + 5, 0)
     too_few = (used < fewest) | (used < FEWEST * count) | fit_by_chance(rays, start, used, settings.limit)
     few = np.flatnonzero(orientations.formed & too_few)
@@ -144,7 +148,7 @@ def _adjusted_from(
 ) -> AdjustedPairs:
     """The given pairs adjusted from one start, portion by portion."""
     m = len(pairs)
-    made = AdjustedPairs(RelativeOrientations.empty(m, len(rays.left)), np.zeros(m, dtype=bool), np.full(m, np.inf))
+    adjusted = AdjustedPairs(RelativeOrientations.empty(m, len(rays.left)), np.zeros(m, dtype=bool), np.full(m, np.inf))
     pieces = max(round(int(start[-1]) / AT_ONCE), 1)
     bounds = np.searchsorted(start[:-1], np.linspace(0, start[-1], pieces + 1)[1:-1])
     for first, last in pairwise(np.unique(np.concatenate([[0], bounds, [m]])).tolist()):
@@ -152,14 +156,14 @@ def _adjusted_from(
         rows = slice(int(start[first]), int(start[last]))
         own = np.ascontiguousarray(start[first : last + 1] - rows.start, dtype=np.int64)
         _adjust_portion(
-            made, slice(first, last), rows, rays.take(rows), own, pairs[first:last], begin, enough, settings
+            adjusted, slice(first, last), rows, rays.take(rows), own, pairs[first:last], begin, enough, settings
         )
-    return made
+    return adjusted
 
 
 def _adjust_portion(
-    made: AdjustedPairs,
-    mine: slice,
+    adjusted: AdjustedPairs,
+    portion: slice,
     rows: slice,
     rays: RayPairs,
     start: Int,
@@ -168,7 +172,7 @@ def _adjust_portion(
     enough: float,
     settings: PairSettings,
 ) -> None:
-    """The compiled loops over some of the pairs, those of `mine` with the points of `rows`."""
+    """The compiled loops over some of the pairs, those of `portion` with the points of `rows`."""
     m, n, count = len(pairs), len(rays.left), np.diff(start)
     table = np.concatenate([rays.left, rays.right, rays.left_sigma**2, rays.right_sigma**2], axis=1)
     pose, W, iterations = np.full((m, 3, 4), np.nan), np.full((m, 5, 5), np.nan), np.zeros(m, dtype=np.int64)
@@ -180,7 +184,7 @@ def _adjust_portion(
         in_threads(n, lambda a, b: loop(*items_between(start, a, b), start, *arguments), worth=WORTH_A_THREAD)
 
     chosen, settled = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
-    begin(Portion(pairs, count, rays, table, chosen, pose, active, made.orientations.reasons, all_pairs))
+    begin(Portion(pairs, count, rays, table, chosen, pose, active, adjusted.orientations.reasons, all_pairs))
     for _ in range(FALLBACKS):  # points behind an image are taken out, and it is adjusted again
         all_pairs(snoop, table, chosen, limit, settings.max_iterations, pose, W, iterations, inside, active, work)
         all_pairs(intersect, chosen, pose, table, model)
@@ -196,15 +200,15 @@ def _adjust_portion(
     used = np.bincount(row[active], minlength=m)
     few_behind = np.bincount(row[~inside], minlength=m) <= BEHIND * count
     fits = _fits(settled, row, work, active, limit, enough) & (used >= max(settings.min_points, 5))
-    made.good[mine] = settled & few_behind & fits
+    adjusted.good[portion] = settled & few_behind & fits
     near = 2 * np.bincount(row[np.abs(work[:, 0]) <= limit], minlength=m) > count
     for pair in np.flatnonzero(near & (iterations <= 0) & ~settled).tolist():
         what = "its points do not determine an orientation" if iterations[pair] == OPEN else "it does not converge"
-        why = critical_configuration(model[row == pair, :3], pose[pair, :, 3])
-        made.orientations.reasons[int(pairs[pair])] = f"{what}: {why}"
+        reason = critical_configuration(model[row == pair, :3], pose[pair, :, 3])
+        adjusted.orientations.reasons[int(pairs[pair])] = f"{what}: {reason}"
     work[~settled[row]] = np.nan
-    done, orientations = np.flatnonzero(settled), made.orientations
-    of_done = mine.start + done
+    done, orientations = np.flatnonzero(settled), adjusted.orientations
+    of_done = portion.start + done
     orientations.formed[of_done] = True
     orientations.left_from_right[of_done], orientations.base[of_done] = pose[done, :, :3], pose[done, :, 3]
     orientations.covariance[of_done], orientations.iterations[of_done] = (
@@ -212,7 +216,7 @@ def _adjust_portion(
         iterations[done],
     )
     orientations.redundancy[of_done] = redundancy = used[done] - 5
-    made.squares[of_done] = square = np.bincount(row[active], work[active, 0] ** 2, minlength=m)[done]
+    adjusted.squares[of_done] = square = np.bincount(row[active], work[active, 0] ** 2, minlength=m)[done]
     orientations.sigma0[of_done] = np.sqrt(square / np.where(redundancy > 0, redundancy, np.nan))
     _fill_points(orientations, rows, settled[row], active, work, model)
 

@@ -78,9 +78,9 @@ class RelativeOrientations:
         self, pairs: Int, rows: Int, other: RelativeOrientations, its_pairs: Int | int, its_rows: Int | int
     ) -> None:
         """Fill in pairs, and points, from the rows of others."""
-        for names, here, there in ((PER_PAIR, pairs, its_pairs), (PER_POINT, rows, its_rows)):
+        for names, whole_table, portion in ((PER_PAIR, pairs, its_pairs), (PER_POINT, rows, its_rows)):
             for name in names:
-                getattr(self, name)[here] = getattr(other, name)[there]
+                getattr(self, name)[whole_table] = getattr(other, name)[portion]
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ FAR_RAD = 0.5
 
 
 def rotations_by_planes(
-    left: Int, right: Int, rays: RayPairs, start: Int, made: EssentialOrientations
+    left: Int, right: Int, rays: RayPairs, start: Int, essential: EssentialOrientations
 ) -> tuple[Float, int]:
     """Rotations of ambiguous pairs as the planes of their neighbours tell them, (m, 3, 3), and how many are not the
     first ones; NaN where nothing tells.
@@ -35,12 +35,12 @@ def rotations_by_planes(
         Images of the pairs.
     rays, start
         As of `essential_orientations`.
-    made : EssentialOrientations
+    essential : EssentialOrientations
     """
-    first = np.concatenate([made.orientations.left_from_right, made.orientations.base[:, :, None]], axis=2)
-    both = np.stack([first, made.second], axis=1)
-    ambiguous, image = np.isfinite(made.second[:, 0, 0]), np.concatenate([left, right])
-    off = _off_neighbours(image, np.concatenate(_normals(both, rays, start, made.orientations.active)))
+    first = np.concatenate([essential.orientations.left_from_right, essential.orientations.base[:, :, None]], axis=2)
+    both = np.stack([first, essential.second], axis=1)
+    ambiguous, image = np.isfinite(essential.second[:, 0, 0]), np.concatenate([left, right])
+    off = _off_neighbours(image, np.concatenate(_normals(both, rays, start, essential.orientations.active)))
     off = off.reshape(2, -1, 2)
     count = np.isfinite(off).sum(axis=0)
     mean = np.nansum(off, axis=0) / np.where(count > 0, count, np.nan)
@@ -70,13 +70,13 @@ def _normals(poses: Float, rays: RayPairs, start: Int, active: np.ndarray) -> tu
         N, g = np.zeros((m, 3, 3)), np.zeros((m, 3))
         np.add.at(N, pair[use], u1[use, :, None] * u1[use, None, :])
         np.add.at(g, pair[use], u1[use] * q[use, None])
-        known = np.bincount(pair[use], minlength=m) >= 3
-        known[known] = np.linalg.cond(N[known]) < 1.0 / np.finfo(np.float64).eps
-        plane = np.linalg.solve(N[known], g[known][:, :, None])[:, :, 0]
-        in_left[known, k] = unit(plane)
-        turned = np.einsum("nji,nj->ni", poses[known, k, :, :3], plane)
-        side = 1.0 - np.einsum("ni,ni->n", plane, poses[known, k, :, 3])
-        in_right[known, k] = unit(turned * np.sign(side)[:, None])
+        determined = np.bincount(pair[use], minlength=m) >= 3
+        determined[determined] = np.linalg.cond(N[determined]) < 1.0 / np.finfo(np.float64).eps
+        plane = np.linalg.solve(N[determined], g[determined][:, :, None])[:, :, 0]
+        in_left[determined, k] = unit(plane)
+        turned = np.einsum("nji,nj->ni", poses[determined, k, :, :3], plane)
+        side = 1.0 - np.einsum("ni,ni->n", plane, poses[determined, k, :, 3])
+        in_right[determined, k] = unit(turned * np.sign(side)[:, None])
     return in_left, in_right
 
 
@@ -86,15 +86,15 @@ def _off_neighbours(image: Int, normal: Float) -> Float:
     of, n = image[order], normal[order]
     total, count = np.zeros((len(of), 2)), np.zeros((len(of), 2))
     for step in range(1, PARTNERS + 1):
-        here = np.flatnonzero(of[step:] == of[:-step])
-        for a, b in ((here, here + step), (here + step, here)):
+        neighbours = np.flatnonzero(of[step:] == of[:-step])
+        for a, b in ((neighbours, neighbours + step), (neighbours + step, neighbours)):
             cosine = np.einsum("nki,nji->nkj", n[a], n[b])
             with np.errstate(invalid="ignore"):
                 angle = np.arccos(np.clip(cosine, -1.0, 1.0))
             angle = np.fmin(angle[:, :, 0], angle[:, :, 1])
-            known = np.isfinite(angle)
-            total[a] += np.where(known, np.minimum(angle, FAR_RAD), 0.0)
-            count[a] += known
+            finite = np.isfinite(angle)
+            total[a] += np.where(finite, np.minimum(angle, FAR_RAD), 0.0)
+            count[a] += finite
     off = np.full((len(of), 2), np.nan)
     off[order] = total / np.where(count > 0, count, np.nan)
     return off

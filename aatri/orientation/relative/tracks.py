@@ -50,8 +50,8 @@ def tracks_of(left: Int, right: Int, first: Int) -> Tracks:
     image = np.searchsorted(first, used, side="right") - 1
     order = np.lexsort((image, component[used]))
     used, image, of = used[order], image[order], component[used][order]
-    again = (np.diff(of) == 0) & (np.diff(image) == 0)
-    torn = np.unique(of[1:][again])
+    repeated = (np.diff(of) == 0) & (np.diff(image) == 0)
+    torn = np.unique(of[1:][repeated])
     kept = ~np.isin(of, torn)
     track = np.unique(of[kept], return_inverse=True)[1].ravel()
     return Tracks(track, image[kept], used[kept] - first[image[kept]], len(torn))

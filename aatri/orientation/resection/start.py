@@ -55,7 +55,7 @@ def start_orientation(
     *,
     area_mm2: float | None = None,
     offered: Orientation | None = None,
-    others: tuple[tuple[int, Orientation], ...] = (),
+    other_starts: tuple[tuple[int, Orientation], ...] = (),
 ) -> Orientation | None:
     """Orientation of one image from ground points, good enough to start a resection.
 
@@ -68,7 +68,7 @@ def start_orientation(
         Of the image; default: what its points cover.
     offered : Orientation, optional
         What else is known of it: both, the projection centre alone, or nothing where NaN.
-    others : tuple of (int, Orientation)
+    other_starts : tuple of (int, Orientation)
         Further hypotheses, and how many points each was made from.
 
     Returns
@@ -83,14 +83,17 @@ def start_orientation(
     origin = xyz_m.mean(axis=0)
     ground = xyz_m - origin
     rays = unit(np.column_stack([xy_mm, np.full(len(xy_mm), -c_mm)]))
-    offers = [(s, (position - origin, rotation)) for s, (position, rotation) in others]
+    offers = [(s, (position - origin, rotation)) for s, (position, rotation) in other_starts]
     if offered is not None and np.isfinite(offered[0]).all():
         centre = offered[0] - origin
         if np.isfinite(offered[1]).all():
             offers.append((0, (centre, offered[1])))
         offers += [(2, (centre, R)) for R in _turned(rays, ground - centre)]
-    tried = [*offers, *((3, pose) for triple in _triples(xy_mm) for pose in three_point(rays[triple], ground[triple]))]
-    judged = [(*_false_alarms(xy_mm, c_mm, ground, pose, s, len(tried), area), pose) for s, pose in tried]
+    candidates = [
+        *offers,
+        *((3, pose) for triple in _triples(xy_mm) for pose in three_point(rays[triple], ground[triple])),
+    ]
+    judged = [(*_false_alarms(xy_mm, c_mm, ground, pose, s, len(candidates), area), pose) for s, pose in candidates]
     accepted = sorted((one for one in judged if one[0] < np.log(ALARM)), key=lambda one: one[:2])
     if not accepted:
         return None
@@ -101,7 +104,7 @@ def start_orientation(
 
 
 def _false_alarms(
-    xy: Float, c: float, ground: Float, pose: Orientation, s: int, tried: int, area: float
+    xy: Float, c: float, ground: Float, pose: Orientation, s: int, trials: int, area: float
 ) -> tuple[float, float]:
     """Logarithm of the orientations expected to fit as well by chance, and how far off the fitting points are, mm."""
     u = in_image_axes(pose[0][None], pose[1][None], ground)
@@ -114,7 +117,7 @@ def _false_alarms(
         return np.inf, np.inf
     ways = gammaln(n - s + 1) - gammaln(k - s + 1) - gammaln(n - k + 1)
     alpha = np.minimum(np.pi * np.maximum(off[k - 1], 1e-9) ** 2 / max(area, 1e-9), 1.0)
-    log = np.log(tried * (n - s)) + ways + (k - s) * np.log(alpha)
+    log = np.log(trials * (n - s)) + ways + (k - s) * np.log(alpha)
     best = int(np.argmin(log))
     return float(log[best]), float(off[k[best] - 1])
 
