@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from aatri.artifacts.block import Block
     from aatri.formats.parts.block_parts import BlockParts
     from aatri.formats.parts.not_stated import NotStated
-    from aatri.formats.registry.settings import Setting, Source
+    from aatri.formats.registry.settings import Setting, SourceWithSettings
 
 FEWEST_RAYS = 3
 """Image points by which an image is oriented."""
@@ -149,7 +149,7 @@ def _not_stated(said: Mapping[str, object]) -> NotStated:
     return NotStated.model_validate(dict(said))
 
 
-def _say_grids(paths: Sequence[Path], sources: Sequence[Source], parts: Sequence[BlockParts]) -> str:
+def _say_grids(paths: Sequence[Path], sources: Sequence[SourceWithSettings], parts: Sequence[BlockParts]) -> str:
     """Tell the grids of a geoid that lie in the folders and that no source uses; a remark for the pipeline."""
     from aatri.formats.parts.geoid import is_geoid_grid
 
@@ -220,7 +220,7 @@ def _lacking(block: Block) -> list[str]:
     return [what for what, there in has.items() if not there]
 
 
-def _options(block: Block, sources: Sequence[Source], parts: Sequence[BlockParts]) -> list[str]:
+def _options(block: Block, sources: Sequence[SourceWithSettings], parts: Sequence[BlockParts]) -> list[str]:
     """Options of a bundle by what the files do not know: cameras, and standard deviations of image points."""
     formats = {s.format.name: s.format for s in sources}
     cameras = [formats[p.format] for p in parts if p.cameras and p.format in formats]

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from aatri.formats.registry.settings import Source
+    from aatri.formats.registry.settings import SourceWithSettings
 
 REMARKS = {"control_sigma": "     # m, of control without a standard deviation; 0 is exact"}
 """What stands beside an option of the block."""
 
 
 def pipeline_text(
-    sources: Sequence[Source], folder: Path, stages: str, remarks: str = "", *, said: Mapping[str, object]
+    sources: Sequence[SourceWithSettings], folder: Path, stages: str, remarks: str = "", *, said: Mapping[str, object]
 ) -> str:
     """The pipeline with the line that reads the block, what is said of it and of each source, and remarks."""
     if len(sources) == 1 and sources[0].format.stage:
@@ -39,7 +39,7 @@ def pipeline_text(
     return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
 
 
-def _of_source(source: Source, folder: Path) -> dict[str, object]:
+def _of_source(source: SourceWithSettings, folder: Path) -> dict[str, object]:
     """What the pipeline says of a source: what is said of it alone comes last."""
     options: dict[str, object] = {"path": path_from(source.path, folder), "format": source.format.name}
     for setting in sorted(source.said, key=lambda s: bool(s.source)):

@@ -44,7 +44,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Source(Recognised):
+class SourceWithSettings(Recognised):
     """A source with what is said of it."""
 
     said: tuple[Setting, ...] = ()
@@ -91,7 +91,7 @@ def settings_of(texts: Sequence[str]) -> list[Setting]:
 
 def sources_of(
     paths: Sequence[Path], settings: Sequence[Setting], without: Sequence[str] = ()
-) -> tuple[list[Source], list[Path]]:
+) -> tuple[list[SourceWithSettings], list[Path]]:
     """The sources of some files and folders with what is said of each, and the files that are of no format.
 
     Raises
@@ -105,7 +105,10 @@ def sources_of(
     formats = [s for s in settings if s.source and s.key in ("format", "columns")]
     named = [path for path in paths if path.is_file() and any(s.is_of(path) for s in formats)]
     sources = [
-        Source(r.format, r.path, r.seen) for path in paths if path not in named for r in recognised(path, unread)
+        SourceWithSettings(r.format, r.path, r.seen)
+        for path in paths
+        if path not in named
+        for r in recognised(path, unread)
     ]
     left_out = {end: [r.path for r in sources if Setting(end, "", "").is_of(r.path)] for end in without}
     for end, of_end in left_out.items():
@@ -115,7 +118,7 @@ def sources_of(
     for path in [*named, *unread]:
         if any(s.is_of(path) for s in formats):
             name = next((str(s.value) for s in formats if s.is_of(path) and s.key == "format"), "table")
-            sources.append(Source(format_named(name), path, "as said"))
+            sources.append(SourceWithSettings(format_named(name), path, "as said"))
     unread = [path for path in unread if path not in {r.path for r in sources}]
     for setting in settings:
         if setting.source:
@@ -133,7 +136,7 @@ def of_block(settings: Sequence[Setting]) -> dict[str, Any]:
     return {s.key: s.value for s in settings if not s.source and s.key not in Reading.model_fields}
 
 
-def _said_of(source: Source, settings: Sequence[Setting]) -> tuple[Setting, ...]:
+def _said_of(source: SourceWithSettings, settings: Sequence[Setting]) -> tuple[Setting, ...]:
     """Its settings; where a stage of its own reads it, those of every source are options of that stage too."""
     said = [s for s in settings if (s.is_of(source.path) if s.source else s.key in Reading.model_fields)]
     if source.format.read is not None and (unknown := [s for s in said if s.key not in Reading.model_fields]):

@@ -15,7 +15,7 @@ from aatri.formats.parts.format import Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
 from aatri.formats.parts.not_stated import stated_frame
 from aatri.formats.registry.recognised import format_named, recognised_file
-from aatri.formats.registry.settings import FRAME, Setting, Source, sources_of
+from aatri.formats.registry.settings import FRAME, Setting, SourceWithSettings, sources_of
 from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import Frame
 from aatri.ids import shown
@@ -62,7 +62,7 @@ def read_source(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
 
 def read_all(
     paths: Sequence[Path], settings: Sequence[Setting], reporter: Reporter, *, without: Sequence[str] = ()
-) -> tuple[list[Source], list[BlockParts]]:
+) -> tuple[list[SourceWithSettings], list[BlockParts]]:
     """The sources of some files and folders, and what they give.
 
     The first one says which images there are (`parts.joined`), so those with most images that have image points come
@@ -97,7 +97,7 @@ def read_all(
     return [sources[k] for k in order], [parts[k] for k in order]
 
 
-def _read(source: Source, reporter: Reporter) -> tuple[Source, BlockParts]:
+def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSettings, BlockParts]:
     """A source with what is said of it; a coordinate system of every source holds where its files name none."""
     own, general = source.reading(without=FRAME), source.reading()
     if own == general:
