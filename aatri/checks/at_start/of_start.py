@@ -11,6 +11,7 @@ from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
 from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
+from aatri.checks.at_start.sharp_conditions import sharp_conditions
 from aatri.checks.finding import Finding
 from aatri.notes import Note
 from aatri.observations.observed import ObservationSource
@@ -35,6 +36,7 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     findings: list[Finding | Note] = [
         *other_conventions(block.geodetic, inputs),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
+        *sharp_conditions(block, inputs.poses.shifted(inputs.origin_m).position_m, inputs.xyz_m + inputs.origin_m),
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(inputs)
