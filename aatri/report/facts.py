@@ -47,7 +47,7 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     c = block.cameras
     if len(c) and "images" in made:
         c_mm = principal_distances(block, solution)
-        cameras = [f"{name} ({kind}, c {mm:g} mm)" for name, kind, mm in zip(c.id, c.kind, c_mm)]
+        cameras = [f"{name} ({kind}, c {round(mm, 3):g} mm)" for name, kind, mm in zip(c.id, c.kind, c_mm)]
         made["cameras" if len(c) > 1 else "camera"] = shown(cameras, MOST_CAMERAS)
     if solution is not None and solution.images.oriented.any():
         made |= _flight(block, solution) | _overlaps(block, solution)

@@ -224,6 +224,8 @@ def _counts(run: RunView) -> Mapping[str, str]:
     )
     counts = {}
     for name in names:
+        if name == "strips" and solved.get("images") == 0:  # of images that take no part
+            continue
         if name in solved and name in given and solved[name] != given[name]:
             if solved[name]:  # a network has images that take no part
                 counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"

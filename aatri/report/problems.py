@@ -1,5 +1,6 @@
 """What is to be looked at first, the worst first: failures, contradictions, what is wrong by name, lights, warnings."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -80,10 +81,11 @@ def _of_stages(run: RunView) -> list[ReportedProblem]:
 
 
 def _in_words(warning: str) -> str:
-    """A warning that begins with a kind of observation, with its name: `image_point: 3 of 9 ...`."""
+    """A warning with the names of kinds of observations: `image_point: 3 of 9 ...`."""
     kind, colon, rest = warning.partition(": ")
     named = colon and (kind in NOUNS or (kind.isidentifier() and "_" in kind))
-    return f"{spoken(kind).capitalize()}s: {rest}" if named else warning
+    text = f"{spoken(kind).capitalize()}s: {rest}" if named else warning
+    return re.sub(r"\b(image_point|model_tie|strip_tie)(?=[ ,)])", lambda match: spoken(match[1]), text)
 
 
 def _unreadable(run: RunView) -> list[ReportedProblem]:

@@ -160,10 +160,12 @@ def test_a_result_on_the_way_is_not_judged_by_what_is_left_to_the_next_adjustmen
 
 
 def test_warnings_of_the_way_stand_on_the_first_page_of_a_run_that_was_stopped_there(tmp_path: Path) -> None:
-    run = make_run(tmp_path / "run", {"block": made_block()}, warnings=["image_point: 2 of 9 are alone", "strip: 7"])
+    run = make_run(
+        tmp_path / "run", {"block": made_block()}, warnings=["image_point: 2 of 9 are alone", "strip: image_point 7"]
+    )
     write_report(run)
     problems = json.loads((run / "report.json").read_text())["problems"]
-    assert [p["text"] for p in problems] == ["Image points: 2 of 9 are alone", "strip: 7"]
+    assert [p["text"] for p in problems] == ["Image points: 2 of 9 are alone", "strip: image point 7"]
 
 
 def test_check_points_far_off_are_named_in_the_judgement_and_once_among_the_problems(tmp_path: Path) -> None:
@@ -226,7 +228,8 @@ def test_an_evaluation_of_another_purpose_is_the_judgement(tmp_path: Path) -> No
     solution = made_solution(block)
     evaluation = evaluate(block, solution)
     nothing = evaluation.differences.take(np.zeros(len(evaluation.differences), dtype=bool))
-    moved = replace(evaluation, differences=nothing, verdict="one of 40 points has moved: P7")
+    figures = evaluation.figures.take(np.zeros(len(evaluation.figures), dtype=bool))
+    moved = replace(evaluation, differences=nothing, figures=figures, verdict="one of 40 points has moved: P7")
     write_report(make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": moved}))
     page = json.loads((tmp_path / "run" / "report.json").read_text())
     assert page["judgement"].startswith("One of 40 points has moved: P7.")
@@ -256,3 +259,4 @@ def test_angles_are_told_in_gon_where_that_is_asked_and_from_then_on(tmp_path: P
     with angles_in("gon"):
         assert small_angle(np.pi / 200e3) == "1 mgon"
     assert small_angle(np.pi / 648000) == "1″"
+    assert small_angle(1423.4 * np.pi / 648000) == "1423″"

@@ -45,9 +45,10 @@ def angles_in(unit: str) -> Iterator[None]:
 
 
 def small_angle(value_rad: float) -> str:
-    """A small angle to three digits."""
+    """A small angle to three digits, whole from a thousand on."""
     units = angle_units.get()
-    return f"{value_rad * units.small_per_rad:.3g}{'' if units.small == '″' else ' '}{units.small}"
+    value = value_rad * units.small_per_rad
+    return f"{value:{'.0f' if abs(value) >= 1000 else '.3g'}}{'' if units.small == '″' else ' '}{units.small}"
 
 
 def in_trade_unit(unit: str) -> tuple[float, str]:
