@@ -206,7 +206,10 @@ def new(
         tables = sorted((sample_folder() / "quarry").iterdir())
         files |= {folder / "quarry" / path.name: path.read_text(encoding="utf-8") for path in tables}
     _write(files)
-    narrate("next: " + ("aatri run" if folder == Path() else f"aatri run {written}"))
+    where = "" if folder == Path() else f" {written}"
+    complete = sources or path is not None or block in (BlockSource.simulate, BlockSource.sample)
+    fill = "" if complete else f"your data, as the head of {written} says, then aatri check{where}, then "
+    narrate(f"next: {fill}aatri run{where}")
 
 
 def _write(files: Mapping[Path, str]) -> None:
