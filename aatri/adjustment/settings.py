@@ -12,7 +12,7 @@ Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
 ENOUGH, MOST = 30, 60
-"""Iterations of an adjustment, and of one whose sum of squares still falls then: curved valleys of weak blocks."""
+"""Iterations of an adjustment, and of one that still makes progress then: curved valleys of weak blocks."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class SolverSettings:
     """Settings of an adjustment."""
 
     max_iterations: int | None = None
-    """Default: `ENOUGH`, and `MOST` where the sum of squares still falls."""
+    """Default: `ENOUGH`, and `MOST` where it still makes progress; see `goes_on`."""
     tolerance: float = 1e-3
     """Bound of the Newton decrement."""
     ordering: Ordering = "auto"

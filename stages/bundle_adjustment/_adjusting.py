@@ -20,7 +20,7 @@ from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.earlier_rejections import search_anew
+from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -41,7 +41,7 @@ class AdjustmentOptions(KindOptions):
     """Options that all adjustments of rays have in common."""
 
     max_iterations: int | None = Field(
-        None, ge=1, description="most iterations; null: 30, and 60 where the sum of squares still falls"
+        None, ge=1, description="most iterations; null: 30, and 60 where it still makes progress"
     )
     tolerance: float = Field(
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
@@ -80,11 +80,14 @@ def _searched(
             return with_readmission(block, adjust)
         return search_anew(block, adjust, searching, options.tolerance, squares)
 
+    def in_groups(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
+        return search_with_groups(block, adjust, single, candidate_groups, searching)
+
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)
     else:
         inputs = inputs if searching.method == "none" else without_exchanged(inputs)
-        done, groups = search_with_groups(inputs, adjust, single, candidate_groups, searching)
+        done, groups = with_datum_again(inputs, in_groups)
     if options.self_calibration is None or not options.self_calibration.remove:
         return done, groups
     rebuilt, before = partial(with_parameters, source), done.notes
@@ -92,7 +95,7 @@ def _searched(
     done = without_idle_parameters(done, adjust, rebuilt)
     if undecided and done.considered:  # parameters that are not worth keeping could take up what is wrong
         fewer = rebuilt(inputs, done.inputs.parameters)
-        without_idle, groups = search_with_groups(fewer, adjust, single, candidate_groups, searching)
+        without_idle, groups = with_datum_again(fewer, in_groups)
         removed = [note for note in done.notes if note not in before]
         done = replace(without_idle, notes=(*without_idle.notes, *removed), considered=done.considered)
     return done, groups

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from aatri.adjustment.elimination import schedule as shares
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
-from aatri.adjustment.stepping.iteration import advice_after
+from aatri.adjustment.stepping.iteration import advice_after, goes_on
 from aatri.adjustment.structure import graph as graphs
 from aatri.adjustment.structure import index_problem as preparation
 from aatri.adjustment.structure import minimum_degree as degrees
@@ -183,6 +184,13 @@ def test_no_convergence_is_a_failure_that_names_the_worst_records() -> None:
 def test_what_makes_progress_is_told_to_go_on(last: float, advice: str) -> None:
     history = [Step(cost, 3.0, 1e-3) for cost in (1500.0, 1000.0, *np.linspace(1000.0, last, 6)[1:])]
     assert advice in advice_after(history)
+
+
+def test_steps_that_shrink_go_on_where_the_sum_of_squares_hardly_falls() -> None:
+    costs, bent = np.linspace(1020.72, 1020.70, 6), [0.088, 0.076, 0.056, 0.044, 0.026, 0.014]
+    history = [Step(cost, decrement, 1e-8) for cost, decrement in zip(costs, bent)]
+    assert goes_on(history)
+    assert not goes_on([replace(step, decrement=0.05) for step in history])
 
 
 def creeping(iterations: int) -> tuple[list[Unknowns], list[Records], dict[str, Any]]:

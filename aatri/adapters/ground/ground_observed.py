@@ -127,7 +127,7 @@ def oriented_by(
 
     Distances take part at once in a body that is hardly deformed; attitudes come last but for all other kinds, as a
     boresight that nobody measured turns them all. Where positions with a shift and a drift of their groups leave the
-    body open, these are neglected.
+    body open, these are neglected; and nothing is rejected where what does not fit for that is needed.
 
     Raises
     ------
@@ -142,7 +142,8 @@ def oriented_by(
     if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
         ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY)))
     images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError]()
-    for (used, weakest), drift in product(ways, (True, False) if _drifting(ground, body) else (True,)):
+    drifts = ((True, True), (False, True), (False, False)) if _drifting(ground, body) else ((True, True),)
+    for (used, weakest), (drift, rejects) in product(ways, drifts):
 
         def taking_part(o: Observed, used: tuple[str, ...] = used) -> bool:
             return chosen(o) and (bool(o.components) or o.kind in used)
@@ -150,7 +151,7 @@ def oriented_by(
         seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
         try:
             # what is neglected bends the body: what does not fit it as it is need not be wrong
-            how = replace(settings, weakest=weakest, stiff=settings.stiff and drift)
+            how = replace(settings, weakest=weakest, stiff=settings.stiff and drift, rejects=rejects)
             oriented = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
         except GeometryError as error:
             failed.append(error)

@@ -31,7 +31,7 @@ class Snooping:
     share: tuple[str, float] = ("strip", 0.15)
     """(str, float). A group of unknowns, and the largest share of a block's records that is rejected."""
     clear: float = 0.5
-    """Least test of a rejection, as a share of the largest."""
+    """Least test of a rejection, as a share of the largest; infinite: none is rejected."""
     most: float = 0.01
     """Most rejections of a round, as a share of all records; at least one."""
 

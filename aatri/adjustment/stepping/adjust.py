@@ -34,8 +34,8 @@ from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.iteration import (
     IterationState,
     advice_after,
-    falls,
     following,
+    goes_on,
     refuse_unusable,
     with_runaways_slowed,
 )
@@ -148,7 +148,7 @@ def adjust_large(
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if iteration >= (settings.max_iterations or MOST):
             break
-        if settings.max_iterations is None and iteration == ENOUGH and not falls(history):
+        if settings.max_iterations is None and iteration == ENOUGH and not goes_on(history):
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
         here, more = with_runaways_slowed(following(here, trial, step, joint_veto, reporter))

@@ -105,6 +105,12 @@ def falls(history: Sequence[Step]) -> bool:
     return len(history) > LATELY and history[-1 - LATELY].cost - history[-1].cost > 1.0
 
 
+def goes_on(history: Sequence[Step]) -> bool:
+    """Whether v'v still falls, or its steps have lately become less than half: along a bent valley it hardly falls."""
+    shrinks = len(history) > LATELY and history[-1].decrement < 0.5 * history[-1 - LATELY].decrement
+    return shrinks or falls(history)
+
+
 def advice_after(history: Sequence[Step]) -> str:
     """What to do after too few iterations: go on where v'v still falls."""
     if not falls(history):

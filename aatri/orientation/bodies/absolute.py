@@ -80,6 +80,8 @@ class OrientationSettings:
     from a deformation, which a few wrong points would otherwise be taken for."""
     free: bool = False
     """What is not determined is held where it is."""
+    rejects: bool = True
+    """What does not fit is left out."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +212,7 @@ def _fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> b
 
 
 def _adjusted(problem: TiedProblem, began: Bool, settings: OrientationSettings) -> TiedResult:
-    search = Snooping(settings.limit)
+    search = Snooping(settings.limit, clear=Snooping.clear if settings.rejects else np.inf)
     if settings.stiff:
         tied = adjust_tied(problem, search, active=began, deformed=False)
         fits = tied.settled and not tied.above.any() and tied.sigma0 <= STIFF

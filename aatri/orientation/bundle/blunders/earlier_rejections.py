@@ -3,12 +3,19 @@
 A free strip or component is held by few control points and positions, and a wrong one bends it until a right one
 disagrees. Where the search leaves something above the limit while an observation of the ground is out that an earlier
 stage has rejected, it is made once more with all of these in use; it counts if it leaves less than half.
+
+Positions whose shift and drift they neglect outvote the one control point that is right. Where a block is open without
+what earlier stages have rejected, what is observed of points comes back, and, where that is not enough, all else that
+is no ray.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.robust import Adjust
@@ -17,6 +24,37 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
+
+T = TypeVar("T")
+
+
+def with_datum_again(block: BundleInput, adjust: Callable[[BundleInput], T]) -> T:
+    """Adjust a block, with rejections of earlier stages in use again where it is open without.
+
+    Parameters
+    ----------
+    block : BundleInput
+    adjust : callable
+        BundleInput -> the block adjusted.
+
+    Raises
+    ------
+    GeometryError
+        That of the block as it is, if it is open with them, too.
+    """
+    try:
+        return adjust(block)
+    except GeometryError as error:
+        rejected = {o.kind for o in block.observed if _rejected(o)}
+        of_points = {o.kind for o in block.observed if {group for group, _ in o.records.touches} == {POINT}}
+        for kinds in (rejected & of_points, rejected):
+            if kinds:
+                observed = tuple(o.again() if o.kind in kinds else o for o in block.observed)
+                try:
+                    return adjust(replace(block, observed=observed))
+                except GeometryError:
+                    continue
+        raise error
 
 
 def search_anew(
