@@ -5,6 +5,7 @@ principal point count from the centre of the first pixel. The distortion is forw
 
     u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
 
+AspectRatio, Skew and angles omega, phi, kappa in degrees are read in the way that the points of the file show (`ways`).
 An image is called by its file name, by its whole path where that stands for two. Poses are start values. Control in
 another system than the block's is converted to that.
 
@@ -17,12 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float
 from aatri.codes import APPROXIMATE, CHECK, CONTROL
-from aatri.formats.conventions.lens import Lens
+from aatri.formats.blocksexchange.cameras import XYZ, lens_of, open_ways, rotation_of, way_of, xyz
 from aatri.formats.conventions.lens_conversion import camera_parts
-from aatri.formats.conventions.pixel_origins import PIXEL_MM
-from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import in_frame
@@ -33,8 +31,6 @@ from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
 
 VERSIONS = ("2.1", "3.0", "3.1", "3.2")
-DISTORTION = ("K1", "K2", "K3", "P1", "P2")
-XYZ = ("x", "y", "z")
 CATEGORIES = {"Full": (True, True, True), "Horizontal": (True, True, False), "Vertical": (False, False, True)}
 """Which coordinates of a control point are known."""
 
@@ -54,14 +50,18 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     groups = block.all("Photogroups", "Photogroup")
     if not groups:
         raise block.error("no Photogroup", "export the block with its photos")
-    lenses = [_lens(group, k) for k, group in enumerate(groups, 1)]
+    frame = _frame(root, block)
+    way = way_of(block, groups, geographic=frame.geographic)
+    lenses = [lens_of(group, k, way) for k, group in enumerate(groups, 1)]
     parts = BlockParts(
         "blocksexchange",
         [path],
         name=path.stem,
-        frame=_frame(root, block),
+        frame=frame,
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
+    if len(open_ways(groups)) > 1:
+        parts.notes.append(f"{way}: so its own measured points are where it projects them")
     parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}
     photos = [(photo, lens.id, group) for lens, group in zip(lenses, groups) for photo in group.all("Photo")]
     names = _names([photo for photo, _, _ in photos])
@@ -75,8 +75,8 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     if posed:
         parts.exterior = {
             "image": [name for name, _, _ in posed],
-            "position_m": [_xyz(photo.one("Pose", "Center")) for _, photo, _ in posed],
-            "ground_from_image": [_rotation(photo.one("Pose"), group) for _, photo, group in posed],
+            "position_m": [xyz(photo.one("Pose", "Center")) for _, photo, _ in posed],
+            "ground_from_image": [rotation_of(photo.one("Pose"), group, way) for _, photo, group in posed],
             **places([photo for _, photo, _ in posed], [path]),
         }
     _give_points(parts, block, of_id, root, reporter)
@@ -114,35 +114,6 @@ def _axes(definition: str, at: XmlElement) -> tuple[str, ...]:
     return ("longitude", "latitude", "height") if system.is_geographic else ("east", "north", "up")
 
 
-def _lens(group: XmlElement, number: int) -> Lens:
-    """The camera of a photogroup; it is called by its name, where that is there."""
-    name = group.optional("Name")
-    kind = group.optional("CameraModelType")
-    if kind is not None and kind.text != "Perspective":
-        raise kind.error(f"the camera model {clipped(kind.text)!r} has no like here", "a Perspective one is wanted")
-    for tag, usual in (("AspectRatio", 1.0), ("Skew", 0.0)):
-        if group.number(tag, default=usual) != usual:
-            raise group.one(tag).error(f"{tag} {group.number(tag):g}", f"calibrate with {tag} {usual:g}")
-    width, height = (group.number("ImageDimensions", side) for side in ("Width", "Height"))
-    sensor = group.number("SensorSize", default=0.0)
-    f = group.number("FocalLengthPixels", default=0.0)
-    if not f and sensor > 0:
-        f = group.number("FocalLength") * max(width, height) / sensor
-    if min(width, height, f) <= 0:
-        raise group.error(f"image {width:g} x {height:g}, focal length {f:g} px", "give FocalLength and SensorSize")
-    point = group.optional("PrincipalPoint")
-    offset = (0.0, 0.0)
-    if point is not None:
-        offset = (point.number("x") - (width - 1) / 2, point.number("y") - (height - 1) / 2)
-    distortion = group.optional("Distortion")
-    parameters = {k: distortion.number(k, default=0.0) for k in DISTORTION} if distortion is not None else {}
-    pixel_mm = sensor / max(width, height) if sensor > 0 else PIXEL_MM
-    id_ = name.text if name is not None and name.text else f"photogroup {number}"
-    return Lens(
-        id_, "blocksexchange", (width, height), (f, f), offset, parameters, pixel_mm=pixel_mm, where=group.where
-    )
-
-
 def _names(photos: list[XmlElement]) -> list[str]:
     paths = [photo.one("ImagePath").text for photo in photos]
     short = [re.split(r"[/\\]", path)[-1] for path in paths]
@@ -153,27 +124,6 @@ def _names(photos: list[XmlElement]) -> list[str]:
             raise photo.error(f"photo {clipped(key)} is given twice, first in line {first[key].line}", "remove one")
         first[key] = photo
     return names
-
-
-def _xyz(element: XmlElement) -> list[float]:
-    return [element.number(axis) for axis in XYZ]
-
-
-def _rotation(pose: XmlElement, group: XmlElement) -> Float:
-    """Image to ground, y up."""
-    axes = group.optional("CameraOrientation")
-    if axes is not None and axes.text not in ("XRightYDown", "XRightYUp"):
-        raise axes.error(f"CameraOrientation {clipped(axes.text)!r}", "export with XRightYDown")
-    rotation = pose.optional("Rotation")
-    if rotation is None:
-        return np.full((3, 3), np.nan)
-    if rotation.optional("M_00") is None:
-        raise rotation.error("the rotation is not given as a matrix", "export it as M_00 ... M_22")
-    M = np.array([[rotation.number(f"M_{i}{j}") for j in range(3)] for i in range(3)])
-    if not is_rotation(M):
-        raise rotation.error("the matrix is no rotation", "export it again")
-    ours = ground_from_image(M, "blocksexchange")
-    return ours if axes is None or axes.text == "XRightYDown" else np.asarray(ours * Y_UP)
 
 
 def _give_points(
@@ -194,7 +144,7 @@ def _give_points(
         position = element.optional("Position")
         name = f"tie {k}"
         if position is not None:
-            tie = {"point": name, "xyz_m": _xyz(position), "sigma_m": [0.0] * 3, "role": [APPROXIMATE] * 3}
+            tie = {"point": name, "xyz_m": xyz(position), "sigma_m": [0.0] * 3, "role": [APPROXIMATE] * 3}
             points.append({**tie, "at": element})
         _measured(element, name, of_id, rows)
     first: dict[str, XmlElement] = {}
@@ -243,7 +193,7 @@ def _control(element: XmlElement) -> dict[str, Any]:
     known = CATEGORIES[kind]
     return {
         "point": element.one("Name").text,
-        "xyz_m": _xyz(element.one("Position")),
+        "xyz_m": xyz(element.one("Position")),
         "sigma_m": [sigma if k else 0.0 for sigma, k in zip((across, across, up), known)],
         "role": [role if k else APPROXIMATE for k in known],
         "at": element,

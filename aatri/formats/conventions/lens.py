@@ -107,6 +107,7 @@ FORMS: dict[str, DistortionForm] = {
     ),
     # of others
     "blocksexchange": DistortionForm("polynomial", _named("K1 K2 K3 P1 P2", "k1 k2 k3 p2 p1"), focal_lengths=1),
+    "blocksexchange-affine": DistortionForm("polynomial", _named("K1 K2 K3 P1 P2 shear", "k1 k2 k3 p2 p1 b2")),
     "bundler": DistortionForm("polynomial", _same("k1 k2"), focal_lengths=1, principal_point=False),
     **{f"colmap-{name}": form for name, form in COLMAP.items()},
     "metashape": DistortionForm(

@@ -121,7 +121,10 @@ def _files(path: Path) -> list[Path]:
     for what, found in (("orientations", of_orientations), ("measured points", of_points)):
         if len(found) > 1:
             names = shown([str(folder.relative_to(path)) for folder, _ in found])
-            raise InputError(f"several folders with {what}: {names}", where=str(path), remedy="name one of them")
+            remedy = (
+                f"give one of them and the files with marks and ground points: --from {found[0][0]} --from FILE ..."
+            )
+            raise InputError(f"several folders with {what}: {names}", where=str(path), remedy=remedy)
     return [*own, *(file for _, files in (*of_orientations, *of_points) for file in files)] or _none(path)
 
 

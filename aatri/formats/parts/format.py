@@ -181,6 +181,8 @@ class Format:
     """Writes files of this form; see `results.oriented_block`."""
     written: Sequence[Content] = ()
     """What it writes; what else a block has is told by `registry.export`."""
+    other_names: Sequence[str] = ()
+    """What people call it besides."""
     estimates_cameras: bool = False
     """Its cameras are results of an adjustment of the image points that it has, not of a calibration."""
     files_of: Callable[[FileView], Sequence[Path]] = field(default=lambda view: [view.path])

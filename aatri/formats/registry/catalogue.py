@@ -3,6 +3,8 @@
 A new format is a `Format` in its own room, and a line here.
 """
 
+from collections.abc import Mapping
+
 from aatri.formats.bingo.declaration import BINGO, GEOIN
 from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
 from aatri.formats.gis.declaration import GEOJSON, GEOPACKAGE
@@ -59,3 +61,6 @@ FORMATS: tuple[Format, ...] = (
     GEOJSON,
 )
 """All formats."""
+
+BY_NAME: Mapping[str, Format] = {name: f for f in FORMATS for name in (*f.other_names, f.name)}
+"""The formats by their names, the usual one and others."""

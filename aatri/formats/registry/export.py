@@ -5,7 +5,7 @@ from pathlib import Path
 
 from aatri.errors import SpecError
 from aatri.formats.parts.format import Format, Writing
-from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.registry.catalogue import BY_NAME, FORMATS
 from aatri.formats.results.crs import write_crs
 from aatri.formats.results.exported_files import lost
 from aatri.formats.results.oriented_block import OrientedBlock
@@ -26,14 +26,13 @@ def written_format(name: str, others: Sequence[str] = ()) -> Format:
     SpecError
         If it is none, or read alone.
     """
-    names = {f.name: f for f in FORMATS}
     written = [*others, *written_formats()]
-    if name not in names:
+    if name not in BY_NAME:
         what = f"no format {clipped(name)!r}{did_you_mean(name, written)}"
         raise SpecError(what, remedy=f"one of {', '.join(written)}")
-    if names[name].write is None:
-        raise SpecError(f"{names[name].title} is read, not written", remedy=f"written are {', '.join(written)}")
-    return names[name]
+    if BY_NAME[name].write is None:
+        raise SpecError(f"{BY_NAME[name].title} is read, not written", remedy=f"written are {', '.join(written)}")
+    return BY_NAME[name]
 
 
 def write_as(declared: Format, oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:

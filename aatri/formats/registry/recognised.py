@@ -11,7 +11,7 @@ from pathlib import Path
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
 from aatri.formats.parts.format import FileView, Format
-from aatri.formats.registry.catalogue import FORMATS
+from aatri.formats.registry.catalogue import BY_NAME, FORMATS
 from aatri.formats.text.text_file import missing
 from aatri.ids import clipped, did_you_mean
 
@@ -39,11 +39,10 @@ def format_named(name: str) -> Format:
     InputError
         If there is none.
     """
-    names = {f.name: f for f in FORMATS}
-    if name not in names:
-        what = f"no format {clipped(name)!r}{did_you_mean(name, names)}"
-        raise InputError(what, remedy=f"formats are {', '.join(names)}: aatri formats")
-    return names[name]
+    if name not in BY_NAME:
+        what = f"no format {clipped(name)!r}{did_you_mean(name, BY_NAME)}"
+        raise InputError(what, remedy=f"formats are {', '.join(f.name for f in FORMATS)}: aatri formats")
+    return BY_NAME[name]
 
 
 def recognised_file(path: Path) -> Recognised:

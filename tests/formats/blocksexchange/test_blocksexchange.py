@@ -11,6 +11,7 @@ import pytest
 from aatri.errors import AatriError
 from aatri.formats.blocksexchange.reader import read_blocksexchange
 from aatri.formats.parts.assembled import assembled
+from aatri.formats.parts.format import Reading
 from tests.formats.lens_projection import misfit_px
 
 TEXT = """<?xml version="1.0" encoding="utf-8"?>
@@ -101,3 +102,56 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, text: str, m
     with pytest.raises(AatriError, match=message) as refused:
         read_blocksexchange(written(tmp_path, text))
     assert "fix: " in str(refused.value)
+
+
+def with_open_points(aspect: str, skew: str, angles: str, *, points: int = 8) -> tuple[str, list[list[float]]]:
+    """A photo that looks down and its measured points, projected by the formula of the way; f = 2000 px."""
+    omega, phi, kappa = np.radians([2.0, -3.0, 40.0])
+    c, s = np.cos, np.sin
+    rx = np.array([[1, 0, 0], [0, c(omega), -s(omega)], [0, s(omega), c(omega)]])
+    ry = np.array([[c(phi), 0, s(phi)], [0, 1, 0], [-s(phi), 0, c(phi)]])
+    rz = np.array([[c(kappa), -s(kappa), 0], [s(kappa), c(kappa), 0], [0, 0, 1]])
+    camera_from_ground = (rx @ ry @ rz).T
+    if angles == "as stated":  # the same numbers, axes x right, y down: the photo looks up
+        heights = 130.0
+    else:
+        camera_from_ground, heights = np.diag([1, -1, -1]) @ camera_from_ground, 110.0
+    fy = 2000 * 1.001 if aspect == "a f" else 2000 / 1.001
+    shear = 1.5 / 2000 if skew == "px" else 1.5e-3
+    written, ties, marks = "1.5" if skew == "px" else "0.0015", "", []
+    for k in range(points):
+        place = np.array([500010.0 + (k % 3) * 3 - 3, 4000020.0 + (k // 3) * 2 - 2, heights])
+        x, y, z = camera_from_ground @ (place - [500010.0, 4000020.0, 120.0])
+        u, v = x / z, y / z
+        gain = 1 - 0.01 * (u * u + v * v) + 0.001 * (u * u + v * v) ** 2
+        ud = u * gain + 2 * 0.0002 * u * v + 0.0001 * (3 * u * u + v * v)
+        vd = v * gain + 2 * 0.0001 * u * v + 0.0002 * (u * u + 3 * v * v)
+        marks.append([*place, 2010 + 2000 * (ud + shear * vd), 1490 + fy * vd])
+        X, Y, Z, column, row = map(float, marks[-1])
+        ties += f"<TiePoint><Position><x>{X!r}</x><y>{Y!r}</y><z>{Z!r}</z></Position>"
+        ties += f"<Measurement><PhotoId>0</PhotoId><x>{column!r}</x><y>{row!r}</y></Measurement></TiePoint>"
+    matrix = TEXT[TEXT.index("<M_00>") : TEXT.index("</Rotation>")]
+    text = TEXT.replace(matrix, "<Omega>2</Omega><Phi>-3</Phi><Kappa>40</Kappa>")
+    weaker = {"<K1>0.1": "<K1>-0.01", "<K2>0.02": "<K2>0.001", "<P1>0.001": "<P1>0.0001", "<P2>0.002": "<P2>0.0002"}
+    for strong, weak in weaker.items():
+        text = text.replace(strong, weak)
+    text = text.replace("<Photo><Id>0", f"<AspectRatio>1.001</AspectRatio><Skew>{written}</Skew><Photo><Id>0", 1)
+    return text.replace("</Block>", f"<TiePoints>{ties}</TiePoints></Block>"), marks
+
+
+@pytest.mark.parametrize("aspect", ["a f", "f / a"])
+@pytest.mark.parametrize("skew", ["px", "of f"])
+@pytest.mark.parametrize("angles", ["y up", "as stated"])
+def test_aspect_skew_and_angles_are_read_as_the_points_of_the_file_show(
+    tmp_path: Path, aspect: str, skew: str, angles: str
+) -> None:
+    text, marks = with_open_points(aspect, skew, angles)
+    block = assembled([read_blocksexchange(written(tmp_path, text), Reading(lens_misfit_px=0.08))])
+    xyz, xy = np.array(marks)[:, :3], np.array(marks)[:, 3:]
+    assert misfit_px(block, "C:\\f\\a.jpg", xy, xyz).max() < 0.08
+
+
+def test_angles_that_no_point_confirms_are_refused(tmp_path: Path) -> None:
+    text, _ = with_open_points("a f", "px", "y up", points=2)
+    with pytest.raises(AatriError, match="2 measured points of posed photos do not show which"):
+        read_blocksexchange(written(tmp_path, text))

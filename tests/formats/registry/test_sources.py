@@ -11,7 +11,8 @@ from aatri.errors import InputError
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import Reading
-from aatri.formats.registry.recognised import recognised
+from aatri.formats.registry.export import written_format
+from aatri.formats.registry.recognised import format_named, recognised
 from aatri.formats.registry.sources import read_source
 from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
@@ -99,3 +100,7 @@ def test_what_is_of_no_format_says_what_was_looked_for(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"of no known format \(notes.txt begins with 'to be done'\)") as refused:
         recognised(tmp_path)
     assert "a first line NVM_V3" in refused.value.remedy
+
+
+def test_lists_are_found_by_the_name_that_people_give_them() -> None:
+    assert format_named("opk").name == written_format("opk").name == "table"
