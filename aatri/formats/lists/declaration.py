@@ -30,7 +30,8 @@ TABLE = Format(
     "table", "list with columns", _list, "a header with the columns of a list: image X Y Z omega phi kappa ...",
     carries=("positions", "attitudes", "start orientations", "control", "check points", "image points", "times",
              "standard deviations"),
-    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=read_list, write=write_lists, other_names=("opk", "list"),
+    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=read_list, write=write_lists,
+    other_names=("opk", "list"),
     written=("start orientations", "control", "check points", "image points", "standard deviations"),
 )  # fmt: skip
 IGN_OPK = Format(

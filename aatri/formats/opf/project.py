@@ -91,7 +91,8 @@ class OpfProject:
             raise self.document.fault(keys, what, "put the file beside project.opf, and name it relative to that")
         if not target.is_file():
             error = missing(target)
-            raise self.document.fault(keys, f"{clipped(uri)!r} {error.what}", error.remedy)
+            remedy = f"the project is not whole: copy this file too, or take its resource out; {error.remedy}"
+            raise self.document.fault(keys, f"{clipped(uri)!r} {error.what}", remedy)
         return self.path.parent / unquote(parts.path)
 
     def scene(self) -> SceneFrame:
