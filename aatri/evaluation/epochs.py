@@ -100,7 +100,7 @@ def compared(
             before, stable = stable, ~np.isin(common, table.point[table.moved])
             if datum in ("none", "shift") or (stable == before).all():
                 break
-    return _evaluation(table, result, datum), _warnings(result, exact, table)
+    return _evaluation(table, result, datum), _warnings(result, exact, table, datum)
 
 
 MOST_ALIGNMENTS = 5
@@ -127,6 +127,10 @@ def _laid_on(
 
 LEAST_FOR_ALIGNMENT = 3
 """Points that determine a similarity."""
+
+
+SAME_EPOCH = 1e-6
+"""Share of the smallest detectable displacement below which all differences are rounding: no two surveys agree so."""
 
 
 def _tested(
@@ -166,12 +170,13 @@ def datum_directions(xyz_m: Float, datum: DatumMovement) -> Float:
 def _check_frames(a: EpochPoints, b: EpochPoints) -> None:
     d = np.abs(b.xyz_m - a.xyz_m)
     extent = float(np.nanmax(np.ptp(a.xyz_m, axis=0))) if len(d) > 1 else np.inf
-    typical = float(np.nanmedian(d)) if np.isfinite(d).any() else 0.0
+    medians = [float(np.median(of[np.isfinite(of)])) if np.isfinite(of).any() else 0.0 for of in d.T]
+    axis, typical = int(np.argmax(medians)), max(medians)
     if typical > extent:
-        worst = int(np.argmax(np.nan_to_num(d).max(axis=1)))
+        worst = int(np.argmax(np.nan_to_num(d[:, axis])))
         raise InputError(
-            f"the epochs lie in different frames: half of the coordinates differ by more than {typical:.6g} m, the "
-            f"points extend over {extent:.6g} m",
+            f"the epochs lie in different frames: half of the points differ in {'XYZ'[axis]} by {typical:.6g} m or "
+            f"more, the points extend over {extent:.6g} m",
             where=f"epochs: point {printable(str(a.id[worst]))}",
             remedy="bring both into one frame, or let one datum move: `datum: similarity`",
         )
@@ -233,14 +238,15 @@ def _verdict(table: Displacements, result: Congruence, datum: str, length_m: Flo
     named = ", ".join(f"{printable(str(table.point[k]))} {_size(float(length_m[k]))}" for k in first)
     more = "" if len(moved) <= len(first) else " ..."
     verb = "has" if len(moved) == 1 else "have"
-    return f"{len(moved)} of {len(table)} points {verb} moved: {named}{more}; the others are congruent ({rest}{laid})"
+    others = "" if result.stable_degrees == 0 else f"; the others are congruent ({rest}{laid})"
+    return f"{len(moved)} of {len(table)} points {verb} moved: {named}{more}{others}"
 
 
 def _size(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if metres < 1 else f"{metres:.4g} m"
 
 
-def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[str, ...]:
+def _warnings(result: Congruence, exact: Text, table: Displacements, datum: str) -> tuple[str, ...]:
     from scipy.special import chdtrc
 
     warnings = []
@@ -250,6 +256,13 @@ def _warnings(result: Congruence, exact: Text, table: Displacements) -> tuple[st
     if not result.tested.all():
         names = shown(table.point[~result.tested].tolist(), 5)
         warnings.append(f"points that the others do not check, as they are needed to lay the epochs together: {names}")
+    if datum == "none" and 2 * table.moved.sum() > len(table):
+        warnings.append(
+            "more than half of the points have moved: the object as a whole, or one epoch stands in another frame or "
+            "on other control; `datum: rigid` shows what has moved within it"
+        )
+    if result.tested.any() and np.nanmax(np.abs(table.displacement_m)) < SAME_EPOCH * np.nanmin(table.detectable_m):
+        warnings.append("both epochs have the same coordinates: is it one epoch given twice?")
     if result.stable_degrees > 0 and chdtrc(result.stable_degrees, result.stable_statistic) < ALARM:
         warnings.append(
             f"the points that have not moved differ by more than their standard deviations say: chi2 "

@@ -118,6 +118,27 @@ def test_free_epochs_far_apart_are_laid_on_each_other_by_what_has_not_moved() ->
         compared(earlier, turned, "none", level=0.05)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_a_frame_shifted_along_one_axis_is_another_frame(axis: int) -> None:
+    earlier, later, _ = _made_up(5)
+    shifted = EpochPoints(later.id, later.xyz_m + 1000.0 * np.eye(3)[axis], later.covariance_m2)
+    with pytest.raises(InputError, match=f"different frames: half of the points differ in {'XYZ'[axis]} by 1000 m"):
+        compared(earlier, shifted, "none", level=0.05)
+
+
+def test_where_all_have_moved_nothing_is_called_congruent_and_one_epoch_given_twice_is_told() -> None:
+    earlier, later, _ = _made_up(6)
+    shifted = EpochPoints(later.id, later.xyz_m - np.array([0.0, 0.0, 0.5]), later.covariance_m2)
+    result, warnings = compared(earlier, shifted, "none", level=0.05)
+    assert "12 of 12 points have moved" in result.verdict
+    assert "congruent" not in result.verdict
+    assert any("more than half of the points have moved" in text for text in warnings)
+    for datum in ("none", "similarity"):
+        _, warnings = compared(earlier, earlier, datum, level=0.05)
+        assert warnings == ("both epochs have the same coordinates: is it one epoch given twice?",)
+    assert compared(earlier, later, "none", level=0.05)[1] == ()
+
+
 def test_exact_points_and_other_ids_are_told() -> None:
     earlier, later, _ = _made_up(4)
     exact = earlier.covariance_m2.copy()
