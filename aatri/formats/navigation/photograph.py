@@ -32,6 +32,12 @@ WITHOUT_EXIF = 1.2
 _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
 """Of FocalPlaneResolutionUnit: inch, cm, mm."""
 
+ANEW = "copy it anew from the card, or take it out"
+HOLE_BYTES = 64
+"""So many zeros in a row are no pixels: two blocks and more of 63 equal coefficients. Photographs have 5 at most."""
+CODES, PROGRESSIVE = b"\xc4", b"\xc2"
+CODE_LENGTHS = 16
+"""Counts of codes by length, before the symbols of a Huffman table (ITU-T T.81, B.2.4.2)."""
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 
 EXIF, GPS = 0x8769, 0x8825
@@ -109,7 +115,7 @@ def read_photograph(path: Path) -> Photograph:
         if isinstance(error, Image.UnidentifiedImageError):  # its text names the open file, not its path
             why = "its beginning is that of no format that is read" if path.stat().st_size else "the file is empty"
         what = f"cannot be read as a picture: {why}"
-        raise InputError(what, where=str(path), remedy="copy it anew from the card, or take it out") from error
+        raise InputError(what, where=str(path), remedy=ANEW) from error
     _check_end(path)
     f_mm, f35 = _positive(exif.get(FOCAL)), _positive(exif.get(FOCAL_35))
     return Photograph(
@@ -128,23 +134,35 @@ def read_photograph(path: Path) -> Photograph:
 
 
 def _check_end(path: Path) -> None:
-    """The pixels of a JPEG file end with a marker; previews and notes may follow."""
+    """The pixels of a JPEG file end with a marker, previews and notes may follow; nothing in them is long zero."""
     with open_regular(path) as file:
         data = file.read() if file.read(2) == b"\xff\xd8" else b""
-    at = 0
+    at, zeros_are_pixels = 0, False
     while data and at >= 0:
         marker, length = data[at + 1 : at + 2], int.from_bytes(data[at + 2 : at + 4], "big")
         if marker == b"\xd9":
             return
+        zeros_are_pixels |= marker == PROGRESSIVE or (marker == CODES and _plain_is_zeros(data[at + 4 : at + 2 + length]))
         at += 2 + length
         if marker == b"\xda":  # pixels: up to the next marker that is none of their own
-            following = _MARKER.search(data, at)
+            following, hole = _MARKER.search(data, at), data.find(bytes(HOLE_BYTES), at)
+            if following and at <= hole < following.start() and not zeros_are_pixels:
+                what = f"the file has a hole: zeros in the place of pixels from byte {hole + 2}"
+                raise InputError(what, where=str(path), remedy=ANEW)
             at = following.start() if following else -1
         elif data[at : at + 1] != b"\xff":
             at = -1
     if at < 0:
-        what = "the file is truncated: it ends within the picture"
-        raise InputError(what, where=str(path), remedy="copy it anew from the card, or take it out")
+        raise InputError("the file is truncated: it ends within the picture", where=str(path), remedy=ANEW)
+
+
+def _plain_is_zeros(tables: bytes) -> bool:
+    """Whether some Huffman table writes the end of a block without detail by zero bits alone: its first code is that."""
+    while len(tables) > CODE_LENGTHS:
+        if tables[0] >> 4 and tables[1 + CODE_LENGTHS] == 0:
+            return True
+        tables = tables[1 + CODE_LENGTHS + sum(tables[1 : 1 + CODE_LENGTHS]) :]
+    return False
 
 
 def _sensor_width_mm(exif: Any, width_px: int) -> float:

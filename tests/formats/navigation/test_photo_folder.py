@@ -136,6 +136,23 @@ def test_a_truncated_file_is_refused_by_name(tmp_path: Path, share: float) -> No
     assert "a.jpg" in str(caught.value)
 
 
+@pytest.mark.parametrize("optimize", [False, True])
+def test_zeros_in_the_place_of_pixels_are_refused_by_name_and_a_plain_picture_is_not(
+    tmp_path: Path, optimize: bool
+) -> None:
+    """A card that lost a sector: decoders fill in grey and say nothing."""
+    _save(tmp_path, "a.jpg")
+    whole = bytearray((tmp_path / "a.jpg").read_bytes())
+    Image.fromarray(np.full((600, 800), 255, np.uint8)).save(tmp_path / "plain.jpg", optimize=optimize)
+    read_photographs(tmp_path)
+    half = len(whole) * 2 // 3
+    whole[half : half + 512] = bytes(512)
+    (tmp_path / "a.jpg").write_bytes(whole)
+    with pytest.raises(InputError, match="has a hole: zeros in the place of pixels from byte ") as caught:
+        read_photographs(tmp_path)
+    assert "a.jpg" in str(caught.value)
+
+
 @pytest.mark.parametrize(("content", "why"), [(b"", "the file is empty"), (b"no picture", "that of no format")])
 def test_what_is_no_picture_is_told_by_name(tmp_path: Path, content: bytes, why: str) -> None:
     (tmp_path / "a.jpg").write_bytes(content)
