@@ -90,8 +90,8 @@ stages:
 """
 PHOTOS = """\
 # Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions give the bundle `with: {{datum: free}}`; control measured elsewhere: `aatri export RUN:block tables
-# FOLDER` writes a block folder, whose ground_points.csv and image_points.csv take it.
+# Without positions give the bundle `with: {{datum: free}}`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS
+# --from LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
 run: runs/block
 seed: 1
 stages:

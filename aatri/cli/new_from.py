@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from aatri.cli.new_from_text import pipeline_text
 from aatri.cli.terminal.console import NARRATED, narrate
-from aatri.codes import CONTROL, OBSERVED_VALUE
+from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
 from aatri.ids import did_you_mean
 
@@ -45,6 +45,8 @@ REFINED = """\
              with: {refraction: false, earth_curvature: false}}
 """
 ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
+MATCHED = "  block:    {use: tie_points/sift, from: {block: photos}}\n"
+"""Tie points of photographs, which stand before it."""
 WITH_START = f"""\
   # the files have start values of every image, so that the adjustment begins with them
 {INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{with}}}}
@@ -125,7 +127,10 @@ def pipeline_from(
         of = next(s.path.name for s, p in zip(sources, parts) if p.exterior)
         told = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
         narrate(f"positions are start values: no file says that they were measured; if they were: {told}")
-    return pipeline_text(sources, folder, stages, hint + grids, said=said)
+    if not _to_match(block):
+        return pipeline_text(sources, folder, stages, hint + grids, said=said)
+    stages = MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")
+    return pipeline_text(sources, folder, stages, hint + grids, said=said, name="photos")
 
 
 def _not_stated(said: Mapping[str, object]) -> NotStated:
@@ -174,6 +179,8 @@ def _check_enough(block: Block, where: str) -> None:
     """Refuse images that nothing orients: without image points, or with too few and no observed position."""
     import numpy as np
 
+    if _to_match(block):
+        return
     images, points = len(block.images), len(block.image_points)
     enough = np.bincount(block.image_points.image, minlength=images) >= FEWEST_RAYS
     oriented = enough.copy()
@@ -185,6 +192,16 @@ def _check_enough(block: Block, where: str) -> None:
         what = f"{points} image points in {images} images, {FEWEST_RAYS} and more in {int(enough.sum())}"
     remedy = "add the file with the image points (tracks.csv, marks, tie points) as a further --from"
     raise InputError(what, where=where, remedy=remedy)
+
+
+def _to_match(block: Block) -> bool:
+    """Whether tie points are to come from the photographs: all are there, and most have but control."""
+    import numpy as np
+
+    surveyed = block.ground_points.point[np.isin(block.ground_points.role, (CONTROL, CHECK)).any(axis=1)]
+    ties = ~np.isin(block.image_points.point, surveyed)
+    count = np.bincount(block.image_points.image[ties], minlength=len(block.images))
+    return bool(len(block.images) and (block.images.path != "").all() and np.median(count) < FEWEST_RAYS)
 
 
 def _counted(parts: BlockParts) -> list[str]:
@@ -228,7 +245,7 @@ def _options(block: Block, sources: Sequence[SourceWithSettings], parts: Sequenc
     # a camera of an image or two is not determined by them: it keeps what the program has estimated
     calibrated = any(f.estimates_cameras for f in cameras) and len(block.images) > 2 * len(block.cameras)
     assumed = any("standard deviations" not in f.carries for f in points)
-    return [CALIBRATED] * calibrated + [COMPONENTS] * assumed
+    return [CALIBRATED] * calibrated + [COMPONENTS] * assumed + ["blunders: robust_snooping"] * _to_match(block)
 
 
 def _stages(block: Block, options: list[str]) -> str:

@@ -17,12 +17,18 @@ REMARKS = {"control_sigma": "     # m, of control without a standard deviation; 
 
 
 def pipeline_text(
-    sources: Sequence[SourceWithSettings], folder: Path, stages: str, remarks: str = "", *, said: Mapping[str, object]
+    sources: Sequence[SourceWithSettings],
+    folder: Path,
+    stages: str,
+    remarks: str = "",
+    *,
+    said: Mapping[str, object],
+    name: str = "block",
 ) -> str:
-    """The pipeline with the line that reads the block, what is said of it and of each source, and remarks."""
+    """The pipeline with the stage `name` that reads the block, what is said of it and of each source, and remarks."""
     if len(sources) == 1 and sources[0].format.stage:
         options = {"path": path_from(sources[0].path, folder)} | dict(said)
-        block = f"  block:    {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
+        block = f"  {name + ':':9} {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
     else:
         lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
         taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(said)
@@ -30,7 +36,7 @@ def pipeline_text(
             f"      {key}: {_value(value)}{REMARKS.get(key, '')}\n" for key, value in taken.items()
         )
         block = (
-            "  block:\n    use: block/combined\n    with:\n"
+            f"  {name}:\n    use: block/combined\n    with:\n"
             "      # what no file says, with the values taken: aatri stages block/combined lists all options\n"
             f"{options_of_block}{remarks}"
             "      sources:                           # the first with images says which there are\n" + lines

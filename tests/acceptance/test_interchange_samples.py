@@ -19,7 +19,7 @@ MISSING = {
     "micmac/Ori-MMV1": r"brown differs by up to 0.062 px, more than 0.05 px",
     "micmac/Saisies-MMV1": r"several folders with orientations: Ori-Ground_mm3d",
     "odm": r"no source says which camera took 4 images",
-    "opensfm_berlin": r"5 image points in 3 images, 3 and more in 1",
+    "opensfm_berlin/ground_control_points.json": r"no source says which camera took 3 images",
     "opf/examples": r"'point_cloud/sparse.gltf' does not exist",
     "pix4d": r"there are 168 images, but no image points",
     "socet": r"latitudes and longitudes, and the file names no datum",
@@ -67,6 +67,25 @@ def test_a_sample_folder_ends_in_a_message_that_names_what_is_missing(
     assert result.exit_code == 3
     assert MISSING[name] in result.stderr
     assert "fix: " in result.stderr
+
+
+def test_photographs_beside_marks_get_their_tie_points_from_the_pixels(
+    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MicMac's marks and control alone orient nothing; its photographs do."""
+    pytest.importorskip("PIL")
+    monkeypatch.chdir(tmp_path)
+    folder, photographs = samples / "micmac" / "Saisies-MMV1", tmp_path / "photographs"
+    photographs.mkdir()
+    for path in folder.glob("*.JPG"):
+        (photographs / path.name).symlink_to(path)
+    lists = [word for name in ("GroundMeasure.xml", "Ground-Pts3D.xml") for word in ("--from", folder / name)]
+    result = aatri("new", "mine", "--from", photographs, *lists)
+    assert result.exit_code == 0, result.stderr
+    text = (tmp_path / "mine" / "pipeline.yaml").read_text()
+    assert "{use: tie_points/sift, from: {block: photos}}" in text
+    assert "format: photos" in text
+    assert "9 control points" in result.stderr
 
 
 @pytest.mark.slow

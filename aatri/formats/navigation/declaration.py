@@ -1,9 +1,12 @@
-"""What lists of receivers are recognised by, and what they carry."""
+"""What photographs and lists of receivers are recognised by, and what they carry."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 from aatri.formats.navigation.mrk import read_mrk
+from aatri.formats.navigation.photo_folder import read_photographs
+from aatri.formats.navigation.photograph import ENDINGS
 from aatri.formats.navigation.xmp import PHOTOGRAPHS, read_xmp
 from aatri.formats.parts.format import FileView, Format
 
@@ -21,8 +24,14 @@ def _xmp(view: FileView) -> str:
     return next((f"{name}, {seen}" for name in names if (seen := _xmp(view.of(name)))), "")
 
 
-def _photographs(view: FileView) -> list[Path]:
-    names = [name for name in view.names if name.lower().endswith(PHOTOGRAPHS)]
+def _exif(view: FileView) -> str:
+    """A folder with JPEG files of a camera; TIFF files may be grids."""
+    names = [name for name in view.names if view.is_folder and name.lower().endswith((".jpg", ".jpeg"))][:SOME]
+    return next((f"{name}, EXIF" for name in names if "Exif\0\0" in view.of(name).head[:64]), "")
+
+
+def _files(endings: tuple[str, ...], view: FileView) -> list[Path]:
+    names = [name for name in view.names if name.lower().endswith(endings)]
     return [view.path / name for name in names] if view.is_folder else [view.path]
 
 
@@ -40,6 +49,18 @@ MRK = Format(
     page=PAGE,
     read=read_mrk,
 )
+PHOTOS = Format(
+    "photos",
+    "photographs (EXIF, XMP)",
+    _exif,
+    "a folder of photographs, JPEG with EXIF",
+    carries=("cameras", "distortion", "positions", "attitudes", "times", "frame", "standard deviations"),
+    drops=("image points", "control"),
+    page="docs/methods/tie_points.md#photographs",
+    read=lambda path, _, reporter: read_photographs(path, reporter=reporter),
+    stage="block/photos",
+    files_of=partial(_files, ENDINGS),
+)
 XMP = Format(
     "dji_xmp",
     "DJI photographs (XMP)",
@@ -49,5 +70,5 @@ XMP = Format(
     drops=("image points", "control", "cameras", "distortion"),
     page="docs/formats.md#dji-xmp",
     read=read_xmp,
-    files_of=_photographs,
+    files_of=partial(_files, PHOTOGRAPHS),
 )

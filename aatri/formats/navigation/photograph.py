@@ -142,7 +142,8 @@ def _check_end(path: Path) -> None:
         marker, length = data[at + 1 : at + 2], int.from_bytes(data[at + 2 : at + 4], "big")
         if marker == b"\xd9":
             return
-        zeros_are_pixels |= marker == PROGRESSIVE or (marker == CODES and _plain_is_zeros(data[at + 4 : at + 2 + length]))
+        codes = data[at + 4 : at + 2 + length] if marker == CODES else b""
+        zeros_are_pixels |= marker == PROGRESSIVE or _plain_is_zeros(codes)
         at += 2 + length
         if marker == b"\xda":  # pixels: up to the next marker that is none of their own
             following, hole = _MARKER.search(data, at), data.find(bytes(HOLE_BYTES), at)
@@ -157,7 +158,7 @@ def _check_end(path: Path) -> None:
 
 
 def _plain_is_zeros(tables: bytes) -> bool:
-    """Whether some Huffman table writes the end of a block without detail by zero bits alone: its first code is that."""
+    """Whether some Huffman table ends a block without detail by zero bits alone: that is its first code."""
     while len(tables) > CODE_LENGTHS:
         if tables[0] >> 4 and tables[1 + CODE_LENGTHS] == 0:
             return True

@@ -13,7 +13,7 @@ from aatri.formats.inpho.declaration import INPHO
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
 from aatri.formats.metashape.declaration import METASHAPE
 from aatri.formats.micmac.declaration import MICMAC
-from aatri.formats.navigation.declaration import MRK, XMP
+from aatri.formats.navigation.declaration import MRK, PHOTOS, XMP
 from aatri.formats.nvm.declaration import BUNDLER, NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
 from aatri.formats.opf.declaration import OPF
@@ -34,6 +34,7 @@ FORMATS: tuple[Format, ...] = (
     METASHAPE,
     MICMAC,
     MRK,
+    PHOTOS,
     XMP,
     APPLANIX,
     BLOCKSEXCHANGE,

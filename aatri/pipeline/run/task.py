@@ -90,4 +90,9 @@ def task_of(
 def failed(error: AatriError) -> TaskOutcome:
     """The outcome of a task that failed."""
     single = error.errors if isinstance(error, Errors) else (error,)
-    return TaskOutcome(None, tuple((type(e).__name__, e.what, e.where, e.remedy) for e in single))
+    return TaskOutcome(None, tuple((_of_tree(e), e.what, e.where, e.remedy) for e in single))
+
+
+def _of_tree(error: AatriError) -> str:
+    """The class of the error tree that an error is of: rooms have narrower ones, which need more than words."""
+    return next(str(of.__name__) for of in type(error).__mro__ if vars(errors).get(of.__name__) is of)

@@ -24,7 +24,7 @@ EXPECTED = {
     "sfm": {"opensfm", "nvm", "colmap"},
     "pix4d": {"pix4d"},
     "micmac/Ori-MMV1": {"micmac"},
-    "opensfm_berlin": {"opensfm_gcp", "opensfm"},
+    "opensfm_berlin": {"photos", "opensfm_gcp", "opensfm"},
     "odm": {"odm_gcp"},
 }
 
