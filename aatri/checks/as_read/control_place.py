@@ -4,7 +4,8 @@ With d the plan distance of a control point from the farthest projection centre 
 middle of the other control points, where no positions are known):
 
 Seen: another unit, axes, zone or datum of all control, or of one point.
-Test: one point lies off if d > 5 times the median of the others'; it is an error if one of the usual changes brings it
+Test: one point lies off if even the nearest of its images is farther than 5 times the median of the others' d: a wrong
+position is far from all that its image shows, and says nothing of the control; it is an error if one of the usual changes brings it
 to where the others are, or if it is more than 100 km off, else a warning: objects at very different distances are
 legal.
 All of it lies off if a change brings the median of d below a tenth of itself and of the distance from the origin, or
@@ -71,24 +72,25 @@ def misplaced_control(
         return _against_each_other(ids, xyz_m, rows, places)
     rows = np.unique(control)
 
-    def distance(changed: Float) -> Float:
-        """Distance of each of the rows from the farthest image that shows it."""
-        off = np.zeros(len(xyz_m))
-        np.maximum.at(off, control, np.linalg.norm(changed[control, :2] - position_m[image, :2], axis=1))
+    def distances_to_images(changed: Float, extreme: np.ufunc = np.maximum) -> Float:
+        """Distance of each of the rows from the farthest (or nearest) image that shows it."""
+        off = np.full(len(xyz_m), 0.0 if extreme is np.maximum else np.inf)
+        extreme.at(off, control, np.linalg.norm(changed[control, :2] - position_m[image, :2], axis=1))
         return np.asarray(off[rows])
+
+    def nearest(changed: Float) -> Float:
+        return distances_to_images(changed, np.minimum)
 
     seen_from = position_m[np.unique(image), :2]
     extent = max(float(np.linalg.norm(np.ptp(xy, axis=0))) for xy in (xyz_m[rows, :2], seen_from))
     from_origin = float(np.linalg.norm(np.median(seen_from, axis=0)))
-    together = _all_of_it(xyz_m, distance, extent, from_origin, places[rows[0]])
+    together = _all_of_it(xyz_m, distances_to_images, extent, from_origin, places[rows[0]])
     if together is not None:
         return [together]
-    distances = distance(xyz_m)
-    usual = np.array(
-        [np.median(np.delete(distances, k)) if len(distances) > 1 else np.inf for k in range(len(distances))]
-    )
-    changed = [distance(change.apply(xyz_m)) for change in IN_PLAN]
-    return _single(ids, rows, distances, changed, usual, from_origin, places)
+    farthest = distances_to_images(xyz_m)
+    usual = np.array([np.median(np.delete(farthest, k)) if len(farthest) > 1 else np.inf for k in range(len(farthest))])
+    changed = [nearest(change.apply(xyz_m)) for change in IN_PLAN]
+    return _single(ids, rows, nearest(xyz_m), changed, usual, from_origin, places)
 
 
 def _all_of_it(

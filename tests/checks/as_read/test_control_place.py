@@ -51,6 +51,16 @@ def test_a_point_far_off_for_no_known_reason_is_a_warning() -> None:
     assert "GCP3 lies 7" in found.sentence
 
 
+@pytest.mark.parametrize("wrong", [[0.0, 7_400.0], [-401_400.0, 0.0], [0.0, 300_000.0]])
+def test_a_wrong_position_is_no_reason_to_doubt_the_control_that_its_image_shows(wrong: list[float]) -> None:
+    """Every control point is seen from another image too; one has lost a digit of its easting."""
+    stations = STATIONS.copy()
+    stations[1] += wrong
+    control, image = RAYS
+    assert all((image[control == k] != 1).any() for k in range(len(POINTS)))
+    assert _found(POINTS, stations) == []
+
+
 @pytest.mark.parametrize("positions", [True, False])
 @pytest.mark.parametrize(
     ("change", "what", "remedy"),
