@@ -1,12 +1,12 @@
 """Threads: how many, and work that is shared out among them."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,10 +33,11 @@ def thread_control() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def one_blas_thread() -> AbstractContextManager[Any]:
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """BLAS by one thread: small matrices are not worth a second one, and the last bits do not depend on its number."""
-    limit: AbstractContextManager[Any] = thread_control().limit(limits=1, user_api="blas")
-    return limit
+    with thread_control().limit(limits=1, user_api="blas"):
+        yield
 
 
 def run_all(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:

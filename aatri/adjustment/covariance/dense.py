@@ -56,6 +56,7 @@ def is_small(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> bool:
     return n <= MOST_UNKNOWNS and n * sum(len(r.active) * r.rows for r in records) <= MOST_ELEMENTS
 
 
+@one_blas_thread()
 def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     """Take one undamped step from a state; None where something is not determined.
 
@@ -69,11 +70,6 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
     state : mapping
         Where to linearise.
     """
-    with one_blas_thread():
-        return _solved(unknowns, records, state)
-
-
-def _solved(unknowns: Sequence[Unknowns], records: Sequence[Records], state: State) -> DenseSolution | None:
     free = {u.name: u.free & _taking_part(u, records)[:, None] for u in unknowns}
     out = {u.name: np.asarray((u.free & ~free[u.name]).any(axis=1)) for u in unknowns}
     column = _columns(free)

@@ -75,6 +75,7 @@ class DeformedCovariances:
     """Why there are none."""
 
 
+@one_blas_thread()  # matrices of some hundred rows
 def deformed_covariances(
     result: StripPolynomials,
     points: BodyPoints,
@@ -95,18 +96,6 @@ def deformed_covariances(
     models : (n_strips,) int
         Of each strip.
     """
-    with one_blas_thread():  # matrices of some hundred rows
-        return _deformed_covariances(result, points, n_points, axes, control, models)
-
-
-def _deformed_covariances(
-    result: StripPolynomials,
-    points: BodyPoints,
-    n_points: int,
-    axes: Sequence[StripAxes],
-    control: Control,
-    models: Int,
-) -> DeformedCovariances:
     tied, n_strips = result.tied, len(axes)
     kept = kept_coefficients(result.degree, result.basis)
     K = kept.shape[1]

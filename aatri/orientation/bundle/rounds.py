@@ -8,7 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.statistics.removal import size_of_idle
+from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Int
 from aatri.errors import ResourceError, SpecError
 from aatri.geometry.rotations import log_rotation
@@ -18,7 +22,6 @@ from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.parameter_estimates import idle_parameters, with_free
-from aatri.orientation.bundle.readmission import readmitted
 from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 
 Rebuilt = Callable[[BundleInput, tuple[ParameterRows, ...]], BundleInput]
@@ -70,6 +73,38 @@ class AdjustedBlock:
     scale: float = 1.0
     """Of the standard deviations of the class with the most redundancy, over those given, where they do not fit."""
     considered: tuple[Bool, ...] = ()
+
+
+def readmitted(adjusted: AdjustedObservations, state: State, limit: float = 3.0) -> Bool:
+    """Which of the rejected rows fit the adjusted block after all; what cannot be predicted does not.
+
+    A record fits where its test, of the prediction from everything else, is within the limit: so it is with every kind
+    of observation.
+
+    Parameters
+    ----------
+    adjusted : AdjustedObservations
+    state : mapping
+        The adjusted block.
+    limit : float
+        In standard deviations.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    fits = np.zeros(len(adjusted.observed), dtype=bool)
+    rejected = adjusted.observed.rejected
+    if rejected is None:
+        return fits
+    rows = adjusted.rows[rejected[adjusted.rows]]
+    covariance = adjusted.covariance[rows]
+    if not np.isfinite(adjusted.covariance[adjusted.rows]).any():
+        covariance = np.zeros_like(covariance)  # adjusted without: held against the measurement's own alone
+    records = adjusted.observed.records.take(rows)
+    tests = record_tests(records, state, covariance, whitened_residuals(records, state, np.arange(len(rows))))
+    fits[rows[tests.test <= limit]] = True
+    return fits
 
 
 def with_readmission(inputs: BundleInput, adjust: Adjust) -> AdjustedBlock:

@@ -18,6 +18,7 @@ from aatri.orientation.resection.kernels.resection import resect
 HUBER = 3.0
 MIN_POINTS = 3
 DECREMENT = 1e-6
+MOST_ITERATIONS = 50
 WORTH_A_THREAD = 5_000
 """Rays for which a thread of their own pays."""
 
@@ -50,8 +51,6 @@ def resect_images(
     xyz_m: Float,
     position_m: Float,
     ground_from_image: Float,
-    *,
-    max_iterations: int = 50,
 ) -> ResectedImages:
     """Resect images from approximate orientations.
 
@@ -66,7 +65,6 @@ def resect_images(
         Start; NaN where unknown.
     ground_from_image : (n_images, 3, 3) float64
         Start.
-    max_iterations : int
 
     Returns
     -------
@@ -93,7 +91,7 @@ def resect_images(
         MIN_POINTS,
         HUBER,
         DECREMENT,
-        max_iterations,
+        MOST_ITERATIONS,
         X0,
         R,
         Q,
