@@ -5,9 +5,9 @@ middle of the other control points, where no positions are known):
 
 Seen: another unit, axes, zone or datum of all control, or of one point.
 Test: one point lies off if even the nearest of its images is farther than 5 times the median of the others' d: a wrong
-position is far from all that its image shows, and says nothing of the control; it is an error if one of the usual changes brings it
-to where the others are, or if it is more than 100 km off, else a warning: objects at very different distances are
-legal.
+position is far from all that its image shows, and says nothing of the control. It is an error if one of the usual
+changes brings it to where the others are, or if it is more than 100 km off, else a warning: objects at very different
+distances are legal.
 All of it lies off if a change brings the median of d below a tenth of itself and of the distance from the origin, or
 if it exceeds 100 km, which no image sees.
 
