@@ -125,8 +125,8 @@ def pipeline_from(
     if positions and not observed:
         hint = MAY_BE_OBSERVED
         of = next(s.path.name for s, p in zip(sources, parts) if p.exterior)
-        told = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
-        narrate(f"positions are start values: no file says that they were measured; if they were: {told}")
+        remedy = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
+        narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
         return pipeline_text(sources, folder, stages, hint + grids, said=said)
     stages = MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")

@@ -218,5 +218,7 @@ def _not_read(sections: Sequence[Section]) -> list[str]:
     """Blocks and keys that would matter and are not read."""
     blocks = {s.head.words[0] for s in sections if s.head.words[0] in ("$CONTROL_POINTS", "$NAVIGATION")}
     keys = {e.line.words[0] for s in sections for e in s.entries}
-    found = sorted(blocks | {key for key in keys if "DISTORTION" in key or key in ("$FIDUCIALS", "$COORDINATE_SYSTEM")})
-    return [f"not read: {shown(found)}; give control, positions and calibration as lists beside it"] if found else []
+    unread = sorted(
+        blocks | {key for key in keys if "DISTORTION" in key or key in ("$FIDUCIALS", "$COORDINATE_SYSTEM")}
+    )
+    return [f"not read: {shown(unread)}; give control, positions and calibration as lists beside it"] if unread else []

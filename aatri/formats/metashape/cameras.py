@@ -24,10 +24,10 @@ class ImageElement(NamedTuple):
 
 def cameras_of(chunk: XmlElement) -> tuple[list[ImageElement], list[str]]:
     """The images that are enabled, and the names of the others; a label of two images has its group before it."""
-    found = [in_group for cameras in chunk.all("cameras") for in_group in _in_groups(cameras, "")]
-    labels = Counter(element.get("label") for _, element in found)
+    grouped = [in_group for cameras in chunk.all("cameras") for in_group in _in_groups(cameras, "")]
+    labels = Counter(element.get("label") for _, element in grouped)
     cameras, disabled, first = [], [], dict[str, XmlElement]()
-    for group, element in found:
+    for group, element in grouped:
         name, number = element.get("label"), element.get("id")
         if not name or not number:
             raise element.error("a camera without id or label", "export the cameras again")

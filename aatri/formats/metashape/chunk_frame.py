@@ -94,8 +94,8 @@ class ChunkFrame:
         if not self.reference.geographic:
             plane = self.reference == LOCAL and (stated.ground_points or stated.exterior)
             return PLANE if plane else self.reference
-        given = [stated.exterior.get("position_m"), stated.ground_points.get("xyz_m")]
-        degrees = [np.asarray(xyz, dtype=float).reshape(-1, 3) for xyz in given if xyz is not None]
+        coordinates = [stated.exterior.get("position_m"), stated.ground_points.get("xyz_m")]
+        degrees = [np.asarray(xyz, dtype=float).reshape(-1, 3) for xyz in coordinates if xyz is not None]
         if start.exterior and self.world != LOCAL:
             degrees.append(geographic(np.asarray(start.exterior["position_m"]), self.world))
         if not degrees:

@@ -118,11 +118,11 @@ def _files(path: Path) -> list[Path]:
     folders = [(folder, _xml_of(folder)) for folder in within if folder.is_dir() and not folder.is_symlink()]
     of_orientations = [(folder, files) for folder, files in folders if any(map(_has_orientations, files))]
     of_points = [(folder, files) for folder, files in folders if any(map(_has_points, files))]
-    for what, found in (("orientations", of_orientations), ("measured points", of_points)):
-        if len(found) > 1:
-            names = shown([str(folder.relative_to(path)) for folder, _ in found])
+    for what, several in (("orientations", of_orientations), ("measured points", of_points)):
+        if len(several) > 1:
+            names = shown([str(folder.relative_to(path)) for folder, _ in several])
             remedy = (
-                f"give one of them and the files with marks and ground points: --from {found[0][0]} --from FILE ..."
+                f"give one of them and the files with marks and ground points: --from {several[0][0]} --from FILE ..."
             )
             raise InputError(f"several folders with {what}: {names}", where=str(path), remedy=remedy)
     return [*own, *(file for _, files in (*of_orientations, *of_points) for file in files)] or _none(path)

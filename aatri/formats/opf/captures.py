@@ -51,7 +51,7 @@ def attitudes_of(document: JsonText, name_of: Mapping[int, str]) -> tuple[dict[s
     InputError
         If an attitude is not of the specification.
     """
-    found, unread = dict[str, Attitude](), list[str]()
+    attitudes, unread = dict[str, Attitude](), list[str]()
     for k, capture in enumerate(document.get(list, "captures")):
         if "orientation" not in capture:
             continue
@@ -66,9 +66,9 @@ def attitudes_of(document: JsonText, name_of: Mapping[int, str]) -> tuple[dict[s
         if sigma.min() <= 0:
             raise document.fault((*keys, "sigmas_deg"), f"standard deviations {np.degrees(sigma)}", "they are positive")
         crs = document.get(str, *keys, "crs")
-        found[name_of[camera]] = Attitude(crs, rotation_from_angles(angles), sigma, document.where(*keys))
+        attitudes[name_of[camera]] = Attitude(crs, rotation_from_angles(angles), sigma, document.where(*keys))
     what = f"yaw, pitch, roll of {len(unread)} captures are not read: {shown(unread)}"
-    return found, [what] if unread else []
+    return attitudes, [what] if unread else []
 
 
 def in_scene(attitudes: Mapping[str, Attitude], position_m: Mapping[str, Float], scene: SceneFrame,

@@ -55,7 +55,7 @@ def placed(
 
 def projected_places(project: OpfProject, scene: SceneFrame) -> Projected:
     """Captures and control in the processing system, by their ids, in the frame of the scene."""
-    found: Projected = {}
+    projected: Projected = {}
     for resource, table, inner, column, kind in (
         ("projected-input-cameras", "captures", ("geolocation",), "position", int),
         ("projected-control-points", "projected_gcps", (), "coordinates", str),
@@ -66,5 +66,5 @@ def projected_places(project: OpfProject, scene: SceneFrame) -> Projected:
             if all(key in row for key in inner):
                 xyz, sigma = (document.numbers(table, k, *inner, c, count=3) for c in (column, "sigmas"))
                 key = document.get(kind, table, k, "id")
-                found[key] = (np.array(xyz) - scene.shift_m, np.diag(np.square(sigma)))
-    return found
+                projected[key] = (np.array(xyz) - scene.shift_m, np.diag(np.square(sigma)))
+    return projected

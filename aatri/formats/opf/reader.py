@@ -43,11 +43,11 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     project = OpfProject(path)
     name_of = _camera_list(project)
     scene = project.scene()
-    given = project.open("input-cameras")
-    if given is None:
+    input_cameras = project.open("input-cameras")
+    if input_cameras is None:
         raise InputError("no item input_cameras, which has the sensors", where=f"{project.path}:1", remedy=EXPORT)
-    sensor_of, lenses, positions = _input_cameras(given, name_of)
-    attitudes, unread = attitudes_of(given, name_of)
+    sensor_of, lenses, positions = _input_cameras(input_cameras, name_of)
+    attitudes, unread = attitudes_of(input_cameras, name_of)
     calibrated = project.open("calibrated-cameras")
     if calibrated is not None:
         lenses |= _sensors(calibrated, {key: lens.size_px for key, lens in lenses.items()}, lenses)
@@ -64,7 +64,7 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     )
     projected = projected_places(project, scene)
     places = placed(project, positions, projected, scene, reporter)
-    if (rigs := rigs_of(given, {key: lens.id for key, lens in lenses.items()}, list(sensor_of))) is not None:
+    if (rigs := rigs_of(input_cameras, {key: lens.id for key, lens in lenses.items()}, list(sensor_of))) is not None:
         parts.images, parts.others = {**parts.images, **rigs[0]}, {"rig_members": rigs[1]}
     stated = _calibrated(calibrated, name_of)
     parts.exterior = _exterior(stated, places, scene, attitudes, project.files, reporter)

@@ -63,21 +63,21 @@ def assembled(
     _check_versions(tables)
     rows["exterior"] = _with_angles(rows["exterior"])
     rows["camera_parameters"] = _held_or_free(rows["cameras"], rows["camera_parameters"], not_stated.calibrate)
-    given: dict[str, Any] = {
+    by_kind: dict[str, Any] = {
         kind: {n: v for n, v in rows[kind].items() if n in columns_of(KINDS[kind])} for kind in KINDS
     }
-    if given["images"] and np.isnan(given["images"]["sequence"]).all():
-        given["images"]["sequence"] = np.arange(1.0, len(given["images"]["id"]) + 1)
-    _check_others(sources, given)
+    if by_kind["images"] and np.isnan(by_kind["images"]["sequence"]).all():
+        by_kind["images"]["sequence"] = np.arange(1.0, len(by_kind["images"]["id"]) + 1)
+    _check_others(sources, by_kind)
     others = dict(sources[0].others) | _distortion_tables(sources, rows["cameras"]["id"])
     return block_of(
         name=not_stated.name or sources[0].name or sources[0].format,
         files=tables.files,
-        **(given | ({} if "frames" in others else _of_frame(frame)) | others),
+        **(by_kind | ({} if "frames" in others else _of_frame(frame)) | others),
     )
 
 
-def _check_others(sources: Sequence[BlockParts], given: dict[str, Any]) -> None:
+def _check_others(sources: Sequence[BlockParts], by_kind: dict[str, Any]) -> None:
     """Tables that are taken as they are belong to the first source, and count in its rows."""
     for parts in sources[1:]:
         others = {k: v for k, v in parts.others.items() if k in tables_of(Block) and k != "distortion_table"}
@@ -86,7 +86,7 @@ def _check_others(sources: Sequence[BlockParts], given: dict[str, Any]) -> None:
             what = f"its {', '.join(tables).replace('_', ' ')} would be lost beside {sources[0].format}"
             raise InputError(what, where=str(parts.files[0]), remedy="give it as the first source")
     own = sources[0].ground_points.get("point", np.zeros(0, "U1"))
-    if "ground_point_covariances" in sources[0].others and not np.array_equal(given["ground_points"]["point"], own):
+    if "ground_point_covariances" in sources[0].others and not np.array_equal(by_kind["ground_points"]["point"], own):
         what = "another source gives ground points, which the covariances between those of the first do not count in"
         raise InputError(what, where=str(sources[0].files[0]), remedy="write all control into ground_points.csv")
 

@@ -74,8 +74,8 @@ def joined(sources: Sequence[BlockParts], reporter: Reporter) -> JoinedParts:
 
 def _image_names(tables: dict[str, Rows]) -> list[str]:
     listed = [tables["images"].get("id"), tables["image_points"].get("image"), tables["exterior"].get("image")]
-    given = listed[:2] if tables["images"] or tables["image_points"] else listed
-    return list(dict.fromkeys(str(name) for column in given if column is not None for name in column.tolist()))
+    columns = listed[:2] if tables["images"] or tables["image_points"] else listed
+    return list(dict.fromkeys(str(name) for column in columns if column is not None for name in column.tolist()))
 
 
 def _rename_images(tables: dict[str, Rows], images: list[str], parts: BlockParts, reporter: Reporter) -> None:
@@ -87,16 +87,16 @@ def _rename_images(tables: dict[str, Rows], images: list[str], parts: BlockParts
     )
     if not names:
         return
-    found = matched(names, images, OF_IMAGES)
-    _tell(found.in_words("image names"), parts, reporter)
-    if not found.name:
+    matching = matched(names, images, OF_IMAGES)
+    _tell(matching.in_words("image names"), parts, reporter)
+    if not matching.name:
         what = f"none of its {len(names)} image names is one of the block: {shown(names, 3)}; there: {shown(images, 3)}"
         raise InputError(what, where=str(parts.files[0]), remedy="give the list of the same flight, or mend the names")
-    if found.unmatched:
-        what = f"{len(found.unmatched)} of its {len(names)} images are not in the block, and are left out"
-        reporter.warn(f"{parts.files[0]}: {what}: {shown(found.unmatched)}")
+    if matching.unmatched:
+        what = f"{len(matching.unmatched)} of its {len(names)} images are not in the block, and are left out"
+        reporter.warn(f"{parts.files[0]}: {what}: {shown(matching.unmatched)}")
     for table, key in (("images", "id"), ("image_points", "image"), ("exterior", "image")):
-        tables[table] = _renamed(tables[table], key, found.name)
+        tables[table] = _renamed(tables[table], key, matching.name)
         twice(tables[table], key, "image", parts.files) if table != "image_points" else None
 
 
@@ -119,14 +119,16 @@ def _rename_cameras(tables: list[dict[str, Rows]], sources: Sequence[BlockParts]
     Where the images name one camera, or none at all, and one source gives one camera, that is it.
     """
     named = {str(n) for t in tables for n in t["images"].get("camera", np.zeros(0)).tolist()} - {""}
-    given = {str(n) for t in tables for n in t["cameras"].get("id", np.zeros(0)).tolist()}
+    ids = {str(n) for t in tables for n in t["cameras"].get("id", np.zeros(0)).tolist()}
     for of_source, parts in zip(tables, sources):
         own = [str(name) for name in of_source["cameras"].get("id", np.zeros(0)).tolist()]
-        found = _matched_names(dict.fromkeys(own), dict.fromkeys(named), OF_POINTS, "camera names", parts, reporter)
-        if len(own) == 1 and len(named) == 1 and own[0] not in found and not named & given:
-            found = {own[0]: next(iter(named))}
-            reporter.log(f"{parts.files[0]}: camera {own[0]} is taken for {found[own[0]]}, the only one of the images")
-        names = {name: found.get(name, name) for name in own}
+        name_of = _matched_names(dict.fromkeys(own), dict.fromkeys(named), OF_POINTS, "camera names", parts, reporter)
+        if len(own) == 1 and len(named) == 1 and own[0] not in name_of and not named & ids:
+            name_of = {own[0]: next(iter(named))}
+            reporter.log(
+                f"{parts.files[0]}: camera {own[0]} is taken for {name_of[own[0]]}, the only one of the images"
+            )
+        names = {name: name_of.get(name, name) for name in own}
         for table, key in (("cameras", "id"), ("camera_parameters", "camera")):
             of_source[table] = _renamed(of_source[table], key, names)
 
@@ -134,9 +136,9 @@ def _rename_cameras(tables: list[dict[str, Rows]], sources: Sequence[BlockParts]
 def _matched_names(
     names: dict[str, None], known: dict[str, None], steps: tuple[Step, ...], what: str, parts: BlockParts, to: Reporter
 ) -> dict[str, str]:
-    found = matched(names, known, steps)
-    _tell(found.in_words(what), parts, to)
-    return dict(found.name)
+    matching = matched(names, known, steps)
+    _tell(matching.in_words(what), parts, to)
+    return dict(matching.name)
 
 
 def _tell(sentences: list[str], parts: BlockParts, reporter: Reporter) -> None:
@@ -194,9 +196,9 @@ def _images(names: list[str], tables: list[dict[str, Rows]]) -> Rows:
     stated = [t["images"] for t in tables if t["images"]]
     rows = rows_of(BlockParts("", [], images={"id": names}), "images")
     row = {name: k for k, name in enumerate(names)}
-    for given in stated:
-        at = np.array([row[str(name)] for name in given["id"].tolist()], dtype=np.intp)
-        for name, values in given.items():
+    for columns in stated:
+        at = np.array([row[str(name)] for name in columns["id"].tolist()], dtype=np.intp)
+        for name, values in columns.items():
             if name != "id":
                 open_ = _not_stated(rows[name][at])
                 column = rows[name] if rows[name].dtype.kind != "U" else rows[name].astype(object)

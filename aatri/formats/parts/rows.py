@@ -57,27 +57,28 @@ def rows_of(parts: BlockParts, table: str, first_file: int = 0) -> Rows:
     first_file : int
         Place of the first file of the source among those of all.
     """
-    given = dict(getattr(parts, table))
-    if not given:
+    columns = dict(getattr(parts, table))
+    if not columns:
         return {}
-    if "sigma_m" in given:
-        variance = np.asarray(given.pop("sigma_m"), dtype=np.float64)[..., None] ** 2
+    if "sigma_m" in columns:
+        variance = np.asarray(columns.pop("sigma_m"), dtype=np.float64)[..., None] ** 2
         of = "position_covariance_m2" if table == "exterior" else "covariance_m2"
-        given[of] = np.where(np.eye(3, dtype=bool), variance * np.eye(3), 0.0)  # what is not stated is NaN there alone
+        # what is not stated is NaN there alone
+        columns[of] = np.where(np.eye(3, dtype=bool), variance * np.eye(3), 0.0)
     if table == "image_points" and parts.pixel_axes is not None:
-        given["pixel_axes"] = parts.pixel_axes.name
-    if "line" in given:
-        given.setdefault("file", 0)
+        columns["pixel_axes"] = parts.pixel_axes.name
+    if "line" in columns:
+        columns.setdefault("file", 0)
     declared = dict(columns_of(KINDS[table])) | EXTRA.get(table, {})
-    if unknown := sorted(given.keys() - declared.keys()):
+    if unknown := sorted(columns.keys() - declared.keys()):
         raise ValueError(f"reader of {parts.format}: {table} has no column {', '.join(unknown)}")
-    n = max(len(np.asarray(v)) for name, v in given.items() if _has_rows(v, declared[name]))
+    n = max(len(np.asarray(v)) for name, v in columns.items() if _has_rows(v, declared[name]))
     made = {}
     for name, column in declared.items():
         dtype = "str" if column.refers and column.refers != "files" else column.dtype
         default = NOT_STATED.get((table, name), column.default)
         default = {"str": "", "f8": np.nan}.get(dtype, -1) if default is None or dtype != column.dtype else default
-        values = given.get(name, default)
+        values = columns.get(name, default)
         made[name] = _column(values, dtype, column.shape, n)
     made["file"] = (
         np.where(made["file"] >= 0, made["file"] + first_file, -1) if "file" in made else np.full(n, first_file)

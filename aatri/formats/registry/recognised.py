@@ -55,10 +55,10 @@ def recognised_file(path: Path) -> Recognised:
     """
     if not path.exists():
         raise missing(path)
-    found = _as_one(path)
-    if found is None:
+    one = _as_one(path)
+    if one is None:
         raise unrecognised(path)
-    return found
+    return one
 
 
 def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]:
@@ -82,12 +82,12 @@ def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]
         if whole is None:
             raise unrecognised(path)
         return [whole]
-    found = [] if whole is None else [whole]
-    read = {file for r in found for file in r.format.files_of(FileView(path))}
-    found += _within(path, read, MOST_LEVELS, [] if unread is None else unread)
-    if not found:
+    sources = [] if whole is None else [whole]
+    read = {file for r in sources for file in r.format.files_of(FileView(path))}
+    sources += _within(path, read, MOST_LEVELS, [] if unread is None else unread)
+    if not sources:
         raise unrecognised(path)
-    return found
+    return sources
 
 
 def _as_one(path: Path) -> Recognised | None:
@@ -100,18 +100,18 @@ def _as_one(path: Path) -> Recognised | None:
 
 def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path]) -> list[Recognised]:
     """Sources among the files of a folder, and folders of it."""
-    found: list[Recognised] = []
+    sources: list[Recognised] = []
     for path in sorted(folder.iterdir())[:MOST_FILES]:
         if path.name.startswith(".") or path in read:
             continue
         one = _as_one(path)
         if one is not None:
-            found.append(one)
+            sources.append(one)
         elif path.is_dir() and not path.is_symlink() and levels > 1:
-            found += _within(path, read, levels - 1, unread)
+            sources += _within(path, read, levels - 1, unread)
         elif path.is_file() and without_extension(path.name) == path.name:
             unread.append(path)
-    return found
+    return sources
 
 
 def unrecognised(path: Path) -> InputError:
