@@ -44,7 +44,8 @@ from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.graph.principal_distance import with_bends
-from aatri.orientation.relative.essential import EssentialOrientations, essential_orientations
+from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.orientations import EssentialOrientations
 from aatri.orientation.relative.shared_planes import rotations_by_planes
 from aatri.plugin import SILENT, Context, Field, Options, stage
 

@@ -27,9 +27,10 @@ from aatri.artifacts.models import Models
 from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.essential import SAMPLES, EssentialOrientations, essential_orientations
+from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.from_consensus import SAMPLES
 from aatri.orientation.relative.image_scale import with_sigmas
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import EssentialOrientations, RelativeOrientations
 from aatri.plugin import SILENT, Context, Field, stage
 
 from ._pairs import PairOptions, by_orientation_points, checked_image_points

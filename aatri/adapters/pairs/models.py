@@ -21,10 +21,9 @@ from aatri.geometry.vectors import finite_rows
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.relative.connected_pairs import Connection
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
-from aatri.orientation.relative.essential import EssentialOrientations
 from aatri.orientation.relative.film import film_in_orientations
 from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import EssentialOrientations, RelativeOrientations
 
 SCALE = "scale"
 """Name of the element that tells the scale of a model in units of the model before."""

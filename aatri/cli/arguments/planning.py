@@ -141,10 +141,11 @@ def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: b
     if folder is None:
         return None
     uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
-    kernels = kernels_of(catalogue.codes(uses))
+    codes = catalogue.codes(uses)
+    kernels = kernels_of(codes)
     remove_unused(folder, kernels)
     take_carried(missing(kernels))
-    if not (lacking := missing(kernels)):
+    if not (lacking := missing(kernels_of(codes, at_once=True))):  # others are compiled when a block needs them
         return None
     if not quiet:
         narrate(f"compiling the inner loops for this processor, once: {len(lacking)} modules, a second or two each")

@@ -1,6 +1,6 @@
 """Relative orientation of many pairs without any start: five-point samples, then least squares.
 
-A compiled loop over the pairs, in threads, draws samples (`kernels.consensus`) and gives the best orientations that
+A compiled loop over the pairs, in threads, draws samples (`from_consensus`) and gives the best orientations that
 differ; the best one is adjusted with the points that fit it, by the rules of `relative.pairs`: data snooping, model
 points, statistics. Nothing is assumed about how the images lie to each other.
 
@@ -12,17 +12,15 @@ explains the images there is no base, but the rotation is known.
 Source: Nister, PAMI 26 (2004) 756; Fischler & Bolles 1981; Longuet-Higgins, Proc. R. Soc. B 227 (1986) 399.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
-from aatri.geometry.rotations import angles_between, nearest_rotation
+from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
 from aatri.orientation.relative.degenerate import NO_BASE, angle_sigmas, degenerate_pairs
+from aatri.orientation.relative.from_consensus import SAMPLES, FromConsensus
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
-from aatri.orientation.relative.kernels.consensus import JUDGES, KEPT, consensus
 from aatri.orientation.relative.kernels.snooping import SNOOPED
 from aatri.orientation.relative.loops import (
     ENOUGH,
@@ -31,103 +29,19 @@ from aatri.orientation.relative.loops import (
     from_parallel,
     oriented_from,
 )
-from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations, rows_of_pairs
+from aatri.orientation.relative.orientations import (
+    EssentialOrientations,
+    PairSettings,
+    RelativeOrientations,
+    rows_of_pairs,
+)
 from aatri.progress import SILENT, Reporter
-
-SAMPLES = 1_000
-"""Most samples of a pair."""
-
-AS_GOOD = 3.0
-"""A second orientation explains n points as well if its cost, sum log(1 + (v / 3)^2), exceeds the first one's by no
-more than this many standard deviations: the two see other components of the errors, so that the difference of their
-sums of squares has a standard deviation of up to 2 sqrt(n), that of the costs a ninth of it."""
-
-LEAST = 2.0
-"""The same where points are few."""
-
-NEARER = 0.5
-"""Of two orientations over a plane the one that is nearer to the expected rotation counts, if it is off by less than
-this share of what the other is; else nothing decides. The two differ by many degrees, expected rotations err by few."""
 
 TURNS = 15
 """Reweighted fits of a rotation."""
 
 TURNED = 0.5
 """Share of the points that a rotation has to explain."""
-
-
-class FromConsensus:
-    """Start of pairs by the essential matrix of five points that most points fit.
-
-    Parameters
-    ----------
-    start : (m + 1,) int
-        First point of each pair.
-    max_samples : int
-    fewest : int
-        Pairs with fewer points get no start.
-    expected : (m, 3, 3) float64, optional
-        Rotations that decide between orientations over a plane; NaN where unknown.
-
-    Attributes
-    ----------
-    second : (m, 3, 4) float64
-        Rotation and base of another orientation that explains the points as well; NaN where there is none.
-    samples : (m,) int64
-        Five-point samples drawn.
-    share : (m,) float64
-        Of the points that fit.
-    """
-
-    def __init__(self, start: Int, max_samples: int = SAMPLES, fewest: int = 5, expected: Float | None = None) -> None:
-        m = len(start) - 1
-        self.expected = np.full((m, 3, 3), np.nan) if expected is None else expected
-        self.max_samples, self.fewest = max_samples, fewest
-        self.second, self.samples, self.share = np.full((m, 3, 4), np.nan), np.zeros(m, dtype=np.int64), np.zeros(m)
-
-    def __call__(self, portion: Portion) -> None:
-        """Start the pairs of a portion."""
-        pair, count = portion.pair, portion.count
-        portion.chosen[:] &= count >= self.fewest
-        poses, costs = np.full((len(count), KEPT, 3, 4), np.nan), np.full((len(count), KEPT), np.inf)
-        drawn, fits = np.zeros(len(count), dtype=np.int64), np.zeros(len(portion.active), dtype=bool)
-        portion.all_pairs(consensus, portion.chosen, portion.table, self.max_samples, poses, costs, drawn, fits)
-        portion.chosen[:] &= np.isfinite(costs[:, 0])
-        # of five points, or of a plane, they are rotations to some digits only, and what follows turns them as they are
-        finite = np.isfinite(costs)
-        poses[finite, :, :3] = nearest_rotation(poses[finite, :, :3])
-        portion.pose[:] = poses[:, 0]
-        portion.active[:] &= fits
-        row = np.repeat(np.arange(len(count)), count)
-        self.samples[pair] = drawn
-        fitting = np.bincount(row[fits], minlength=len(count))
-        self.share[pair] = fitting / np.maximum(count, 1)
-        for k in np.flatnonzero(portion.chosen & (self.share[pair] < FEWEST)).tolist():
-            portion.reasons[int(pair[k])] = f"only {fitting[k]} of {count[k]} points fit one orientation"
-        limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
-        also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
-        first_off, second_off = (angles_between(poses[:, k, :, :3], self.expected[pair]) for k in (0, 1))
-        exchanged = also & (second_off < NEARER * first_off)
-        portion.pose[exchanged] = poses[exchanged, 1]
-        undecided = also & ~exchanged & ~(first_off < NEARER * second_off)
-        self.second[pair[undecided]] = poses[undecided, 1]
-
-
-@dataclass(frozen=True)
-class EssentialOrientations:
-    """Relative orientations without start."""
-
-    orientations: RelativeOrientations
-    second: Float
-    """(m, 3, 4). Rotation and base of another orientation that explains the points as well; NaN where there is none."""
-    turned: Float
-    """(m, 3, 3). Rotation of the right image into the frame of the left one where the images have no base; else NaN."""
-    turned_sigma_rad: Float
-    """(m,), rad."""
-    turned_points: Int
-    """(m,) int64. Points that the rotation explains."""
-    samples: Int
-    """(m,) int64. Five-point samples drawn."""
 
 
 def essential_orientations(

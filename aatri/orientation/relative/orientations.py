@@ -14,6 +14,10 @@ from aatri.orientation.relative.image_pairs import ImagePairs
 PER_POINT = ("active", "parallax_mm", "error_mm", "error_sigma_mm", "test", "xyz", "point_covariance", "depth")
 PER_PAIR = ("formed", "left_from_right", "base", "covariance", "sigma0", "redundancy", "iterations")
 
+NEARER = 0.5
+"""Of two orientations over a plane the one that is nearer to the expected rotation counts, if it is off by less than
+this share of what the other is; else nothing decides. The two differ by many degrees, expected rotations err by few."""
+
 
 @dataclass(frozen=True)
 class RelativeOrientations:
@@ -110,3 +114,20 @@ def refresh_points(orientations: RelativeOrientations, pairs: ImagePairs, pair: 
     orientations.point_covariance[rows] = points.covariance
     orientations.parallax_mm[rows] = parallax(R, base, rays)[0]
     orientations.active[rows] &= (points.depth > 0).all(axis=1)
+
+
+@dataclass(frozen=True)
+class EssentialOrientations:
+    """Relative orientations without start."""
+
+    orientations: RelativeOrientations
+    second: Float
+    """(m, 3, 4). Rotation and base of another orientation that explains the points as well; NaN where there is none."""
+    turned: Float
+    """(m, 3, 3). Rotation of the right image into the frame of the left one where the images have no base; else NaN."""
+    turned_sigma_rad: Float
+    """(m,), rad."""
+    turned_points: Int
+    """(m,) int64. Points that the rotation explains."""
+    samples: Int
+    """(m,) int64. Five-point samples drawn."""

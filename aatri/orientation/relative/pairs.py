@@ -24,12 +24,12 @@ import numpy as np
 from aatri.arrays import Bool, Int
 from aatri.geometry.coplanarity import RayPairs, parallax
 from aatri.geometry.intersection import intersect_pair
-from aatri.orientation.relative.essential import FromConsensus
 from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.loops import (
     ENOUGH,
     FEWEST,
+    Portion,
     from_parallel,
     oriented_from,
 )
@@ -65,8 +65,13 @@ def relative_orientations(
     """
     settings = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points)
 
+    def by_consensus(portion: Portion) -> None:
+        from aatri.orientation.relative.from_consensus import FromConsensus
+
+        FromConsensus(start)(portion)
+
     def orient(scaled: RayPairs) -> RelativeOrientations:
-        starts = ((from_parallel, ENOUGH), (FromConsensus(start), FEWEST))
+        starts = ((from_parallel, ENOUGH), (by_consensus, FEWEST))
         return oriented_from(scaled, start, starts, settings, reporter)
 
     return with_image_scale(orient, rays)

@@ -14,7 +14,7 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import unit
-from aatri.orientation.relative.essential import NEARER, EssentialOrientations
+from aatri.orientation.relative.orientations import NEARER, EssentialOrientations
 
 PARTNERS = 8
 """Pairs of an image, before and behind in their order, with which each is compared."""

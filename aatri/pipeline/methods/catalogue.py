@@ -63,7 +63,7 @@ class Catalogue:
     def __init__(self, local: Path | None = None, registry: Registry | None = None, *, runs_code: bool = False) -> None:
         self.local, self._registry, self._runs_code = local, registry, runs_code
         self._found = {} if registry is not None else _origins(local)
-        self._codes = Cache(cache_name("code", PACKAGE))
+        self._codes = Cache(cache_name("codes", PACKAGE))
         self._methods = Cache(cache_name("methods", PACKAGE) if registry is None else None)
         self._versions = (platform.python_version(), importlib.metadata.version("pydantic"))
         self._reader = CodeReader(self._codes)

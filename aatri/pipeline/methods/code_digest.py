@@ -1,9 +1,9 @@
 """Which code a stage depends on: the static import closure of its module, and the digest of it.
 
 Followed are modules of aatri, of the built-in stages and of the plugin's own package or folder; `__init__` files are
-not (they re-export nothing), nor imports under `TYPE_CHECKING`. Imports inside functions count. Per file the syntax
-tree without docstrings is digested, with the version of Python that made it: comments, blank lines and docstrings
-change nothing, any other edit does. Nothing is imported for this.
+not (they re-export nothing), nor imports under `TYPE_CHECKING`. Imports inside functions count, but are told apart. Per
+file the syntax tree without docstrings is digested, with the version of Python that made it: comments, blank lines and
+docstrings change nothing, any other edit does. Nothing is imported for this.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ class Code:
     digest: str
     files: dict[str, str]
     modules: dict[str, str]
+    at_once: frozenset[str] = frozenset()
+    """Modules that are imported with it; the others by some function, when it is called."""
 
 
 class CodeReader:
@@ -44,7 +46,7 @@ class CodeReader:
         self._cache = cache
         self._files: dict[Path, dict[str, Any]] = {}
         self._codes: dict[tuple[str, Path], Code] = {}
-        self._imported: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
+        self._imported: dict[tuple[Path, Path, str], list[tuple[str, Path]]] = {}
         self._places: dict[tuple[str, Path], tuple[str, Path] | None] = {}
 
     def code_of(self, module: str, path: Path) -> Code:
@@ -78,22 +80,32 @@ class CodeReader:
                 continue
             files[name], digests[name] = str(file), self._file(file)["digest"]
             waiting += [module for module in self._imports(name, file, root, roots) if module[0] not in files]
+        at_once: set[str] = set()
+        waiting = [(module, path)]
+        while waiting:
+            name, file = waiting.pop()
+            if name not in at_once:
+                at_once.add(name)
+                waiting += self._imports(name, file, root, roots, kind="at_once")
         lines = "".join(f"{name} {digests[name]}\n" for name in sorted(files))
         whole = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
-        return Code(whole, dict(sorted(files.items())), {name: digests[name][:SHORT] for name in sorted(files)})
+        short = {name: digests[name][:SHORT] for name in sorted(files)}
+        return Code(whole, dict(sorted(files.items())), short, frozenset(at_once))
 
     def _file(self, path: Path) -> dict[str, Any]:
         if path not in self._files:
             self._files[path] = of_file(path, self._cache, _read)
         return self._files[path]
 
-    def _imports(self, name: str, file: Path, own: Path, roots: Mapping[str, Path]) -> list[tuple[str, Path]]:
-        """The modules of the roots that a file imports."""
-        if (file, own) not in self._imported:
-            names = {_absolute(level, imported, name) for level, imported in self._file(file)["imports"]}
+    def _imports(
+        self, name: str, file: Path, own: Path, roots: Mapping[str, Path], kind: str = "imports"
+    ) -> list[tuple[str, Path]]:
+        """The modules of the roots that a file imports, or imports `at_once`."""
+        if (file, own, kind) not in self._imported:
+            names = {_absolute(level, imported, name) for level, imported in self._file(file)[kind]}
             located = (self._place_of(imported, own, roots) for imported in sorted(names))
-            self._imported[file, own] = list(dict.fromkeys(module for module in located if module is not None))
-        return self._imported[file, own]
+            self._imported[file, own, kind] = list(dict.fromkeys(module for module in located if module is not None))
+        return self._imported[file, own, kind]
 
     def _place_of(self, name: str, own: Path, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
         """Module and file of a dotted name, looked for once."""
@@ -140,30 +152,35 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError):
-        return {"digest": hashlib.sha256(text).hexdigest(), "imports": []}
+        return {"digest": hashlib.sha256(text).hexdigest(), "imports": [], "at_once": []}
     imports: set[tuple[int, str]] = set()
-    _look_through(tree, imports)
+    at_once: set[tuple[int, str]] = set()
+    _look_through(tree, imports, at_once)
     digest = hashlib.sha256(ast.dump(tree, include_attributes=False).encode()).hexdigest()
-    return {"digest": digest, "imports": [list(pair) for pair in sorted(imports)]}
+    kinds = {"imports": imports, "at_once": at_once}
+    return {"digest": digest, **{kind: [list(pair) for pair in sorted(pairs)] for kind, pairs in kinds.items()}}
 
 
-def _look_through(node: ast.AST, imports: set[tuple[int, str]]) -> None:
+def _look_through(node: ast.AST, imports: set[tuple[int, str]], at_once: set[tuple[int, str]]) -> None:
     """Collect the imports of a statement and those within it, and take docstrings out; expressions have neither.
+
+    Those outside functions are collected in `at_once` too.
 
     An import is (level, dotted name); of `from x import y` the name is `x.y`, which may be a module.
     """
-    if isinstance(node, ast.Import):
-        imports.update((0, alias.name) for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
-        head = f"{node.module}." if node.module else ""
-        imports.update((node.level, head + alias.name) for alias in node.names)
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        level, module = (node.level, node.module) if isinstance(node, ast.ImportFrom) else (0, None)
+        names = {(level, f"{module}.{alias.name}" if module else alias.name) for alias in node.names}
+        imports |= names
+        at_once |= names
     elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
         _strip_docstring(node)
+    outside = set() if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else at_once
     type_checking = isinstance(node, ast.If) and _is_type_checking(node.test)
     for field in ("orelse",) if type_checking else ("body", "orelse", "handlers", "finalbody", "cases"):
         below = getattr(node, field, ())
         for child in below if isinstance(below, list) else ():
-            _look_through(child, imports)
+            _look_through(child, imports, outside)
 
 
 def _strip_docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> None:

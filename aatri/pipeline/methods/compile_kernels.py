@@ -31,9 +31,9 @@ PROCESSES = 4
 R = TypeVar("R")
 
 
-def kernels_of(codes: Iterable[Code]) -> dict[str, Path]:
-    """Kernel modules that some stages reach, with their files."""
-    reached = {name: Path(file) for code in codes for name, file in code.files.items()}
+def kernels_of(codes: Iterable[Code], *, at_once: bool = False) -> dict[str, Path]:
+    """Kernel modules that some stages reach, or that are imported `at_once` with them, with their files."""
+    reached = {name: Path(code.files[name]) for code in codes for name in (code.at_once if at_once else code.files)}
     return {name: file for name, file in reached.items() if file.parent.name == "kernels"}
 
 

@@ -124,7 +124,7 @@ def code_of(module: str, file: Path) -> Code:
 
 @cache
 def _reader() -> CodeReader:
-    return CodeReader(Cache(cache_name("code", PACKAGE)))
+    return CodeReader(Cache(cache_name("codes", PACKAGE)))
 
 
 def take_carried(kernels: Mapping[str, Path]) -> None:

@@ -15,6 +15,7 @@ from aatri.errors import GeometryError
 from aatri.geometry import intersection
 from aatri.geometry.coplanarity import RayPairs, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
+from aatri.orientation.relative.from_consensus import FromConsensus
 from aatri.orientation.relative.kernels import model_points
 from aatri.orientation.relative.kernels import sampson as kernel
 from tests.adjustment import dense
@@ -149,7 +150,7 @@ def test_the_compiled_loop_rejects_and_readmits_as_the_numpy_form(wrong: float) 
 
 def test_plain_pairs_need_no_second_start(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [_pair(seed, points=10, wrong=0.05) for seed in range(20)]
-    monkeypatch.setattr(many.FromConsensus, "__call__", None)
+    monkeypatch.setattr(FromConsensus, "__call__", None)
     assert many.relative_orientations(*_stacked(pairs)).formed.all()
 
 

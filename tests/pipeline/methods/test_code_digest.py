@@ -53,6 +53,12 @@ def test_the_closure_holds_what_is_reached_and_nothing_else(toy: Path) -> None:
     }
 
 
+def test_what_a_function_imports_is_reached_but_not_at_once(toy: Path) -> None:
+    code = CodeReader(Cache(None)).code_of("toy.stage", toy / "stage.py")
+    assert set(code.files) - code.at_once == {"toy.late"}
+    assert code.at_once < set(code.files)
+
+
 def test_a_built_in_stage_reaches_its_library_and_not_the_pipeline() -> None:
     path = PACKAGE.parent / "stages" / "interior_orientation" / "affine.py"
     files = CodeReader(Cache(None)).code_of("aatri.stages.interior_orientation.affine", path).files

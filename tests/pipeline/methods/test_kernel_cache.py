@@ -13,9 +13,12 @@ import pytest
 pytest.importorskip("numba")
 
 from aatri.pipeline.methods import kernel_cache
-from aatri.pipeline.methods.compile_kernels import Compilation, missing
+from aatri.pipeline.methods.code_digest import PACKAGE, CodeReader
+from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
 from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
+from aatri.pipeline.store.cache import Cache
 
+CONSENSUS = "aatri.orientation.relative.kernels.consensus"
 INNER = """from numba import njit
 
 
@@ -153,3 +156,11 @@ def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monke
     assert {p.name for p in (tmp_path / "numba").iterdir()} == {*names, "new-1"}
     assert min(p.stat().st_mtime for p in (tmp_path / "numba").iterdir()) > time.time() - 3600
     assert not is_compiled("field.kernels.inner", kernels["field.kernels.inner"])  # a folder alone is not enough
+
+
+@pytest.mark.parametrize(("variant", "at_once"), [("dependent", False), ("essential", True)])
+def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, at_once: bool) -> None:
+    path = PACKAGE.parent / "stages" / "relative_orientation" / f"{variant}.py"
+    code = CodeReader(Cache(None)).code_of(f"aatri.stages.relative_orientation.{variant}", path)
+    assert CONSENSUS in kernels_of([code])
+    assert (CONSENSUS in kernels_of([code], at_once=True)) == at_once
