@@ -33,7 +33,7 @@ FEWEST = 3
 CALIBRATED = "self_calibration: {set: brown_conrady, remove: true}"
 """As programs of computer vision have it; what the block does not determine is taken out."""
 COMPONENTS = "variance_components: {groups: [kind], apply: true}"
-"""Where no file states standard deviations of image points: they come from the residuals."""
+"""Where no file states standard deviations of image points: they come from the residuals, against other kinds."""
 MAY_BE_OBSERVED = """\
       # positions of the files are start values; of measured ones say `use: observed` beside their path, and here:
       # position_sigma: [0.1, 0.1, 0.1]   # m
@@ -245,7 +245,8 @@ def _options(block: Block, sources: Sequence[SourceWithSettings], parts: Sequenc
     # a camera of an image or two is not determined by them: it keeps what the program has estimated
     calibrated = any(f.estimates_cameras for f in cameras) and len(block.images) > 2 * len(block.cameras)
     assumed = any("standard deviations" not in f.carries for f in points)
-    return [CALIBRATED] * calibrated + [COMPONENTS] * assumed + ["blunders: robust_snooping"] * _to_match(block)
+    matched = ["blunders: robust_snooping"] * _to_match(block)
+    return [CALIBRATED] * calibrated + [COMPONENTS] * (assumed and _has_datum(block)) + matched
 
 
 def _stages(block: Block, options: list[str]) -> str:

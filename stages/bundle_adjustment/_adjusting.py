@@ -13,7 +13,7 @@ from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import ObservationSource
@@ -21,6 +21,7 @@ from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again
+from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -87,7 +88,12 @@ def _searched(
         done = robustly(inputs, adjust, searching)
     else:
         inputs = inputs if searching.method == "none" else without_exchanged(inputs)
-        done, groups = with_datum_again(inputs, in_groups)
+        try:
+            done, groups = with_datum_again(inputs, in_groups)
+        except (ConvergenceError, GeometryError) as failure:
+            if searching.method == "none":
+                raise
+            done = without_search(inputs, adjust, failure)
     if options.self_calibration is None or not options.self_calibration.remove:
         return done, groups
     rebuilt, before = partial(with_parameters, source), done.notes
