@@ -26,6 +26,8 @@ from aatri.adapters.ground.initial_tests import (
     with_uncertain_distances,
 )
 from aatri.artifacts.block import Block
+from aatri.codes import CONTROL as CONTROL_CODE
+from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose
 from aatri.notes import Note
@@ -41,6 +43,10 @@ from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
 from aatri.orientation.graph.on_ground import fits_bent
 
+IMAGES_ALONE = (
+    "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "
+    "`positions: {use: false}`"
+)
 OPEN = 1e-8
 """The same below which a motion is held where the datum is free."""
 
@@ -95,8 +101,18 @@ def to_ground(
         notes += of_part
         done += [] if beside is None else [beside]
     if not done:
-        raise failed[0][2]
+        raise _nowhere(ground, failed[0][1], failed[0][2])
     return done, notes
+
+
+def _nowhere(ground: GroundObserved, what: str, why: AatriError) -> AatriError:
+    """The error of a block that nothing places; where it has positions alone its images may still be oriented."""
+    text = why.what if why.what.startswith(what) else f"{what}: control and positions do not place it: {why.what}"
+    of = ConvergenceError if isinstance(why, ConvergenceError) else GeometryError  # its narrower classes say more
+    positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
+    if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():
+        return of(text, remedy=why.remedy)
+    return of(text, remedy=f"{why.remedy}; {IMAGES_ALONE}")
 
 
 def _otherwise(

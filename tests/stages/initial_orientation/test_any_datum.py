@@ -136,3 +136,12 @@ def test_an_open_datum_is_named(tmp_path: Path, made: Callable[[], Small], open_
     folder: Any = made().write(tmp_path / "block")
     with pytest.raises(GeometryError, match=f"not determined: .*{open_}"):
         adjusted_by("graph", folder)
+
+
+def test_positions_that_place_nothing_leave_the_images_to_be_oriented_alone(tmp_path: Path) -> None:
+    """Two positions leave the turn about their line open; photographs of a telephone along a street do, too."""
+    made = flown(1, 4)
+    made.control, made.observed = {}, dict.fromkeys(list(made.position_m)[:2], "XYZ")
+    with pytest.raises(GeometryError, match=r"^component 1 \(4 images\).*") as caught:
+        adjusted_by("graph", made.write(tmp_path / "block"))
+    assert "`use_positions: false`, in the bundle `datum: free`" in caught.value.remedy
