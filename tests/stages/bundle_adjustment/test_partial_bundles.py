@@ -89,6 +89,28 @@ def test_error_free_points_are_intersected_to_the_truth(exact: Chain) -> None:
     right(exact, intersection(exact.block, exact.refined, moved(exact, points_m=1.0)))
 
 
+def test_points_of_many_rays_have_the_covariance_of_their_own_normal_equations() -> None:
+    """(sum J' J / sigma^2)^-1 of the rays of a point, J of the projection by differences; without film corrections."""
+    made = run_chain(simulated(3, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 6}))
+    solution, m = intersection(made.block, made.refined, made.strip_block), made.refined.measurements
+    c_mm = made.block.cameras.principal_distance_mm[0]
+    P, R, step = solution.images.position_m, solution.images.ground_from_image, 1e-3 * np.eye(3)
+
+    def photo_mm(ray: int, X: Any) -> Any:
+        u = R[m.image[ray]].T @ (X - P[m.image[ray]])
+        return -c_mm * u[:2] / u[2]
+
+    control, seen = made.block.ground_points.point, np.bincount(m.point, minlength=len(made.block.points))
+    new = np.setdiff1d(np.flatnonzero(seen >= 3), control)
+    for j in new[:20].tolist():
+        N, X = np.zeros((3, 3)), solution.points.xyz_m[j]
+        for ray in np.flatnonzero((m.point == j) & m.active).tolist():
+            J = np.stack([(photo_mm(ray, X + h) - photo_mm(ray, X - h)) / 2e-3 for h in step], axis=1)
+            J /= m.sigma_mm[ray][:, None]
+            N += J.T @ J
+        np.testing.assert_allclose(solution.points.covariance_m2[j] @ N, np.eye(3), atol=1e-3)
+
+
 def test_error_free_blocks_alternate_to_the_truth(exact: Chain) -> None:
     right(exact, alternating(exact.block, exact.refined, exact.strip_block))
 
