@@ -64,7 +64,7 @@ def essential(
 
     def orient(rays: RayPairs, start: Int) -> RelativeOrientations:
         nonlocal made
-        orientations = essential_orientations(
+        made = essential_orientations(
             rays,
             start,
             snooping_limit=options.snooping_limit,
@@ -73,7 +73,7 @@ def essential(
             max_samples=options.max_samples,
             reporter=context,
         )
-        return orientations.orientations
+        return made.orientations
 
     _, orientations = by_orientation_points(block, pairs, options, orient)
     assert made is not None
