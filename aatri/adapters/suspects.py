@@ -65,10 +65,10 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
         o = adjusted.observed
         if o.components:
             continue
-        gone = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
+        rejected_rows = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
         earlier = np.flatnonzero(of_adjusted_kind & (suspects.kind == o.kind))
         listed = with_keys(o, [(o.kind, int(row)) for row in suspects.row[earlier]])
-        rows = np.flatnonzero(gone | listed | with_keys(o, done.above))
+        rows = np.flatnonzero(rejected_rows | listed | with_keys(o, done.above))
         if not len(rows):
             continue
         error, test = _errors(adjusted, done.result.adjusted.state, rows)

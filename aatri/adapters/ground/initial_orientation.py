@@ -187,23 +187,23 @@ def _oriented(
         to = oriented.ground_from_body
         return OnGround(component.moved(to), oriented, to, left=left)
 
-    def told(oriented: OrientedBody) -> list[Note]:
+    def notes_of(oriented: OrientedBody) -> list[Note]:
         turned = [] if notes else attitude_notes(ground, body, oriented.ground_from_body, what)
         return [*height_notes(ground.block, oriented, what), *turned]
 
     if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, part(seated).component, seated, rays):
-        return part(seated), [*notes, *told(seated)]
+        return part(seated), [*notes, *notes_of(seated)]
     for kind, others in _without_one(seated.tied.problem.ground):
         try:
-            alone, by_attitudes = oriented_by(ground, body, settings, what, chosen=others)
+            reduced, by_attitudes = oriented_by(ground, body, settings, what, chosen=others)
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
         left = tuple(o for o in seated.tied.problem.ground if not others(o))
         # they fit, and do so no more with what is left out
-        if not by_attitudes and alone.tied.tau_m == 0 and contradicts(left, alone.state, settings.limit):
-            note = contradiction_note(ground.block, left, alone.state, kind, what)
-            return part(alone, left), [note, *told(alone)]
-    return part(seated), [*deformation_notes(seated, precision(component, rays), what), *told(seated)]
+        if not by_attitudes and reduced.tied.tau_m == 0 and contradicts(left, reduced.state, settings.limit):
+            note = contradiction_note(ground.block, left, reduced.state, kind, what)
+            return part(reduced, left), [note, *notes_of(reduced)]
+    return part(seated), [*deformation_notes(seated, precision(component, rays), what), *notes_of(seated)]
 
 
 def _fits_bent(block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows) -> bool:

@@ -175,10 +175,10 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
     try:
         settings = replace(work.settings, others=others)
         adjusted = adjust_large(part.unknowns, part.records, work.start, settings=settings, veto=part.veto)
-        found = None
+        covariances = None
         if work.covariances and not adjusted.down_weighted:
             factored = factorise(adjusted.problem, adjusted.state)
-            found = covariances_at(adjusted.problem, adjusted.state, factored)
+            covariances = covariances_at(adjusted.problem, adjusted.state, factored)
     except (NotInParts, AatriError, MemoryError) as problem:
         failed = Failed(str(problem) or "no memory")
         if not isinstance(problem, NotInParts):
@@ -188,7 +188,7 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
         name: {key: value[part.own[name]] for key, value in arrays_of({name: adjusted.state[name]}).items()}
         for name in part.own
     }
-    groups = {} if found is None else {name: found.groups[name][own] for name, own in part.own.items()}
+    groups = {} if covariances is None else {name: covariances.groups[name][own] for name, own in part.own.items()}
     return PartAdjusted(
         values,
         adjusted.history,
@@ -196,7 +196,7 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
         adjusted.down_weighted,
         adjusted.notes,
         groups,
-        () if found is None else found.records,
+        () if covariances is None else covariances.records,
     )
 
 

@@ -194,10 +194,10 @@ def _too_many(block: Block, images: Rows, points: Rows, share: float) -> list[Fi
         return [_error(text + listed([name_of_image_point(block, row) for row in outside], places), remedy, places[0])]
     if images.active.any() or not images.reasons:
         return []
-    gone, once = sorted(images.reasons), points.of_reason(SEEN_ONCE)
-    at, at_once = [read_at(block, block.images, row) for row in gone], [read_at(block, rows, row) for row in once]
-    text = f"no image is left: {len(gone)} of {len(block.images)} with {FEW_POINTS}: "
-    text += listed(block.images.id[gone].tolist(), at)
+    removed, once = sorted(images.reasons), points.of_reason(SEEN_ONCE)
+    at, at_once = [read_at(block, block.images, row) for row in removed], [read_at(block, rows, row) for row in once]
+    text = f"no image is left: {len(removed)} of {len(block.images)} with {FEW_POINTS}: "
+    text += listed(block.images.id[removed].tolist(), at)
     if once:
         text += f"; {len(once)} of {len(rows)} image points {SEEN_ONCE}: "
         text += listed([name_of_image_point(block, row) for row in once], at_once)

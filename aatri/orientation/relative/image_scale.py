@@ -35,8 +35,8 @@ def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: R
     """
     orientations, scale = orient(rays), 1.0
     for _ in range(ROUNDS):
-        asked, clear = _scale_of(orientations)
-        better = max(scale * asked, 1.0)
+        requested_scale, clear = _scale_of(orientations)
+        better = max(scale * requested_scale, 1.0)
         settled = abs(better - scale) <= SETTLED * scale
         if settled or (scale == 1.0 and not clear):
             break
