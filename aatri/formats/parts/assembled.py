@@ -16,7 +16,7 @@ from aatri.artifacts.builder import block_of
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
-from aatri.formats.conventions.pixel_origins import PHOTO_MM, PixelAxes, converted, named
+from aatri.formats.conventions.pixel_origins import PHOTO_MM, PIXEL_MM, PixelAxes, converted, named
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.joined import JoinedParts, joined
 from aatri.formats.parts.not_stated import NOTHING_SAID, NotStated, stated_frame
@@ -181,9 +181,20 @@ def _count_from_camera(tables: JoinedParts) -> None:
                 what = f"camera {name} has {cameras['image_coordinates'][k]} coordinates, and a source gives {axes}"
                 raise InputError(what, where=str(tables.files[0]), remedy="give the image points of one program")
             some = (camera == k) & (points["pixel_axes"] == axes)
+            if axes == PHOTO_MM.name:
+                _check_pixel_size(points["xy"][some], cameras, k, str(tables.files[0]))
             points["xy"][some] = converted(
                 points["xy"][some], named(axes), own, cameras["format"][k], cameras["pixel_size_mm"][k]
             )
+
+
+def _check_pixel_size(xy_mm: Float, cameras: Rows, camera: int, where: str) -> None:
+    """Refuse millimetres of a camera whose pixels have the nominal size alone, if they lie outside of its format."""
+    half_mm = cameras["pixel_size_mm"][camera] * cameras["format"][camera] / 2
+    if (cameras["pixel_size_mm"][camera] == PIXEL_MM).all() and (np.abs(xy_mm) > half_mm).any():
+        what = f"image points in mm, up to {np.abs(xy_mm).max():.3g} mm from the centre, and camera"
+        what = f"{what} {cameras['id'][camera]} counts in pixels of which no file states the size"
+        raise InputError(what, where=where, remedy="add the camera in mm, or its calibration with the size of a pixel")
 
 
 def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from aatri.errors import AatriError
 from aatri.formats.bingo.reader import read_geoin, read_image_coordinates
+from aatri.formats.metashape.reader import read_metashape
 from aatri.formats.parts.assembled import NotStated, assembled
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.registry.recognised import recognised_file
@@ -119,6 +120,18 @@ def test_radial_distortion_is_that_of_the_exporter(shared_data: Path) -> None:
     assert images.images["id"] == ["B1_1.JPG", "B1_2.JPG"]
     assert images.images["camera"] == ["FC300X_(3.61_mm)"] * 2
     assert len(images.image_points["xy"]) == 1219  # of 607 and 605 points; seven ids stand twice in an image
+
+
+def test_millimetres_beside_a_camera_in_pixels_of_no_stated_size_are_refused(shared_data: Path) -> None:
+    """4000 x 3000 pixels, points up to 3.1 mm from the centre: pixels of 0.001 mm, the nominal size, are too small."""
+    folder = shared_data / "interchange" / "bingo"
+    if not folder.is_dir():
+        pytest.skip(f"real data not present: {folder}")
+    camera = read_metashape(folder / "lll.xml")
+    images = read_image_coordinates(folder / "bi.dat")
+    images.images = {**images.images, "camera": [""] * 2}
+    with pytest.raises(AatriError, match="counts in pixels of which no file states the size"):
+        assembled([images, camera])
 
 
 DAMAGE = [
