@@ -149,7 +149,8 @@ def sigma0_notes(
     small = test.verdict != "untested" and test.sigma0 < 1
     notes.append(sigma0_note(replace(test, verdict="fits") if small else test, what_of_it))
     notes += misfit.notes(test.sigma0, 1.0, off_m, f"{what}, deformation counted", "")
-    misfits = np.flatnonzero(single_misfits(ratios, redundancy))
+    undeformed = np.array([t.tau_m == 0 for t in tied])  # among them those of too few observations to tell it
+    misfits = np.flatnonzero(single_misfits(np.where(undeformed, ratios / expected, ratios), redundancy))
     if len(tied) > 1 and len(misfits):
         notes.append(
             Note("warning", "adjustments that do not fit by themselves", tuple(names[k] for k in misfits.tolist()))

@@ -12,7 +12,7 @@ from aatri.orientation.bodies.deformation import START, Misfit, expected_ratio, 
 
 
 def _levels(*weighted: float, redundancy: int = 400) -> list[str]:
-    tied = [SimpleNamespace(weighted_sigma0=w, redundancy=redundancy) for w in weighted]
+    tied = [SimpleNamespace(weighted_sigma0=w, redundancy=redundancy, tau_m=0.1) for w in weighted]
     names = [f"component {k}" for k in range(len(tied))]
     return [note.level for note in sigma0_notes(tied, names, 1.0, 20, Misfit(20.0, 500.0), 1.0, "strip block")]
 
@@ -35,6 +35,22 @@ def test_strips_that_agree_better_than_their_points_say_are_a_note_and_worse_one
 
 def test_nothing_is_tested_without_redundancy() -> None:
     assert "warning" not in _levels(float("nan"), redundancy=0)
+
+
+def _of_two(weighted: float) -> list[str]:
+    """Strips tied well, and to the ground by so little that their deformation cannot be told from it."""
+    tied = [
+        SimpleNamespace(weighted_sigma0=1.0, redundancy=400, tau_m=0.1),
+        SimpleNamespace(weighted_sigma0=weighted, redundancy=1, tau_m=0.0),
+    ]
+    names = ["strips", "ground"]
+    return [note.level for note in sigma0_notes(tied, names, 1.0, 20, Misfit(20.0, 500.0), 1.0, "strips")]
+
+
+def test_strips_that_bend_as_expected_fit_the_ground_where_nothing_tells_how_much_they_bend() -> None:
+    assert expected_ratio(20) == pytest.approx(5.4, abs=0.1)
+    assert "warning" not in _of_two(5.0)
+    assert "warning" in _of_two(20.0)
 
 
 def _of(sigma0: float, max_sigma0: float | None, off_m: float) -> list[str]:
