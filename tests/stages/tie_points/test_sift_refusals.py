@@ -12,7 +12,8 @@ from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.stages.block.photos import PhotosOptions, photos
 from aatri.stages.tie_points.sift import sift
-from tests.made_photographs import exif_of
+from tests.formats.navigation.test_photo_folder import Ear
+from tests.made_photographs import HEIGHT, WIDTH, exif_of, flown
 
 Image = pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
@@ -28,6 +29,26 @@ def _water(folder: Path) -> Block:
 def test_plain_water_has_no_tie_points(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="none has 15 matches"):
         sift(_water(tmp_path))
+
+
+def test_a_repeated_pattern_has_no_tie_points(tmp_path: Path) -> None:
+    """Every corner of a tiled roof has its like: none is clearer than the next."""
+    tile = np.kron(np.random.default_rng(5).integers(40, 220, (4, 4)), np.ones((4, 4)))
+    for k in range(2):
+        grey = np.roll(np.tile(tile, (15, 20)), 5 * k, axis=1).astype(np.uint8)
+        Image.fromarray(grey).save(tmp_path / f"{k}.png", exif=exif_of(np.array([10.0 * k, 0, 100]), k))
+    with pytest.raises(InputError, match="none has 15 matches"):
+        sift(photos(options=PhotosOptions(path=tmp_path)))
+
+
+def test_an_image_of_another_flight_is_named(tmp_path: Path) -> None:
+    made, ear = flown(tmp_path / "p", strips=1, per_strip=2), Ear()
+    other = np.random.default_rng(6).integers(0, 255, (HEIGHT // 4, WIDTH // 4)).astype(np.uint8)
+    picture = Image.fromarray(other).resize((WIDTH, HEIGHT), Image.Resampling.BICUBIC)
+    picture.save(made.folder / "other.jpg", exif=exif_of(made.position_m[0] + 5.0, 20.0))
+    block = sift(photos(options=PhotosOptions(path=made.folder)), context=ear)
+    assert len(block.image_points) > 100
+    assert any("1 images have no tie point: other" in text for text in ear.warnings)
 
 
 def test_a_file_that_has_changed_is_refused_by_name(tmp_path: Path) -> None:
