@@ -198,7 +198,7 @@ def _height_or_lens(rays: ControlRays, pairs: Pairs) -> AngleCause:
     text = f"with a principal distance of {factor * c:.4g} instead of {c:.4g} mm"
     remedy = "check principal_distance and the pixel size, both in mm"
     if 0.8 < factor < 1.25:
-        return AngleCause("position", f"{_lift_text(lift)}, or {text},", f"{_LIFT_REMEDY}; or {remedy}", raised, True)
+        return AngleCause("position", f"{_lift_text(lift)}, or {text}", f"{_LIFT_REMEDY}; or {remedy}", raised, True)
     return AngleCause("camera", text, remedy, lens, estimated=True)
 
 

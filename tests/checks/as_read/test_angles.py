@@ -103,6 +103,12 @@ def test_another_principal_distance_is_told_with_its_value(factor: float) -> Non
     assert found.certain
 
 
+def test_a_height_or_a_principal_distance_that_fit_alike_are_both_told_in_one_sentence() -> None:
+    rays = _rays()
+    found = _found(replace(rays, c_mm=rays.c_mm * 1.1))
+    assert "higher, or with a principal distance of 100 instead of 110 mm, by " in found.text
+
+
 def test_a_principal_point_from_the_corner_is_named() -> None:
     rays = _rays()
     corner = np.full_like(rays.xy_mm, 115.0)
