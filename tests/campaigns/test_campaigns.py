@@ -129,3 +129,12 @@ def _detectable(block: Block) -> dict[tuple[str, int], Float]:
     assert tests is not None
     size = np.where(np.isfinite(tests.detectable), tests.detectable, np.inf)
     return dict(zip(zip(rows.kind.tolist(), rows.row.tolist()), size))
+
+
+@pytest.mark.slow
+def test_point_numbers_whose_exchange_leads_least_squares_astray_are_found_from_the_start_as_given() -> None:
+    (name, figures, bad), *others = gross_errors.outcomes(700, ["swapped_numbers"], "uav")
+    assert not others
+    assert name == "swapped_numbers"
+    assert not bad
+    assert figures["found"] == figures["wrong"] == 40

@@ -19,7 +19,7 @@ from aatri.orientation.bundle.blunders.robust import Adjust, robust
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
-from aatri.orientation.bundle.result import from_result, held_for_datum
+from aatri.orientation.bundle.result import BundleResult, from_result, held_for_datum
 
 
 class RobustStart(FittedSigmas):
@@ -38,8 +38,7 @@ class RobustStart(FittedSigmas):
     def _active_after_robust(self, active: Bool, initial: TestedBlock | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
         least_squares = None if initial is None else initial.result
-        self.block = self.block if initial is None else self._start_from(initial, active)
-        result = robust(self.block, self.adjust, self.options, least_squares, coarse=True)
+        result = self._robust_from(initial, active)
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
             self._rescale(scaling, factor, from_result(self.block, result))
@@ -72,6 +71,17 @@ class RobustStart(FittedSigmas):
             self.pool = replace(self.pool, counted=self.pool.counted & ~self.rejected_kinds)
         rejected = self.within_room(wrong, active, test)
         return (active | (self.all.native & self.at_points_of(points) & ~gross_errors_at)) & ~rejected
+
+    def _robust_from(self, initial: TestedBlock | None, active: Bool) -> BundleResult:
+        """The robust adjustment from least squares; from where these began if gross errors have led them astray."""
+        as_given = self.block
+        if initial is not None:
+            self.block = self._start_from(initial, active)
+            try:
+                return robust(self.block, self.adjust, self.options, initial.result, coarse=True)
+            except (ConvergenceError, GeometryError):
+                self.block = as_given
+        return robust(as_given, self.adjust, self.options, None if initial is None else initial.result, coarse=True)
 
     def _kind_to_reject(self, wrong: Bool, active: Bool, held: int) -> slice | None:
         """A kind with more wrong than there is room for, where the rest agrees without it, and only without it.
