@@ -145,12 +145,13 @@ def _moved_m(solution: Solution, ids: Text) -> Float:
 def _verdict(figures: dict[str, float], weakest: str, worst: tuple[str, str], chosen: list[str]) -> str:
     sigma = ", ".join(f"{1e3 * figures[f'median_sigma_{a}_m']:.3g}" for a in "xyz")
     text = (
-        f"planned: sigma {sigma} mm in X, Y, Z (median), weakest point {printable(weakest)} "
-        f"{1e3 * figures['weakest_point_sigma_m']:.3g} mm; criterion {figures['criterion_eigenvalue']:.3g}, worst in "
-        f"{worst[1]} about {printable(str(worst[0]))}"
+        f"planned: standard deviations of {sigma} mm in X, Y and Z (median), of {printable(weakest)}, the weakest, "
+        f"{1e3 * figures['weakest_point_sigma_m']:.3g} mm; at worst {np.sqrt(figures['criterion_eigenvalue']):.3g} "
+        f"times the criterion, in {worst[1]} about {printable(str(worst[0]))}"
     )
     if not chosen:
         return text
     share = figures["gain_of_control_1"]
-    named = ", then ".join(printable(name) for name in chosen)
-    return f"{text}; control at {named} would gain most, the first {100 * share:.0f} % of variance"
+    first, *others = [printable(name) for name in chosen]
+    then = f", then at {', '.join(others)}" if others else ""
+    return f"{text}; control would gain most at {first}, {100 * share:.0f} % of the variance{then}"

@@ -209,7 +209,7 @@ def _gates(run: RunView) -> PageTable | None:
 def _counts(run: RunView) -> Mapping[str, str]:
     """Counts of the last solution, with what the block has of each."""
     blocks, solutions = run.of_kind(Block), run.of_kind(Solution)
-    given: Mapping[str, Any] = blocks[-1].metrics if blocks else {}
+    of_block: Mapping[str, Any] = blocks[-1].metrics if blocks else {}
     solved: Mapping[str, Any] = solutions[-1].metrics if solutions else {}
     names = (
         "images",
@@ -226,11 +226,11 @@ def _counts(run: RunView) -> Mapping[str, str]:
     for name in names:
         if name == "strips" and solved.get("images") == 0:  # of images that take no part
             continue
-        if name in solved and name in given and solved[name] != given[name]:
+        if name in solved and name in of_block and solved[name] != of_block[name]:
             if solved[name]:  # a network has images that take no part
-                counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(given[name])}"
-        elif solved.get(name, given.get(name)) or (name in given and given.get("images")):  # a network has none of many
-            counts[name.replace("_", " ")] = number(solved.get(name, given.get(name)))
+                counts[name.replace("_", " ")] = f"{number(solved[name])} of {number(of_block[name])}"
+        elif solved.get(name, of_block.get(name)) or (name in of_block and of_block.get("images")):  # of a network few
+            counts[name.replace("_", " ")] = number(solved.get(name, of_block.get(name)))
     return counts
 
 

@@ -36,7 +36,7 @@ def write_pdf(run: Path, *, summary: bool = False) -> Path:
     ArtifactError
         If the folder is no run, or has a file of this name that is another's.
     """
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if browser is None:
         remedy = "install Chromium, or open report.html in a browser and print it"
         raise ResourceError("no Chromium, Chrome or Edge is on this machine to print the report", remedy=remedy)

@@ -117,7 +117,7 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     words += f", {number(others)} kept or readmitted" if others else ""
     if (rejected & ~own).any():
         words += f"; in stages before it {_by_kind(solution, rejected & ~own)}"
-    if not rejected.any():
+    if not own.any():  # ties of strips and models are tested again by their image points
         return Light(title, GOOD, words)
     share = own.sum() / max(solution.observations, 1)
     return Light(title, LOOK if share <= 0.01 else BAD, f"{words}; listed below")

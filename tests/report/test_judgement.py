@@ -67,6 +67,16 @@ def test_one_wrong_control_point_is_named_with_its_size_and_direction(tmp_path: 
     assert page["problems"][0]["text"] == "One control point is left out: GCP27, 1.03 m in height."
 
 
+@pytest.mark.parametrize(("kind", "state"), [("strip_tie", "good"), ("image_point", "look")])
+def test_ties_of_strips_that_were_left_out_on_the_way_are_no_suspects_of_the_bundle(
+    tmp_path: Path, kind: str, state: str
+) -> None:
+    """The bundle adjusts their image points, and tests these."""
+    page = _page(tmp_path, suspects=_suspects(kind, "rejected", ("p00", 0.1, (0.0, 0.0, 0.1))))
+    (light,) = (light for light in page["internal"] if light["title"] == "Suspects")
+    assert light["state"] == state
+
+
 def test_a_point_that_models_without_images_leave_out_is_named(tmp_path: Path) -> None:
     """Ties of models made of images are not: their image points are counted."""
     suspects = _suspects("model_tie", "rejected", ("302", 1.03, (0.05, 0.0, -1.02)))

@@ -46,8 +46,8 @@ def groups(solution: Solution) -> list[tuple[str, float, float, float, str]]:
     """
     c, residuals, tests = solution.variance_components, solution.residuals, solution.tests
     if c is not None:
-        told = [f", {verdict}" for verdict in c.verdict]
-        return list(zip(c.group.tolist(), c.factor.tolist(), c.low.tolist(), c.high.tolist(), told))
+        verdicts = [f", {verdict}" for verdict in c.verdict]
+        return list(zip(c.group.tolist(), c.factor.tolist(), c.low.tolist(), c.high.tolist(), verdicts))
     made: list[tuple[str, float, float, float, str]] = []
     if tests is None:
         return made

@@ -130,11 +130,11 @@ def errors(units: Sequence[str], sizes: Mapping[str, Float], sigmas: Float) -> C
     scaled = [in_trade_unit(unit) for unit in units]
     factor = np.array([f for f, _ in scaled])
     forms = [digits(decimals(sigma)) if sigma > 0 else number for sigma in (sigmas * factor).tolist()]
-    told: Columns = {"unit": [unit for _, unit in scaled]}
+    columns: Columns = {"unit": [unit for _, unit in scaled]}
     for head, values in sizes.items():
         texts = [form(value) for form, value in zip(forms, (values * factor).tolist())]
-        told[head] = (np.array(texts, dtype=object), str)
-    return told
+        columns[head] = (np.array(texts, dtype=object), str)
+    return columns
 
 
 def _cell(value: Any, form: Callable[[Any], str] | None) -> str:
