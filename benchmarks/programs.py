@@ -159,7 +159,7 @@ def _peak_gb() -> float:
 
 def _tree_alone(problem: IndexedProblem) -> IndexedProblem:
     """The same fronts without observations and with a unit diagonal: what the factorisation alone takes."""
-    layout = replace(problem.layout, held=np.ones_like(problem.layout.held))
+    layout = replace(problem.layout, fixed=np.ones_like(problem.layout.fixed))
     return replace(problem, rays=None, kept=(), direct=(), layout=layout)
 
 

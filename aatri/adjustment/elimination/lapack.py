@@ -5,6 +5,8 @@ to Cython by address, do neither. All matrices are float64 and column-major; `n`
 """
 
 import ctypes
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,8 @@ from aatri.arrays import Float
 # Argument lists of LAPACK: a matrix with its leading dimension.
 # fmt: off
 
-_L, _R, _N, _T = (ctypes.c_char(letter) for letter in (b"L", b"R", b"N", b"T"))
+_L, _R, _N, _T = (ctypes.byref(ctypes.c_char(letter)) for letter in (b"L", b"R", b"N", b"T"))
+_MINUS_ONE, _ZERO, _ONE = (ctypes.byref(ctypes.c_double(value)) for value in (-1.0, 0.0, 1.0))
 
 
 def _routine(module: Any, name: str, arguments: int) -> Any:
@@ -41,16 +44,20 @@ DIVIDED = 128
 """Columns of a panel that are divided by the factor at once."""
 
 
+@lru_cache(maxsize=4096)
 def _int(value: int) -> Any:
+    """A number by address; the routines only read it."""
     return ctypes.byref(ctypes.c_int(value))
 
 
-def _real(value: float) -> Any:
-    return ctypes.byref(ctypes.c_double(value))
+def _at(matrix: Float, row: int, column: int) -> int:
+    return _places(matrix)(row, column)
 
 
-def _at(matrix: Float, row: int, column: int) -> ctypes.c_void_p:
-    return ctypes.c_void_p(matrix.ctypes.data + 8 * (row + column * matrix.shape[0]))
+def _places(matrix: Float) -> Callable[[int, int], int]:
+    """Addresses in a matrix, whose own is asked for once, as that takes a microsecond."""
+    start, step = matrix.ctypes.data, 8 * matrix.shape[0]
+    return lambda row, column: start + 8 * row + step * column
 
 
 def cholesky_panel(F: Float, m: int) -> int:
@@ -68,27 +75,29 @@ def cholesky_panel(F: Float, m: int) -> int:
         0, or the number (from 1) of the pivot that is not positive.
     """
     n, info = F.shape[0], ctypes.c_int(0)
+    at = _places(F)
     lda = _int(n)
-    _potrf(ctypes.byref(_L), _int(m), _at(F, 0, 0), lda, ctypes.byref(info))
+    _potrf(_L, _int(m), at(0, 0), lda, ctypes.byref(info))
     if info.value == 0 and n > m:
         _divide(F, m)
-        _syrk(ctypes.byref(_L), ctypes.byref(_N), _int(n - m), _int(m), _real(-1.0), _at(F, m, 0), lda,
-              _real(1.0), _at(F, m, m), lda)
+        _syrk(_L, _N, _int(n - m), _int(m), _MINUS_ONE, at(m, 0), lda,
+              _ONE, at(m, m), lda)
     return info.value
 
 
 def _divide(F: Float, m: int) -> None:
     """F21 <- F21 L11^-T, block of columns by block: products with inverted diagonal blocks, twice as fast as dtrsm."""
     n, lda = F.shape[0], _int(F.shape[0])
+    at = _places(F)
     for first in range(0, m, DIVIDED):
         width = min(DIVIDED, m - first)
         if first:
-            _gemm(ctypes.byref(_N), ctypes.byref(_T), _int(n - m), _int(width), _int(first), _real(-1.0),
-                  _at(F, m, 0), lda, _at(F, first, 0), lda, _real(1.0), _at(F, m, first), lda)
+            _gemm(_N, _T, _int(n - m), _int(width), _int(first), _MINUS_ONE,
+                  at(m, 0), lda, at(first, 0), lda, _ONE, at(m, first), lda)
         inverse, info = np.array(F[first : first + width, first : first + width], order="F"), ctypes.c_int(0)
-        _trtri(ctypes.byref(_L), ctypes.byref(_N), _int(width), _at(inverse, 0, 0), _int(width), ctypes.byref(info))
-        _trmm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(n - m), _int(width),
-              _real(1.0), _at(inverse, 0, 0), _int(width), _at(F, m, first), lda)
+        _trtri(_L, _N, _int(width), _at(inverse, 0, 0), _int(width), ctypes.byref(info))
+        _trmm(_R, _L, _T, _N, _int(n - m), _int(width),
+              _ONE, _at(inverse, 0, 0), _int(width), at(m, first), lda)
 
 
 def forward(L: Float, g: Float) -> None:
@@ -123,11 +132,13 @@ def forward_columns(L: Float, G: Float) -> None:
     """
     (n, m), r = L.shape, G.shape[1]
     lda = _int(n)
-    _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
-          _at(L, 0, 0), lda, _at(G, 0, 0), lda)
+    of_L = _places(L)
+    of_G = _places(G)
+    _trsm(_L, _L, _N, _N, _int(m), _int(r), _ONE,
+          of_L(0, 0), lda, of_G(0, 0), lda)
     if n > m:
-        _gemm(ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(r), _int(m), _real(-1.0), _at(L, m, 0), lda,
-              _at(G, 0, 0), lda, _real(1.0), _at(G, m, 0), lda)
+        _gemm(_N, _N, _int(n - m), _int(r), _int(m), _MINUS_ONE, of_L(m, 0), lda,
+              of_G(0, 0), lda, _ONE, of_G(m, 0), lda)
 
 
 def backward_columns(L: Float, X: Float) -> None:
@@ -140,11 +151,13 @@ def backward_columns(L: Float, X: Float) -> None:
     """
     (n, m), r = L.shape, X.shape[1]
     lda = _int(n)
+    of_L = _places(L)
+    of_X = _places(X)
     if n > m:
-        _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _int(n - m), _real(-1.0), _at(L, m, 0), lda,
-              _at(X, m, 0), lda, _real(1.0), _at(X, 0, 0), lda)
-    _trsm(ctypes.byref(_L), ctypes.byref(_L), ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(r), _real(1.0),
-          _at(L, 0, 0), lda, _at(X, 0, 0), lda)
+        _gemm(_T, _N, _int(m), _int(r), _int(n - m), _MINUS_ONE, of_L(m, 0), lda,
+              of_X(m, 0), lda, _ONE, of_X(0, 0), lda)
+    _trsm(_L, _L, _T, _N, _int(m), _int(r), _ONE,
+          of_L(0, 0), lda, of_X(0, 0), lda)
 
 
 def panel_covariance(L: Float, covariance: Float) -> Float:
@@ -167,21 +180,21 @@ def panel_covariance(L: Float, covariance: Float) -> Float:
     S = np.zeros((n, n), order="F")
     inverse = np.array(L[:m], order="F")
     info = ctypes.c_int(0)
-    _trtri(ctypes.byref(_L), ctypes.byref(_N), _int(m), _at(inverse, 0, 0), _int(m), ctypes.byref(info))
+    _trtri(_L, _N, _int(m), _at(inverse, 0, 0), _int(m), ctypes.byref(info))
     inverse = np.asfortranarray(np.tril(inverse))
     if n == m:
-        _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
-              _real(0.0), _at(S, 0, 0), _int(n))
+        _syrk(_L, _T, _int(m), _int(m), _ONE, _at(inverse, 0, 0), _int(m),
+              _ZERO, _at(S, 0, 0), _int(n))
     else:
         G = np.array(L[m:], order="F")
-        _trmm(ctypes.byref(_R), ctypes.byref(_L), ctypes.byref(_N), ctypes.byref(_N), _int(n - m), _int(m),
-              _real(1.0), _at(inverse, 0, 0), _int(m), _at(G, 0, 0), _int(n - m))
-        _symm(ctypes.byref(_L), ctypes.byref(_L), _int(n - m), _int(m), _real(-1.0), _at(covariance, 0, 0),
-              _int(n - m), _at(G, 0, 0), _int(n - m), _real(0.0), _at(S, m, 0), _int(n))
-        _syrk(ctypes.byref(_L), ctypes.byref(_T), _int(m), _int(m), _real(1.0), _at(inverse, 0, 0), _int(m),
-              _real(0.0), _at(S, 0, 0), _int(n))
-        _gemm(ctypes.byref(_T), ctypes.byref(_N), _int(m), _int(m), _int(n - m), _real(-1.0), _at(G, 0, 0),
-              _int(n - m), _at(S, m, 0), _int(n), _real(1.0), _at(S, 0, 0), _int(n))
+        _trmm(_R, _L, _N, _N, _int(n - m), _int(m),
+              _ONE, _at(inverse, 0, 0), _int(m), _at(G, 0, 0), _int(n - m))
+        _symm(_L, _L, _int(n - m), _int(m), _MINUS_ONE, _at(covariance, 0, 0),
+              _int(n - m), _at(G, 0, 0), _int(n - m), _ZERO, _at(S, m, 0), _int(n))
+        _syrk(_L, _T, _int(m), _int(m), _ONE, _at(inverse, 0, 0), _int(m),
+              _ZERO, _at(S, 0, 0), _int(n))
+        _gemm(_T, _N, _int(m), _int(m), _int(n - m), _MINUS_ONE, _at(G, 0, 0),
+              _int(n - m), _at(S, m, 0), _int(n), _ONE, _at(S, 0, 0), _int(n))
         S[m:, m:] = covariance
     below = np.tril(S[:m, :m], -1)
     S[:m, :m] = below + below.T + np.diag(np.diagonal(S)[:m])
