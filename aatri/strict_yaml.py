@@ -274,6 +274,8 @@ def _raise_readable(failure: yaml.MarkedYAMLError, text: str, name: str, error: 
     rest = lines[line - 1][column - 1 :] if line <= len(lines) else ""
     if rest.startswith("\t"):
         what, remedy = "a tab", "indent with spaces"
+    elif "maximum nesting depth" in str(failure.problem or failure.context):  # of PyYAML itself, since 6.0.4
+        what, remedy = f"nested deeper than {MAX_DEPTH} levels", ""
     elif rest[:1] in ("%", "@", "`"):
         what, remedy = f"a value may not begin with {rest[0]!r}", "put it in quotes"
     else:

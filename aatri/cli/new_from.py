@@ -158,7 +158,7 @@ def _say_grids(paths: Sequence[Path], sources: Sequence[SourceWithSettings], par
     """Tell the grids of a geoid that lie in the folders and that no source uses; a remark for the pipeline."""
     from aatri.formats.parts.geoid import is_geoid_grid
 
-    used = {Path(str(s.value)).name for source in sources for s in source.said if s.key == "geoid"}
+    used = {Path(str(s.value)).name for source in sources for s in source.settings if s.key == "geoid"}
     grids = [file for path in paths if path.is_dir() for file in sorted(path.iterdir()) if is_geoid_grid(file)]
     of_heights = [s for s, p in zip(sources, parts) if p.ground_points or p.exterior]
     remark = ""
@@ -167,7 +167,7 @@ def _say_grids(paths: Sequence[Path], sources: Sequence[SourceWithSettings], par
             continue
         narrate(f"{grid}: grid of a geoid, not used: no file says that its heights are above it")
         for source in of_heights:
-            crs = "" if any(s.key == "crs" for s in source.said) else " --set crs=EPSG:..."
+            crs = "" if any(s.key == "crs" for s in source.settings) else " --set crs=EPSG:..."
             narrate(f"    if those of {source.path.name} are:{crs} --set {source.path.name}:geoid={grid.name}")
         remark += (
             f"      # heights above the geoid of {grid.name}: {{..., crs: ..., geoid: {grid.name}}} at their source\n"

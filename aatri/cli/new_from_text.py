@@ -48,7 +48,7 @@ def pipeline_text(
 def _of_source(source: SourceWithSettings, folder: Path) -> dict[str, object]:
     """What the pipeline says of a source: what is said of it alone comes last."""
     options: dict[str, object] = {"path": path_from(source.path, folder), "format": source.format.name}
-    for setting in sorted(source.said, key=lambda s: bool(s.source)):
+    for setting in sorted(source.settings, key=lambda s: bool(s.source)):
         options[setting.key] = setting.value
     if grid := source.reading().geoid:
         options["geoid"] = path_from(grid, folder)

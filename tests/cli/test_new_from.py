@@ -194,7 +194,9 @@ def test_a_coordinate_system_of_all_sources_leaves_alone_those_that_name_one(tmp
     (tmp_path / "positions.txt").write_text("image X Y Z\nIMG_0.JPG 500010 5400000 200\n")
     paths = [tmp_path / "gcp_list.txt", tmp_path / "positions.txt"]
     sources, parts = read_all(paths, settings_of(["crs=EPSG:32633"]), SILENT)
-    crs = {s.path.name: (p.frame.crs, [setting.key for setting in s.said]) for s, p in zip(sources, parts) if p.frame}
+    crs = {
+        s.path.name: (p.frame.crs, [setting.key for setting in s.settings]) for s, p in zip(sources, parts) if p.frame
+    }
     assert crs == {"gcp_list.txt": ("EPSG:32632", []), "positions.txt": ("EPSG:32633", ["crs"])}
 
 

@@ -47,7 +47,7 @@ class Setting:
 class SourceWithSettings(Recognised):
     """A source with what is said of it."""
 
-    said: tuple[Setting, ...] = ()
+    settings: tuple[Setting, ...] = ()
 
     def reading(self, without: Sequence[str] = ()) -> Reading:
         """How it is read; what is said of every source may be left out.
@@ -58,7 +58,7 @@ class SourceWithSettings(Recognised):
             If a value is none of its option.
         """
         values: dict[str, Any] = {"format": self.format.name}
-        for setting in sorted(self.said, key=lambda s: bool(s.source)):  # what is said of it alone comes last
+        for setting in sorted(self.settings, key=lambda s: bool(s.source)):  # what is said of it alone comes last
             if setting.source or setting.key not in without:
                 try:
                     Reading.model_validate({setting.key: setting.value})
@@ -128,7 +128,7 @@ def sources_of(
             what = f"{setting.key} is of one source, and there are {len(sources)}"
             remedy = f"name the one that is meant: --set {sources[0].path.name}:{setting.key}=..."
             raise SpecError(what, where=setting.text, remedy=remedy)
-    return [replace(r, said=_said_of(r, settings)) for r in sources], unread
+    return [replace(r, settings=_settings_of(r, settings)) for r in sources], unread
 
 
 def of_block(settings: Sequence[Setting]) -> dict[str, Any]:
@@ -136,13 +136,13 @@ def of_block(settings: Sequence[Setting]) -> dict[str, Any]:
     return {s.key: s.value for s in settings if not s.source and s.key not in Reading.model_fields}
 
 
-def _said_of(source: SourceWithSettings, settings: Sequence[Setting]) -> tuple[Setting, ...]:
+def _settings_of(source: SourceWithSettings, settings: Sequence[Setting]) -> tuple[Setting, ...]:
     """Its settings; where a stage of its own reads it, those of every source are options of that stage too."""
-    said = [s for s in settings if (s.is_of(source.path) if s.source else s.key in Reading.model_fields)]
-    if source.format.read is not None and (unknown := [s for s in said if s.key not in Reading.model_fields]):
+    of_source = [s for s in settings if (s.is_of(source.path) if s.source else s.key in Reading.model_fields)]
+    if source.format.read is not None and (unknown := [s for s in of_source if s.key not in Reading.model_fields]):
         what = f"no option {unknown[0].key!r} of a source{did_you_mean(unknown[0].key, Reading.model_fields)}"
         raise SpecError(what, where=unknown[0].text, remedy=f"options are {', '.join(Reading.model_fields)}")
-    return tuple(said)
+    return tuple(of_source)
 
 
 def _one(end: str, of_end: Sequence[Path], every: Sequence[Path], where: str) -> None:

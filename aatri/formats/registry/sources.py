@@ -109,7 +109,7 @@ def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSet
         return source, read_source(source.path, general, reporter)
     if unnamed:
         return source, replace(parts, frame=_frame(parts, general))
-    return replace(source, said=tuple(s for s in source.said if s.source or s.key not in FRAME)), parts
+    return replace(source, settings=tuple(s for s in source.settings if s.source or s.key not in FRAME)), parts
 
 
 def _is_unnamed(parts: BlockParts) -> bool:

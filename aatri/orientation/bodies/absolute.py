@@ -122,7 +122,7 @@ def orient_body(
     ----------
     observe : callable
     body : FreeBody
-    settings : OrientationRules
+    settings : OrientationSettings
     what : str
         The body, for messages.
     image_ids, point_ids : (n,) str
