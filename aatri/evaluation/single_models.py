@@ -190,10 +190,11 @@ def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluati
     ):
         figures |= {f"model_{what}_rmse_{axis}_m": float(v) for axis, v in zip("xyz", pooled(values, counts))}
     figures = {name: value for name, value in figures.items() if np.isfinite(value)}
+    digits = ".2g" if parallax < 10 else ".0f"
     count = f"{len(models)} single model{'' if len(models) == 1 else 's'}"
     return replace(
         evaluation,
-        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:.2g} um RMS in {count}.",
+        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:{digits}} um RMS in {count}.",
         figures=Figures(
             name=np.concatenate([evaluation.figures.name, list(figures)]),
             value=np.concatenate([evaluation.figures.value, list(figures.values())]),
