@@ -170,7 +170,8 @@ DEFECTS = {
     ),
     "k1, flat and vertical": Defect(images.k1_of_a_vertical_strip, ("k1 and Z0", "told apart", "bowl"), refused=False),
     "lever arm z and principal distance": Defect(
-        _lever_and_distance, ("leave 1", "lever z", "principal_distance")  # open or nearly so: rounding decides
+        _lever_and_distance,
+        ("leave 1", "lever z", "principal_distance"),  # open or nearly so: rounding decides
     ),
     "lever arm z and shift Z": Defect(_lever_and_shift, ("1 unknown", "shift Z", "lever z")),
     "principal distance and shift Z": Defect(_distance_and_shift, ("1 combination", "principal_distance", "shift Z")),
