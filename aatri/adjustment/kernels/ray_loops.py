@@ -51,8 +51,8 @@ def _adder(of_m: int, of_k: int) -> Callable[..., Any]:
                 for b in range(k):
                     N[o + a, b] += x * A[r, i, s + b]
 
-    found: Callable[..., Any] = add
-    return found
+    compiled: Callable[..., Any] = add
+    return compiled
 
 
 def _into_front(of_k: int) -> Callable[..., Any]:
@@ -72,8 +72,8 @@ def _into_front(of_k: int) -> Callable[..., Any]:
                     for a in range(of_k if of_k else places[1, other + 1] - first):
                         F[d + a, c + b] -= S[o + b, first + a]
 
-    found: Callable[..., Any] = group
-    return found
+    compiled: Callable[..., Any] = group
+    return compiled
 
 
 def _onto(of_m: int, of_k: int) -> Callable[..., Any]:
@@ -95,8 +95,8 @@ def _onto(of_m: int, of_k: int) -> Callable[..., Any]:
                 Z[o + a, j + 1] = y + w * u1
                 Z[o + a, j + 2] = z + w * u2
 
-    found: Callable[..., Any] = onto
-    return found
+    compiled: Callable[..., Any] = onto
+    return compiled
 
 
 def _product(of_m: int, of_k: int) -> Callable[..., Any]:
@@ -115,8 +115,8 @@ def _product(of_m: int, of_k: int) -> Callable[..., Any]:
                     x += S[o + a, t + b] * A[r, i, e + b]
                 half[i, s + a] = x
 
-    found: Callable[..., Any] = multiply
-    return found
+    compiled: Callable[..., Any] = multiply
+    return compiled
 
 
 def _gatherer(of_k: int) -> Callable[..., Any]:
@@ -132,8 +132,8 @@ def _gatherer(of_k: int) -> Callable[..., Any]:
                     for a in range(of_k if of_k else places[1, other + 1] - t):
                         part_S[o, t + a] = S[places[0, other] + a, places[0, q] + b]
 
-    found: Callable[..., Any] = copy
-    return found
+    compiled: Callable[..., Any] = copy
+    return compiled
 
 
 add_image_ray, add_model_ray, add_ray = (_adder(*size) for size in SIZES)

@@ -19,7 +19,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PHOTO_MM, PIXEL_MM, PixelAxes, converted, named
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.joined import JoinedParts, joined
-from aatri.formats.parts.not_stated import NOTHING_SAID, NotStated, stated_frame
+from aatri.formats.parts.not_stated import DEFAULTS, NotStated, stated_frame
 from aatri.formats.parts.one_frame import block_frame, in_frame
 from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
 from aatri.frames.conversion import Frame
@@ -38,7 +38,7 @@ OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 def assembled(
     sources: Sequence[BlockParts],
-    not_stated: NotStated = NOTHING_SAID,
+    not_stated: NotStated = DEFAULTS,
     *,
     frame: Frame | None = None,
     reporter: Reporter = SILENT,

@@ -31,7 +31,7 @@ class NotStated(Options):
     calibrate: bool = Field(False, description="c, principal point and distortion are unknown and free, not fixed")
 
 
-NOTHING_SAID = NotStated()
+DEFAULTS = NotStated()
 
 
 def stated_frame(crs: str | None, vertical: str | None, where: str = "") -> Frame | None:
