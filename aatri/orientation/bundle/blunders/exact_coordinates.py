@@ -12,6 +12,7 @@ Where all disagree they are not exact: what is gross must stand out of the other
 Source: Teunissen 2000, Testing Theory, 3 (conditions as observations without variance).
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +44,9 @@ Snooped = tuple[TestedBlock, Bool, tuple[Swap, ...]]
 class ExactCoordinates(RobustStart):
     """A search that knows exact coordinates."""
 
-    def without_wrong_exact(self, snooped: Snooped) -> tuple[Snooped, Bool]:
+    def without_wrong_exact(
+        self, snooped: Snooped, search: Callable[[TestedBlock, Bool], Snooped]
+    ) -> tuple[Snooped, Bool]:
         """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
 
         One after the other goes, the worst first. What then is not clear of the others comes back: they are not exact.
@@ -64,17 +67,13 @@ class ExactCoordinates(RobustStart):
             reduced_use = use.copy()
             reduced_use[largest] = False
             try:
-                snooped = self.snooped(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
+                snooped = search(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
             except (GeometryError, ConvergenceError):
                 break
             if snooped[1][largest]:
                 break
             rejected = np.append(rejected, largest)
         return snooped, wrong & snooped[1]
-
-    def snooped(self, start: TestedBlock, active: Bool) -> Snooped:
-        """Search."""
-        raise NotImplementedError
 
 
 def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> Float:

@@ -111,7 +111,7 @@ class _Search(ExactCoordinates):
             start, active = self._without_errors_of_lost_points(start, active)
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
-        return self._concluded(*self.without_wrong_exact(self.snooped(start, active)))
+        return self._concluded(*self.without_wrong_exact(self.snooped(start, active), self.snooped))
 
     def _concluded(self, snooped: Snooped, wrong: Bool) -> AdjustedBlock:
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""
