@@ -66,7 +66,7 @@ def relative_orientations(
     settings = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points)
 
     def by_consensus(portion: Portion) -> None:
-        reporter.progress(0, 0, "pairs that are not nearly parallel, by five-point samples, compiled when first used")
+        reporter.progress(0, 0, "pairs that are not nearly parallel, by five-point samples")
         from aatri.orientation.relative.from_consensus import FromConsensus
 
         FromConsensus(start)(portion)

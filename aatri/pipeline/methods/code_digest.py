@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -44,10 +45,11 @@ class CodeReader:
 
     def __init__(self, cache: Cache) -> None:
         self._cache = cache
-        self._files: dict[Path, dict[str, Any]] = {}
+        self._files: dict[str, dict[str, Any]] = {}
         self._codes: dict[tuple[str, Path], Code] = {}
-        self._imported: dict[tuple[Path, Path, str], list[tuple[str, Path]]] = {}
-        self._places: dict[tuple[str, Path], tuple[str, Path] | None] = {}
+        self._imported: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
+        self._places: dict[tuple[str, str], tuple[str, str] | None] = {}
+        self._folders: dict[str, frozenset[str]] = {}
 
     def code_of(self, module: str, path: Path) -> Code:
         """The code reached from a module.
@@ -69,19 +71,20 @@ class CodeReader:
         return self._codes[module, path]
 
     def _code_of(self, module: str, path: Path) -> Code:
-        own, root = _own_root(module, path)
-        roots = {**BUILT_IN, own: root}
+        own, folder = _own_root(module, path)
+        roots = {name: str(place) for name, place in {**BUILT_IN, own: folder}.items()}
+        root = str(folder)
         files: dict[str, str] = {}
         digests: dict[str, str] = {}
-        waiting = [(module, path)]
+        waiting = [(module, str(path))]
         while waiting:
             name, file = waiting.pop()
             if name in files:
                 continue
-            files[name], digests[name] = str(file), self._file(file)["digest"]
+            files[name], digests[name] = file, self._file(file)["digest"]
             waiting += [module for module in self._imports(name, file, root, roots) if module[0] not in files]
         at_once: set[str] = set()
-        waiting = [(module, path)]
+        waiting = [(module, str(path))]
         while waiting:
             name, file = waiting.pop()
             if name not in at_once:
@@ -92,14 +95,14 @@ class CodeReader:
         short = {name: digests[name][:SHORT] for name in sorted(files)}
         return Code(whole, dict(sorted(files.items())), short, frozenset(at_once))
 
-    def _file(self, path: Path) -> dict[str, Any]:
-        if path not in self._files:
-            self._files[path] = of_file(path, self._cache, _read)
-        return self._files[path]
+    def _file(self, file: str) -> dict[str, Any]:
+        if file not in self._files:
+            self._files[file] = of_file(Path(file), self._cache, _read)
+        return self._files[file]
 
     def _imports(
-        self, name: str, file: Path, own: Path, roots: Mapping[str, Path], kind: str = "imports"
-    ) -> list[tuple[str, Path]]:
+        self, name: str, file: str, own: str, roots: Mapping[str, str], kind: str = "imports"
+    ) -> list[tuple[str, str]]:
         """The modules of the roots that a file imports, or imports `at_once`."""
         if (file, own, kind) not in self._imported:
             names = {_absolute(level, imported, name) for level, imported in self._file(file)[kind]}
@@ -107,11 +110,36 @@ class CodeReader:
             self._imported[file, own, kind] = list(dict.fromkeys(module for module in located if module is not None))
         return self._imported[file, own, kind]
 
-    def _place_of(self, name: str, own: Path, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
+    def _place_of(self, name: str, own: str, roots: Mapping[str, str]) -> tuple[str, str] | None:
         """Module and file of a dotted name, looked for once."""
         if (name, own) not in self._places:
-            self._places[name, own] = _locate(name, roots)
+            self._places[name, own] = self._locate(name, roots)
         return self._places[name, own]
+
+    def _locate(self, name: str, roots: Mapping[str, str]) -> tuple[str, str] | None:
+        """Module and file of a dotted name, or of the module that it is an attribute of; packages are not followed."""
+        for root, place in roots.items():
+            if root and name != root and not name.startswith(f"{root}."):
+                continue
+            head = root
+            for part in name.removeprefix(root).strip(".").split("."):
+                head = f"{head}.{part}" if head else part
+                if f"{part}.py" in self._names_in(place):
+                    return head, f"{place}{os.sep}{part}.py"
+                if part not in self._names_in(place):
+                    break
+                place = f"{place}{os.sep}{part}"
+            return None
+        return None
+
+    def _names_in(self, folder: str) -> frozenset[str]:
+        """Names in a folder, listed once; none where it is no folder."""
+        if folder not in self._folders:
+            try:
+                self._folders[folder] = frozenset(one.name for one in os.scandir(folder))
+            except OSError:
+                self._folders[folder] = frozenset()
+        return self._folders[folder]
 
 
 def _own_root(module: str, path: Path) -> tuple[str, Path]:
@@ -121,24 +149,6 @@ def _own_root(module: str, path: Path) -> tuple[str, Path]:
         return "aatri", PACKAGE
     depth = len(parts) - 1 + (path.name == "__init__.py")
     return (parts[0], path.parents[depth - 1]) if depth else ("", path.parent)
-
-
-def _locate(name: str, roots: Mapping[str, Path]) -> tuple[str, Path] | None:
-    """Module and file of a dotted name, or of the module that it is an attribute of; packages are not followed."""
-    for root, folder in roots.items():
-        if root and name != root and not name.startswith(f"{root}."):
-            continue
-        place, head = folder, root
-        for part in name.removeprefix(root).strip(".").split("."):
-            head = f"{head}.{part}" if head else part
-            file = place / f"{part}.py"
-            if file.is_file():
-                return head, file
-            place = place / part
-            if not place.is_dir():
-                break
-        return None
-    return None
 
 
 def _absolute(level: int, name: str, module: str) -> str:

@@ -33,8 +33,8 @@ R = TypeVar("R")
 
 def kernels_of(codes: Iterable[Code], *, at_once: bool = False) -> dict[str, Path]:
     """Kernel modules that some stages reach, or that are imported `at_once` with them, with their files."""
-    reached = {name: Path(code.files[name]) for code in codes for name in (code.at_once if at_once else code.files)}
-    return {name: file for name, file in reached.items() if file.parent.name == "kernels"}
+    reached = {name: code.files[name] for code in codes for name in (code.at_once if at_once else code.files)}
+    return {name: Path(file) for name, file in reached.items() if name.split(".")[-2:-1] == ["kernels"]}
 
 
 def missing(kernels: Mapping[str, Path]) -> dict[str, Path]:

@@ -9,12 +9,14 @@ import errno
 import importlib
 import json
 import math
+import sys
 import time
 import traceback
 import warnings
 import zlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, cast
 
 import numpy as np
 
@@ -155,10 +157,23 @@ def _call(task: Task, card: StageCard, inputs: Mapping[str, Artifact], context: 
         extras["rng"] = np.random.default_rng(sequence)
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_args, **_rest: context.log(f"{message}")
-        artifact = card.function(**inputs, **extras)
+        with _compilation_told(context):
+            artifact = card.function(**inputs, **extras)
     if not isinstance(artifact, card.kind):
         raise PluginError(f"returned a {type(artifact).__name__}, not a {card.kind.kind}", where=card.name)
     return artifact
+
+
+def _compilation_told(context: LoggedContext) -> AbstractContextManager[object]:
+    """Tell of kernels that are compiled within; a stage without kernels does not import the compiler for it."""
+    if "numba" not in sys.modules:
+        return nullcontext()
+    from numba.core.event import install_listener
+
+    from aatri.pipeline.methods.compile_listener import CompileListener
+
+    listener = CompileListener(lambda text: context.progress(0, 0, text))
+    return cast("AbstractContextManager[object]", install_listener("numba:compile", listener))
 
 
 def _options(task: Task, model: type[Options]) -> Options:

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -64,6 +67,20 @@ def test_a_built_in_stage_reaches_its_library_and_not_the_pipeline() -> None:
     files = CodeReader(Cache(None)).code_of("aatri.stages.interior_orientation.affine", path).files
     assert {"aatri.orientation.interior.fiducial_fit", "aatri.plugin", "aatri.tables.schema"} <= set(files)
     assert not [name for name in files if name.startswith(("aatri.pipeline", "aatri.cli", "aatri.report"))]
+
+
+def test_every_folder_is_looked_at_once_however_many_names_are_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = Counter[str]()
+    listing = os.scandir
+
+    def counted(folder: str) -> Iterator[os.DirEntry[str]]:
+        listed[folder] += 1
+        return listing(folder)
+
+    monkeypatch.setattr(os, "scandir", counted)
+    path = PACKAGE.parent / "stages" / "interior_orientation" / "affine.py"
+    assert CodeReader(Cache(None)).code_of("aatri.stages.interior_orientation.affine", path).files
+    assert set(listed.values()) == {1}
 
 
 @pytest.mark.parametrize("name", ["stage.py", "near.py", "far.py", "deep/below.py", "up.py", "late.py", "real.py"])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
@@ -16,6 +19,8 @@ from aatri.pipeline.methods import kernel_cache
 from aatri.pipeline.methods.code_digest import PACKAGE, CodeReader
 from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
 from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
+from aatri.pipeline.run import worker
+from aatri.pipeline.run.context import LoggedContext
 from aatri.pipeline.store.cache import Cache
 
 CONSENSUS = "aatri.orientation.relative.kernels.consensus"
@@ -164,3 +169,14 @@ def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, a
     code = CodeReader(Cache(None)).code_of(f"aatri.stages.relative_orientation.{variant}", path)
     assert CONSENSUS in kernels_of([code])
     assert (CONSENSUS in kernels_of([code], at_once=True)) == at_once
+
+
+def test_a_kernel_that_is_compiled_while_a_stage_is_made_is_told_once() -> None:
+    numba = importlib.import_module("numba")
+    told: list[tuple[int, int, str]] = []
+    context = SimpleNamespace(progress=lambda *what: told.append(what))
+    with worker._compilation_told(cast("LoggedContext", context)):
+        numba.njit("float64(float64)")(lambda x: 2.0 * x)
+        numba.njit("float64(float64)")(lambda x: 3.0 * x)
+    numba.njit("float64(float64)")(lambda x: x)
+    assert told == [(0, 0, "compiling test_kernel_cache, once: this block is the first to need it")]
