@@ -1,15 +1,14 @@
 """Parts of one stage on the workers of a Dask cluster, going on together.
 
 Each part is a task that lasts; what it works on is a file of the run folder. Messages go through the scheduler, to the
-worker that makes the stage and back. Neither the stage nor a part takes the place of another task while it waits. A
-part whose worker has died is begun anew by another one, and is told again what it had been told.
+worker that makes the stage and back: into a queue, whose bell is rung then. Who waits, waits for the bell, and takes no
+other task's place. A part whose worker has died is begun anew by another one, and is told again what it had been told.
 """
 
 from __future__ import annotations
 
 import importlib
 import pickle
-import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -20,8 +19,43 @@ from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.together import Answers, Combine, Exchange, Message, exchange_by
 
-LONGEST_S = 0.25
-"""Longest time between two looks for a message."""
+LONGEST_S = 2.0
+"""Longest time between two looks for what rings no bell: a task that has failed, a stage that nobody makes any more."""
+
+
+class Mailbox:
+    """Messages for one reader, through the scheduler.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    name : str
+        Not in use elsewhere.
+    """
+
+    def __init__(self, client: Any, name: str) -> None:
+        distributed = _modules()[1]
+        self._messages, self._bell = distributed.Queue(name, client=client), distributed.Event(f"{name}-bell", client)
+
+    def put(self, content: Any) -> int:
+        """Send a message; its size in bytes."""
+        packed = pickle.dumps(content, protocol=5)
+        self._messages.put(packed)
+        self._bell.set()
+        return len(packed)
+
+    def ring(self, *_: Any) -> None:
+        """Let the reader look at something else."""
+        self._bell.set()
+
+    def packed(self) -> bytes:
+        """The next message as it was sent; empty if there is none yet when the bell rings, or after `LONGEST_S`."""
+        if not self._messages.qsize():
+            self._bell.wait(LONGEST_S)
+            self._bell.clear()  # what is rung for later is in the queue already
+            if not self._messages.qsize():
+                return b""
+        return bytes(self._messages.get())
 
 
 class DaskParts:
@@ -50,12 +84,10 @@ class DaskParts:
         cloudpickle, distributed = _modules()
         client = distributed.get_client()
         topic = f"aatri-{uuid.uuid4().hex}"
-        up = distributed.Queue(f"{topic}-up", client=client)
+        up = Mailbox(client, f"{topic}-up")
 
         def answer(_: int, attempt: str, content: Any) -> None:
-            packed = pickle.dumps(content, protocol=5)
-            self.answered_bytes += len(packed)
-            distributed.Queue(f"{topic}-{attempt}", client=client).put(packed)
+            self.answered_bytes += Mailbox(client, f"{topic}-{attempt}").put(content)
 
         answers = Answers(len(parts), combine, answer)
         files = [(*self._names, f"{topic}-{k}.pickle") for k in range(len(parts))]
@@ -78,6 +110,8 @@ class DaskParts:
             )
             for k, names in enumerate(files)
         ]
+        for task in tasks:
+            task.add_done_callback(up.ring)
         distributed.secede()
         fetching: dict[int, Future[Message]] = {}
         try:
@@ -85,7 +119,7 @@ class DaskParts:
                 while not answers.complete:
                     for k in _finished(tasks, fetching):
                         fetching[k] = pool.submit(tasks[k].result)
-                        fetching[k].add_done_callback(lambda _: up.put(b""))
+                        fetching[k].add_done_callback(up.ring)
                     for k in [k for k, one in fetching.items() if one.done() and k not in answers.results]:
                         answers.take(fetching[k].result())
                     self._take(up, answers)
@@ -96,10 +130,9 @@ class DaskParts:
                 inside.remove(self._base, *names)
             distributed.rejoin()
 
-    def _take(self, up: Any, answers: Answers) -> None:
+    def _take(self, up: Mailbox, answers: Answers) -> None:
         """Take a message, if one comes before long."""
-        packed = _got(up)
-        if packed:
+        if packed := up.packed():
             self.sent_bytes += len(packed)
             answers.take(pickle.loads(packed))
 
@@ -118,17 +151,6 @@ def _modules() -> tuple[Any, Any]:
     return importlib.import_module("cloudpickle"), importlib.import_module("distributed")
 
 
-def _got(messages: Any) -> bytes:
-    """The next message of a queue; empty if none comes while the looks for it become rarer."""
-    pause_s = 0.001
-    while not messages.qsize():
-        if pause_s > LONGEST_S:
-            return b""
-        time.sleep(pause_s)
-        pause_s *= 2
-    return bytes(messages.get())
-
-
 def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str], topic: str, part: int) -> Message:
     """On a worker: a part, from its beginning."""
     from threadpoolctl import threadpool_limits
@@ -137,21 +159,21 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
     client = distributed.get_client()
     distributed.secede()
     attempt = uuid.uuid4().hex
-    up = distributed.Queue(f"{topic}-up", client=client)
-    down = distributed.Queue(f"{topic}-{attempt}", client=client)
+    up, down = Mailbox(client, f"{topic}-up"), Mailbox(client, f"{topic}-{attempt}")
     result = list[Message]()
 
     def send(message: Message) -> None:
         if message.last:  # as the task's result: it may be large
             result.append(message)
-        up.put(b"" if message.last else pickle.dumps(message, protocol=5))  # nothing wakes who waits
+        else:
+            up.put(message)
 
     worker = distributed.get_worker()
     key = worker.get_current_task()
 
     def receive() -> Any:
         while True:
-            if packed := _got(down):
+            if packed := down.packed():
                 return pickle.loads(packed)
             task = worker.state.tasks.get(key)  # whoever made the stage may have died
             if task is None or task.state in ("cancelled", "released", "forgotten"):

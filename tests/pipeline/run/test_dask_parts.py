@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
+import threading
 from pathlib import Path
+from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +15,7 @@ import pytest
 
 from aatri.adjustment.parts import adjust as in_parts
 from aatri.adjustment.settings import SolverSettings
+from aatri.pipeline.run import dask_parts
 from aatri.pipeline.run.dask_parts import DaskParts
 from aatri.together import Threads
 from tests.adjustment.block_problem import joined_problem
@@ -67,6 +72,21 @@ def _adjusted(workers: Any) -> Any:
 
 def _on_cluster(folder: Path, before: int) -> Any:
     return _adjusted(MortalParts(folder, before))
+
+
+def test_who_waits_for_a_message_looks_for_it_when_the_bell_rings_and_not_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks, queue = [], SimpleQueue[bytes]()
+    messages = SimpleNamespace(put=queue.put, get=queue.get, qsize=lambda: looks.append(0) or queue.qsize())
+    scheduler = SimpleNamespace(Queue=lambda name, client: messages, Event=lambda name, client: threading.Event())
+    monkeypatch.setattr(dask_parts, "_modules", lambda: (None, scheduler))
+    box = dask_parts.Mailbox(None, "box")
+    threading.Timer(0.5, box.put, ["a message"]).start()
+    assert pickle.loads(box.packed()) == "a message"
+    assert len(looks) == 2
+    threading.Timer(0.1, box.ring).start()
+    assert box.packed() == b""
 
 
 @pytest.mark.slow
