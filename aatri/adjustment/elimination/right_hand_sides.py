@@ -20,11 +20,14 @@ from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.panels import down_the_tree, up_the_tree
 from aatri.adjustment.kernels.back_substitution import substitute
 from aatri.adjustment.records import whitened
-from aatri.adjustment.structure.index import part_columns
+from aatri.adjustment.structure.index import EliminatedRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
+
+RAYS = 100_000
+"""Rays whose parts E are in memory at a time: some 0.1 GB."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,18 @@ def inverse_factors(factor: Float) -> Float:
 
 
 def _subtract_blocks(problem: IndexedProblem, state: State, block: Int, w: Float, x: Float) -> None:
-    """x -= sum E_p' w_p over some eliminated blocks, w (k, 3, m)."""
+    """x -= sum E_p' w_p over some eliminated blocks, w (k, 3, m), by pieces of not many more rays than `RAYS`."""
     rays = problem.rays
     assert rays is not None
+    before = np.cumsum(rays.ray_start[block + 1] - rays.ray_start[block])
+    edges = np.searchsorted(before, np.arange(RAYS, before[-1], RAYS))
+    for piece, w_of_piece in zip(np.split(block, edges), np.split(w, edges)):
+        _subtract_piece(problem, rays, state, piece, w_of_piece, x)
+
+
+def _subtract_piece(
+    problem: IndexedProblem, rays: EliminatedRecords, state: State, block: Int, w: Float, x: Float
+) -> None:
     count = rays.ray_start[block + 1] - rays.ray_start[block]
     place = np.repeat(np.arange(len(block)), count)
     ray = np.arange(count.sum()) + np.repeat(rays.ray_start[block] - (np.cumsum(count) - count), count)

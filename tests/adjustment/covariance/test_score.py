@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.score import moved, score
+from aatri.adjustment.elimination import right_hand_sides
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import made_problem
@@ -118,3 +120,22 @@ def test_what_the_iteration_has_left_does_not_count_as_an_effect() -> None:
     early = replace(exact, state={**exact.state, **away}, factored=None)
     there, here = (score(one, rays, rows, effect).joint(0, [0]) for one in (exact, early))
     assert here.value[0] == pytest.approx(there.value[0], rel=1e-2)
+
+
+def test_few_rays_at_a_time_are_linearised_for_what_all_of_them_give(monkeypatch: pytest.MonkeyPatch) -> None:
+    unknowns, records, start = made_problem(3, n_kept=8, n_points=20)
+    result = adjust_large(unknowns, records, start)
+    rays, rows = result.problem.records[0], np.arange(len(records[0].active))
+    effect = np.random.default_rng(3).normal(size=(len(rows), rays.rows))
+    whole, linearised = moved(result, rays, rows, effect), list[int]()
+
+    def counted(records: Any, state: Any, rows: Any) -> Any:
+        linearised.append(len(rows))
+        return whitened(records, state, rows)
+
+    monkeypatch.setattr(right_hand_sides, "RAYS", 7)
+    monkeypatch.setattr(right_hand_sides, "whitened", counted)
+    for group, change in moved(result, rays, rows, effect).items():
+        np.testing.assert_allclose(change, whole[group], rtol=1e-12, atol=1e-13)
+    assert len(linearised) > 5
+    assert max(linearised) < 7 + 3  # and the rays of one block more
