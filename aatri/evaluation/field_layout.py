@@ -1,7 +1,9 @@
 """Layout of a three-dimensional test field, held against the rules of the close-range notes.
 
 1. some tens of targets known in three coordinates;
-2. evenly spread: seen along its shortest axis, none of 3 x 3 cells of the field is empty;
+2. evenly spread: seen along its shortest axis, none of 3 x 3 cells of the field is empty, and the targets crowd no more
+   than if they were thrown at random: X2 = sum (n_k - n p_k)^2 / (n p_k) is below chi2(8) at `ALARM`, p_k the cell's
+   share of the field;
 3. extended along all three axes: a flat field does not separate c from the distance;
 4. room for the cameras: they stand outside of the targets;
 5. two or more stable pillars, from which the targets are measured and measured again.
@@ -16,13 +18,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import Delaunay
+from scipy.special import chdtri
 
-from aatri.arrays import Float
+from aatri.adjustment.statistics.limits import ALARM
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.errors import InputError
 
 CELLS = 3
+
+INSIDE = 0.9
+"""Share of an axis between the 5th and the 95th percentile; the rest falls to the outer cells."""
+
 SIGHTS = ("direction", "angle", "zenith", "azimuth")
 
 
@@ -62,7 +70,8 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
     low, high = np.percentile(along, [5, 95], axis=0)
     extent = high - low
     cell = np.clip(((along - low) / np.maximum(extent, 1e-12) * CELLS).astype(int), 0, CELLS - 1)
-    empty = CELLS**2 - len(np.unique(CELLS * cell[:, 0] + cell[:, 1]))
+    count = np.bincount(CELLS * cell[:, 0] + cell[:, 1], minlength=CELLS**2)
+    empty, crowding, chance = int((count == 0).sum()), _crowding(count), float(chdtri(CELLS**2 - 1, ALARM))
     sights = block.geodetic.active & np.isin(block.geodetic.type, SIGHTS) & (block.geodetic.start_kind == "point")
     at = np.where(block.geodetic.type == "angle", block.geodetic.via, block.geodetic.start)[sights]
     pillars = len(np.unique(at))
@@ -73,6 +82,7 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
         "field_targets": float(len(X)),
         **{f"field_extent_{k + 1}_m": float(e) for k, e in enumerate(extent)},
         "field_empty_cells": float(empty),
+        "field_crowding_chi2": crowding,
         "field_depth_ratio": depth,
         "field_pillars": float(pillars),
         "field_cameras_inside": float(inside),
@@ -85,6 +95,11 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
         for text, wrong in (
             (f"{len(X)} targets, {rules.targets} or more are wanted", len(X) < rules.targets),
             (f"{empty} of {CELLS**2} parts of the field have no target", empty > 0),
+            (
+                f"{count.max()} of {len(X)} targets are in one of its {CELLS**2} parts, {count.min()} in another: chi2 "
+                f"{crowding:.1f}, at random below {chance:.1f}",
+                empty == 0 and crowding > chance,
+            ),
             (
                 f"its depth is {depth:.2g} of its length, below {rules.depth:g}: c and the distance do not separate",
                 depth < rules.depth,
@@ -103,3 +118,12 @@ def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tupl
     verdict += f"{len(broken)} of 5 rules {verb} broken" if broken else "all 5 rules are kept"
     table = Figures(name=np.array(list(figures)), value=np.array(list(figures.values())))
     return Evaluation(verdict=f"{verdict}.", figures=table, differences=Differences.empty()), broken
+
+
+def _crowding(count: Int) -> float:
+    """X2 of the targets per cell, against cells that get their share of the field."""
+    outer = (1.0 - INSIDE) / 2.0 + INSIDE / CELLS
+    share = np.full(CELLS, INSIDE / CELLS)
+    share[[0, -1]] = outer
+    expected = count.sum() * np.outer(share, share).ravel()
+    return float(((count - expected) ** 2 / expected).sum())

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Float
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
+from aatri.evaluation.field_layout import _crowding
 from aatri.stages.accuracy.field_layout import FieldOptions, field_layout
 from tests.small_blocks import Told
 
@@ -17,6 +20,12 @@ def grid(n: int = 4, depth: float = 1.5) -> Float:
     """n x n x 3 targets over 4 m x 3 m, so deep."""
     x, y, z = np.meshgrid(np.linspace(0, 4, n), np.linspace(0, 3, n), np.linspace(0, depth, 3), indexing="ij")
     return np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+
+
+def crowded() -> Float:
+    """A grid of 25 targets, and 50 more in its middle."""
+    more = np.random.default_rng(1).uniform([1.7, 1.2, 0.0], [2.3, 1.8, 1.5], (50, 3))
+    return np.concatenate([grid(5)[::3], more])
 
 
 def field(X: Float, pillars: int = 2, camera: tuple[float, float, float] = (2.0, 1.5, 6.0)) -> Block:
@@ -60,6 +69,7 @@ def test_a_field_that_keeps_the_rules() -> None:
             field(grid(7)[np.abs(grid(7)[:, :2] - [2.0, 1.5]).max(axis=1) > 0.7]),
             "1 of 9 parts of the field have no target",
         ),
+        (field(crowded()), "of 75 targets are in one of its 9 parts"),
         (field(grid(), pillars=1), "from 1 pillars, 2 or more"),
         (field(grid(), pillars=0), "from 0 pillars"),
         (field(grid(), camera=(2.0, 1.5, 0.7)), "1 of 1 cameras stand among the targets"),
@@ -85,3 +95,12 @@ def test_a_field_in_one_plane_does_not_stop_the_check() -> None:
     told = Told()
     field_layout(field(grid(6, 0.0)), context=told)
     assert any("its depth is 0 of its length" in text for text in told.warnings)
+
+
+def test_targets_thrown_at_random_are_evenly_spread_but_for_the_stated_share() -> None:
+    """Of 2,000 fields of 200 targets 0.1 % are expected beyond chi2(8) at 0.001: 2; seven or more have 0.5 %."""
+    rng, crowds = np.random.default_rng(3), 0
+    for _ in range(2000):
+        count = rng.multinomial(200, np.outer([0.35, 0.3, 0.35], [0.35, 0.3, 0.35]).ravel())
+        crowds += _crowding(count) > chi2.isf(ALARM, 8)
+    assert crowds < 7

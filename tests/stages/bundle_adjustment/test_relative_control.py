@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,70 @@ def test_exact_is_the_limit_of_weighted_and_the_redundancy_is_that_of_the_notes(
     np.testing.assert_allclose(
         exact.points.covariance_m2 / scale, weighted.points.covariance_m2 / scale, atol=1e-6 if ratio == 1e-4 else 5e-5
     )
+
+
+def _conditions_of_the_notes(case: str, X: np.ndarray) -> np.ndarray:
+    """g(X) = 0 of the points (m, 3) by the lecture notes 5-7, with errata E18 (line) and E19 (angle, vertex 1)."""
+    d = X - X[0]
+    if case == "plane":  # (5-7-24)
+        return np.array([np.linalg.det(np.array([one, d[1], d[2]])) for one in d[3:]])
+    if case == "line":  # (5-7-28), the components across the direction's largest, Z
+        return np.concatenate([d[2:, k] * d[1, 2] - d[2:, 2] * d[1, k] for k in (0, 1)])
+    upright = d[2:, 0] * d[1, 1] - d[2:, 1] * d[1, 0]  # (5-7-15)
+    if case == "vertical_plane":
+        return upright
+    if case in ("horizontal_plane", "equal_height"):
+        return d[1:, 2]
+    if case == "plumb_line":
+        return d[1:, :2].ravel()
+    if case == "horizontal_line":
+        return np.concatenate([upright, d[1:, 2]])
+    if case == "distance":
+        return np.array([d[1] @ d[1] - 13.0**2])
+    if case == "angle":  # cosine law with cos 90 degrees = 0
+        return np.array([(X[2] - X[1]) @ (X[2] - X[1]) - d[1] @ d[1] - d[2] @ d[2]])
+    if case == "coordinate_difference":
+        return np.array([d[1, 1] - 4.0])
+    u = X[1::2] - X[::2]
+    if case == "equal_distance":
+        return np.array([u[k] @ u[k] - u[0] @ u[0] for k in (1, 2)])
+    return np.array([u[0] @ u[1]]) if case == "perpendicular" else _cross(u[0], u[1])[:2]
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c.split()[0] not in ("sphere", "cylinder")])
+def test_exact_is_least_squares_with_the_conditions_of_the_notes_by_multipliers(case: str, tmp_path: Path) -> None:
+    """[[N, G'], [G, 0]] in dense matrices, derivatives by complex step: points, their covariances and v'Pv."""
+    exact = _network(tmp_path / "exact", case, "exact: true")
+    rows = [line.split(",") for line in (tmp_path / "exact" / "geodetic.csv").read_text().split()[1:]]
+    X = np.array(CASES[case][1], dtype=float)
+
+    def lengths(points: np.ndarray) -> np.ndarray:
+        place = {**{k: np.array(v) for k, v in FIXED.items()}, **{str(k + 1): x for k, x in enumerate(points)}}
+        d = [place[row[1]] - place[row[2]] for row in rows]
+        return np.array([np.sqrt(one @ one) for one in d])
+
+    def derivatives(f: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        step = 1e-30j * np.eye(X.size).reshape(-1, *X.shape)
+        return np.array([f(X + one).imag / 1e-30 for one in step]).T
+
+    for _ in range(30):
+        A, G = derivatives(lengths), derivatives(lambda x: _conditions_of_the_notes(case, x))
+        G_unit = G / np.linalg.norm(G, axis=1)[:, None]
+        misclosure = np.array([float(row[3]) for row in rows]) - lengths(X)
+        g = _conditions_of_the_notes(case, X) / np.linalg.norm(G, axis=1)
+        whole = np.block([[A.T @ A, G_unit.T], [G_unit, np.zeros((len(G), len(G)))]])
+        X = X + np.linalg.solve(whole, np.concatenate([A.T @ misclosure, -g]))[: X.size].reshape(X.shape)
+    rows_of = [exact.points.id.tolist().index(str(k + 1)) for k in range(len(X))]
+    np.testing.assert_allclose(exact.points.xyz_m[rows_of], X, atol=1e-8)
+    Q = SIGMA**2 * np.linalg.inv(whole)[: X.size, : X.size]
+    own = np.array([Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(X))])
+    np.testing.assert_allclose(exact.points.covariance_m2[rows_of], own, atol=1e-6 * np.abs(own).max())
+    assert exact.redundancy == len(rows) - X.size + len(G)
+    assert exact.sigma0 == pytest.approx(np.sqrt(misclosure @ misclosure / exact.redundancy) / SIGMA, rel=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES)
