@@ -16,7 +16,6 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.limits import FEWEST_CELLS
-from aatri.codes import CHECK, CONTROL
 from aatri.report.drawing.matrices import correlation_pictures
 from aatri.report.drawing.overlays import FEW
 from aatri.report.drawing.picture import Marks, Picture
@@ -59,39 +58,6 @@ def test_a_vertical_image_covers_its_format_times_height_over_principal_distance
     corners = footprints(block, made_solution(block))[0]
     half = 115.0 * (400.0 - 12.0) / 150.0  # format 230 mm, c 150 mm, 388 m above the terrain
     np.testing.assert_allclose(np.ptp(corners, axis=0), 2 * half)
-
-
-def test_corners_of_tilted_footprints_are_those_of_the_format_by_collinearity() -> None:
-    """x = -c u1/u3, y = -c u2/u3 of the ground corners, R of the notes (phi about Y, then omega, kappa)."""
-    block, (phi, omega, kappa) = made_block(), np.radians([8.0, -5.0, 30.0])
-    c, s = np.cos, np.sin
-    about_y = np.array([[c(phi), 0, -s(phi)], [0, 1, 0], [s(phi), 0, c(phi)]])
-    about_x = np.array([[1, 0, 0], [0, c(omega), -s(omega)], [0, s(omega), c(omega)]])
-    about_z = np.array([[c(kappa), -s(kappa), 0], [s(kappa), c(kappa), 0], [0, 0, 1]])
-    solution = made_solution(block)
-    R = np.tile(about_y @ about_x @ about_z, (len(block.images), 1, 1))
-    solution = replace(solution, images=replace(solution.images, ground_from_image=R))
-    feet = footprints(block, solution)
-    ground = np.concatenate([feet, np.full((*feet.shape[:2], 1), 12.0)], axis=2)  # the terrain's mean height
-    u = (ground - solution.images.position_m[:, None]) @ R[0]
-    xy_mm = -150.0 * u[..., :2] / u[..., 2:]
-    corners = 115.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    np.testing.assert_allclose(xy_mm, np.tile(corners, (len(feet), 1, 1)), atol=1e-9)
-
-
-def test_every_point_is_drawn_once_in_its_role_at_its_place() -> None:
-    block = made_block()
-    solution = made_solution(block)
-    picture = block_plan(block, solution)
-    role = dict(zip(block.points.id[block.ground_points.point].tolist(), block.ground_points.role.max(axis=1).tolist()))
-    xy = dict(zip(solution.points.id.tolist(), solution.points.xyz_m[:, :2].tolist()))
-    drawn_ids = {name: _ids(picture, name) for name in ("control", "check points", "new points")}
-    assert sorted(drawn_ids["control"]) == sorted(i for i, r in role.items() if r == CONTROL)
-    assert sorted(drawn_ids["check points"]) == sorted(i for i, r in role.items() if r == CHECK)
-    assert sorted(drawn_ids["new points"]) == sorted(set(xy) - set(role))
-    for mark in picture.marks:
-        if mark.name in drawn_ids:
-            np.testing.assert_allclose(mark.xy, [xy[i] for i in mark.ids], atol=1e-9)
 
 
 def test_axes_have_round_ticks_inside() -> None:
