@@ -36,6 +36,7 @@ CAMPAIGNS = {
     "near_defects": ["--count", "12"],
     "calibration": ["--count", "4", "--injections", "1"],
     "isp_1980": ["12"],
+    "epochs": ["--count", "20"],
     "convergence_basin": ["1"],
     "fuzz": ["all", "--count", "25"],
     "opened_files": ["--short"],
