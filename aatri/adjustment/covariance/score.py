@@ -125,20 +125,19 @@ def score(
     n, k = int(unit.max(initial=-1)) + 1, H.shape[2]
     scores = Score(np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k)))
     ray = _rays(adjusted.problem, records, rows)
-    if ray is not None:
-        order = np.argsort(ray, kind="stable")
-        rows, ray, unit, H = rows[order], ray[order], unit[order], H[order]
-    H = _whitened_effects(records, rows, H)
+    order = np.arange(len(rows)) if ray is None else np.argsort(ray, kind="stable")
+    rows, unit = rows[order], unit[order]
     sides = MOST_SIDES if ray is None else ROOM_BYTES / 8 / max(adjusted.problem.layout.n_kept, 1)
     at_a_time = max(1, int(sides) // k)
     for first in range(0, n, at_a_time):
         chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
         part = Score(scores.gradient[here], scores.whole[here], scores.information[here])
+        whitened_H = _whitened_effects(records, rows[chunk], H[order[chunk]])  # of these units alone: it is large
         if ray is None:
-            _add_densely(part, adjusted, records, rows[chunk], H[chunk], unit[chunk] - first)
+            _add_densely(part, adjusted, records, rows[chunk], whitened_H, unit[chunk] - first)
         else:
-            _add_rays(part, adjusted, ray[chunk], H[chunk], unit[chunk] - first, least_gain)
+            _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first, least_gain)
     return scores
 
 
@@ -189,7 +188,8 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
     """
     adjusted = with_factor(adjusted)
     one = np.zeros(len(rows), dtype=np.int64)
-    right = _sides(adjusted, records, rows, _whitened_effects(records, rows, effect[:, :, None]), one, 1)[1]
+    H = _whitened_effects(records, rows, effect[:, :, None].copy())
+    right = _sides(adjusted, records, rows, H, one, 1)[1]
     problem, factored, state = adjusted.problem, adjusted.factored, adjusted.state
     assert factored is not None
     product = covariance_times(problem, factored, state, covariance_reduction(problem, factored, state), right)
@@ -197,10 +197,10 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
 
 
 def _whitened_effects(records: Records, rows: Int, H: Float) -> Float:
-    """Whitened; zero where a record is not active."""
+    """Whitened, in the place of H where no matrices are needed; zero where a record is not active."""
     L = records.whitener[rows]
     L = np.where(records.active[rows].reshape(-1, *[1] * (L.ndim - 1)), L, 0.0)
-    return L[:, :, None] * H if L.ndim == 2 else L @ H
+    return np.multiply(L[:, :, None], H, out=H) if L.ndim == 2 else L @ H
 
 
 def _sides(

@@ -122,11 +122,14 @@ def _separated(graph: Graph, left: Int, right: Int, side: Int) -> tuple[Int, Int
     cut = np.flatnonzero(side[neighbours] >= 0)
     row, column = np.repeat(np.arange(len(left)), counts)[cut], side[neighbours[cut]]
     side[right] = -1
-    edges = csr_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(len(left), len(right)))
+    degree = np.bincount(row, minlength=len(left))
+    start = np.concatenate([[0], np.cumsum(degree)])
+    edges = csr_array((np.ones(len(row), dtype=np.int8), column, start), shape=(len(left), len(right)))
+    edges.sort_indices()
     column_of = maximum_bipartite_matching(edges, perm_type="column")
     row_of = np.full(len(right), -1)
     row_of[column_of[column_of >= 0]] = np.flatnonzero(column_of >= 0)
-    touching = np.diff(edges.indptr) > 0
+    touching = degree > 0
     in_left, in_right = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
     new = touching & (column_of < 0)
     while new.any():
