@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from aatri.together import Threads
 from tests.pipeline.run.test_dask_parts import RESULT, _adjusted, _on_cluster, distributed
@@ -38,8 +37,7 @@ class Listening(Threads):
 def told() -> Iterator[str]:
     """A line for each death."""
     listening = Listening()
-    with threadpool_limits(limits=1, user_api="blas"):  # as where stages are made: the last bits depend on it
-        state, groups = _adjusted(listening)
+    state, groups = _adjusted(listening)
     deaths = [*enumerate(listening.kinds), (RESULT, "its result")]
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
