@@ -27,7 +27,7 @@ def pipeline_text(
 ) -> str:
     """The pipeline with the stage `name` that reads the block, what is said of it and of each source, and remarks."""
     if len(sources) == 1 and sources[0].format.stage:
-        options = {"path": path_from(sources[0].path, folder)} | dict(said)
+        options = {"path": path_from(sources[0].path, folder)} | dict(said) | _files_of(sources[0], folder)
         block = f"  {name + ':':9} {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
     else:
         lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
@@ -50,9 +50,15 @@ def _of_source(source: SourceWithSettings, folder: Path) -> dict[str, object]:
     options: dict[str, object] = {"path": path_from(source.path, folder), "format": source.format.name}
     for setting in sorted(source.settings, key=lambda s: bool(s.source)):
         options[setting.key] = setting.value
-    if grid := source.reading().geoid:
-        options["geoid"] = path_from(grid, folder)
-    return options
+    return options | _files_of(source, folder)
+
+
+def _files_of(source: SourceWithSettings, folder: Path) -> dict[str, object]:
+    """Options of a source that name a file."""
+    from aatri.formats.registry.settings import OF_FILES
+
+    files = {key: getattr(source.reading(), key) for key in OF_FILES}
+    return {key: path_from(path, folder) for key, path in files.items() if path is not None}
 
 
 def _mapping(options: Mapping[str, object]) -> str:

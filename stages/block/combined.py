@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from aatri.artifacts.block import Block
 from aatri.formats.parts.assembled import assembled
-from aatri.formats.parts.format import GEOID, Reading
+from aatri.formats.parts.format import CONTROL_FILE, GEOID, Reading
 from aatri.formats.parts.not_stated import NotStated
 from aatri.formats.registry.sources import read_source
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
@@ -25,6 +25,7 @@ class SourceOptions(Reading):
 
     path: InputPath = Field(description="file or folder")
     geoid: InputPath | None = Field(None, description=GEOID)
+    control: InputPath | None = Field(None, description=CONTROL_FILE)
 
     @model_validator(mode="before")
     @classmethod

@@ -7,7 +7,7 @@ from aatri.formats.parts.format import FileView, Format
 
 PAGE = "docs/formats.md#ign-lists"
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
-_MARK = re.compile(rf"\S+\s+\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
+_MARK = re.compile(rf"\S+\s+(?!{_NUMBER}\s)\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
 _POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
 
 

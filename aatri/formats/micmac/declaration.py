@@ -1,6 +1,6 @@
 """What files of MicMac are recognised by, and what they carry."""
 
-from aatri.formats.micmac.reader import read_micmac
+from aatri.formats.micmac.reader import folders_of_project, read_micmac
 from aatri.formats.micmac.writer import write_micmac
 from aatri.formats.parts.format import FileView, Format, all_files
 
@@ -17,6 +17,10 @@ def _recognised(view: FileView) -> str:
     return f"{seen}, {_recognised(view.of(seen))}" if seen else ", ".join(folders)
 
 
+def _holds_several(view: FileView) -> bool:
+    return view.is_folder and any(len(folders) > 1 for folders in folders_of_project(view.path))
+
+
 MICMAC = Format(
     "micmac", "MicMac and MMVII", _recognised, LOOKED_FOR,
     carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
@@ -24,5 +28,5 @@ MICMAC = Format(
     drops=("check points", "strips", "times", "frame", "rigs", "film"),
     page="docs/formats.md#micmac", read=read_micmac, files_of=all_files, write=write_micmac,
     written=("cameras", "distortion", "image points", "control", "start orientations"),
-    estimates_cameras=True,
+    estimates_cameras=True, holds_several=_holds_several,
 )  # fmt: skip

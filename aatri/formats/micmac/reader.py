@@ -22,6 +22,8 @@ from aatri.progress import SILENT, Reporter
 
 ROOTS = ("ExportAPERO", "DicoAppuisFlottant", "SetOfMesureAppuisFlottants", "Global", "Root")
 
+FolderFiles = tuple[Path, list[Path]]
+
 MOST_LEVELS = 3
 """Folders within folders in which orientations and measurements of a project lie."""
 
@@ -111,13 +113,7 @@ def _files(path: Path) -> list[Path]:
     """The XML files of a folder, or of a project, in the order of their names."""
     if not path.is_dir():
         return [path]
-    own = _xml_of(path)
-    if any(_has_orientations(file) for file in own):
-        return own
-    within = [folder for level in range(1, MOST_LEVELS + 1) for folder in sorted(path.glob("/".join("*" * level)))]
-    folders = [(folder, _xml_of(folder)) for folder in within if folder.is_dir() and not folder.is_symlink()]
-    of_orientations = [(folder, files) for folder, files in folders if any(map(_has_orientations, files))]
-    of_points = [(folder, files) for folder, files in folders if any(map(_has_points, files))]
+    of_orientations, of_points = folders_of_project(path)
     for what, several in (("orientations", of_orientations), ("measured points", of_points)):
         if len(several) > 1:
             names = shown([str(folder.relative_to(path)) for folder, _ in several])
@@ -125,7 +121,21 @@ def _files(path: Path) -> list[Path]:
                 f"give one of them and the files with marks and ground points: --from {several[0][0]} --from FILE ..."
             )
             raise InputError(f"several folders with {what}: {names}", where=str(path), remedy=remedy)
-    return [*own, *(file for _, files in (*of_orientations, *of_points) for file in files)] or _none(path)
+    return [*_xml_of(path), *(file for _, files in (*of_orientations, *of_points) for file in files)] or _none(path)
+
+
+def folders_of_project(path: Path) -> tuple[list[FolderFiles], list[FolderFiles]]:
+    """Folders of a project with orientations, and with measured points, each with its files.
+
+    None where orientations lie in the folder itself: then it is no project.
+    """
+    if any(_has_orientations(file) for file in _xml_of(path)):
+        return [], []
+    within = [folder for level in range(1, MOST_LEVELS + 1) for folder in sorted(path.glob("/".join("*" * level)))]
+    folders = [(folder, _xml_of(folder)) for folder in within if folder.is_dir() and not folder.is_symlink()]
+    of_orientations = [(folder, files) for folder, files in folders if any(map(_has_orientations, files))]
+    of_points = [(folder, files) for folder, files in folders if any(map(_has_points, files))]
+    return of_orientations, of_points
 
 
 def _none(path: Path) -> list[Path]:

@@ -1,5 +1,6 @@
 """What a project of OPF is recognised by, and what it carries."""
 
+import re
 from pathlib import Path
 
 from aatri.formats.opf.project import PROJECT
@@ -7,10 +8,12 @@ from aatri.formats.opf.reader import read_opf
 from aatri.formats.opf.writer import write_opf
 from aatri.formats.parts.format import FileView, Format
 
+_STATED = re.compile(rf'"format"\s*:\s*"{re.escape(PROJECT)}"')  # the schema of OPF has the words elsewhere
+
 
 def _recognised(view: FileView) -> str:
     if not view.is_folder:
-        return f"JSON of the format {PROJECT}" if f'"{PROJECT}"' in view.head[:4096] else ""
+        return f"JSON of the format {PROJECT}" if _STATED.search(view.head[:4096]) else ""
     return next((name for name in view.names if name.endswith(".opf") and _recognised(view.of(name))), "")
 
 

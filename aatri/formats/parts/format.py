@@ -7,7 +7,7 @@ which reads the beginning of each file once.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -104,6 +104,8 @@ def _as_tuple(values: Any) -> Any:
 
 GEOID = "grid of the geoid above which its heights are, .tif or .gtx; null: as `vertical` says"
 """What the option `geoid` of a source is."""
+CONTROL_FILE = "of a PhotoModeler export: file of its control points; null: no control"
+"""What the option `control` of a source is."""
 
 
 class Reading(Options):
@@ -137,6 +139,7 @@ class Reading(Options):
 
     format: str | None = Field(None, description="a name of `aatri formats`; null: recognised by the content")
     geoid: Path | None = Field(None, description=GEOID)
+    control: Path | None = Field(None, description=CONTROL_FILE)
 
 
 AS_IT_SAYS = Reading()
@@ -187,3 +190,7 @@ class Format:
     """Its cameras are results of an adjustment of the image points that it has, not of a calibration."""
     files_of: Callable[[FileView], Sequence[Path]] = field(default=lambda view: [view.path])
     """Of a folder: the files that are read with it."""
+    holds_several: Callable[[FileView], bool] = lambda _: False
+    """Whether a folder holds several projects of this format."""
+    beside: Mapping[str, str] = field(default_factory=dict)
+    """Formats of files that its stage takes, and the option that names each: `{"dbat_control": "control"}`."""

@@ -20,7 +20,7 @@ from aatri.formats.opf.declaration import OPF
 from aatri.formats.parts.format import Format
 from aatri.formats.patb.declaration import PATB
 from aatri.formats.pix4d.declaration import PIX4D
-from aatri.formats.registry.own_stages import BAL, COLMAP, DBAT, GAMA, PAIRS, TABLES, WUCAPS
+from aatri.formats.registry.own_stages import BAL, COLMAP, DBAT, DBAT_CONTROL, GAMA, PAIRS, TABLES, WUCAPS
 from aatri.formats.socet.declaration import GPF, IPF
 
 FORMATS: tuple[Format, ...] = (
@@ -50,6 +50,7 @@ FORMATS: tuple[Format, ...] = (
     IGN_CAMERA,
     IGN_POINTS,
     BINGO,
+    DBAT_CONTROL,
     TABLE,
     GCP_LIST,
     GEO,

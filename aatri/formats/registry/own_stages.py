@@ -2,24 +2,28 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 from aatri.artifacts.block import Block
+from aatri.codes import CONTROL
 from aatri.formats.bal.reader import read_bal
 from aatri.formats.bal.writer import write_bal_problem
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
+from aatri.formats.dbat.files import read_control
 from aatri.formats.dbat.reader import read_dbat
 from aatri.formats.gama.reader import read_gama
 from aatri.formats.pairs.reader import read_pairs
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import Content, FileView, Format, Reading, Writing, all_files
 from aatri.formats.parts.of_block import parts_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
+from aatri.formats.text.text_line import places
 from aatri.formats.wucaps.reader import read_wucaps
 from aatri.formats.wucaps.writer import write_oriented
 from aatri.progress import Reporter
@@ -74,6 +78,35 @@ def _dbat(view: FileView) -> str:
     head = [len(line.split()) for line in view.lines[1:5]]
     plain = all(re.fullmatch(rf"\s*(?:{_NUMBER}\s*)+", line) for line in view.lines[1:5])
     return "the head of a PhotoModeler export" if head == [4, 9, 10, 10] and plain else ""
+
+
+def _dbat_control(view: FileView) -> str:
+    rows = [line.split(",") for line in view.lines if not line.lstrip().startswith("#")]
+    alike = all(
+        len(row) in (5, 6, 8) and row[0].strip().isdigit() and all(re.fullmatch(_NUMBER, c.strip()) for c in row[2:])
+        for row in rows
+    )
+    named = any(re.search("[A-Za-z]", row[1]) for row in rows) if alike else False
+    return "rows `number, name, X, Y, Z` and standard deviations" if named and not view.is_folder else ""
+
+
+def _read_dbat(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
+    """An export with the control that is named beside it; without, nothing says yet which points are determined."""
+    control = reading.control
+    parts = parts_of(read_dbat(path, control, set_aside=control is None, reporter=reporter), "dbat")
+    return parts if control is None else replace(parts, frame=PLANE)
+
+
+def _read_dbat_control(path: Path, _: Reading, reporter: Reporter) -> BlockParts:
+    points = read_control(path, reporter)
+    ground = {
+        "point": list(points),
+        "xyz_m": [p.xyz_m for p in points.values()],
+        "sigma_m": [p.sigma_m for p in points.values()],
+        "role": CONTROL,
+        **places([p.entry for p in points.values()], [path]),
+    }
+    return BlockParts("dbat_control", [path], name=path.stem, frame=PLANE, ground_points=ground)
 
 
 def _bal(view: FileView) -> str:
@@ -145,12 +178,23 @@ WUCAPS = _format(
         "geodetic observations",
     ),  # what of these PRENPI does not hold, write_oriented tells
 )
-DBAT = _format(
-    "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read_dbat,
+DBAT = Format(
+    "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read=_read_dbat,
+    stage="block/dbat", beside={"dbat_control": "control"},
     carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
              "standard deviations"),
     drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",
 )  # fmt: skip
+DBAT_CONTROL = Format(
+    "dbat_control",
+    "DBAT control points",
+    _dbat_control,
+    "rows `number, name, X, Y, Z` and no, one or three standard deviations, commas between",
+    read=_read_dbat_control,
+    carries=("control", "standard deviations"),
+    drops=("cameras", "image points", "check points", "frame"),
+    page="docs/formats.md#dbat-photomodeler-exports",
+)
 BAL = _format(
     "bal",
     "Bundle Adjustment in the Large",

@@ -77,7 +77,7 @@ def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]
     """
     if not path.exists():
         raise missing(path)
-    whole = _as_one(path)
+    whole = _as_source(path)
     if not path.is_dir():
         if whole is None:
             raise unrecognised(path)
@@ -98,13 +98,19 @@ def _as_one(path: Path) -> Recognised | None:
     return None
 
 
+def _as_source(path: Path) -> Recognised | None:
+    """The same, but of a folder that holds several projects of its format, which are looked at one by one."""
+    one = _as_one(path)
+    return None if one is not None and one.format.holds_several(FileView(path)) else one
+
+
 def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path]) -> list[Recognised]:
     """Sources among the files of a folder, and folders of it."""
     sources: list[Recognised] = []
     for path in sorted(folder.iterdir())[:MOST_FILES]:
         if path.name.startswith(".") or path in read:
             continue
-        one = _as_one(path)
+        one = _as_source(path)
         if one is not None:
             sources.append(one)
         elif path.is_dir() and not path.is_symlink() and levels > 1:

@@ -18,7 +18,9 @@ from aatri.formats.registry.recognised import Recognised, format_named, recognis
 from aatri.ids import did_you_mean, shown
 from aatri.strict_yaml import loads
 
-OF_ONE = ("format", "columns", "geoid", "take", "use")
+OF_FILES = ("geoid", "control")
+"""Options that name a file beside the source."""
+OF_ONE = ("format", "columns", "take", "use", *OF_FILES)
 """Options that are not the same of several sources."""
 FRAME = ("crs", "vertical")
 """Options that, said of every source, hold where its files name none."""
@@ -65,8 +67,7 @@ class SourceWithSettings(Recognised):
                 except ValidationError as error:
                     raise SpecError(str(error.errors()[0]["msg"]), where=setting.text) from error
                 values[setting.key] = setting.value
-        if "geoid" in values:
-            values["geoid"] = _grid(self.path, Path(values["geoid"]))
+        values |= {key: _beside(self.path, Path(values[key])) for key in OF_FILES if key in values}
         return Reading.model_validate(values)
 
 
@@ -160,7 +161,7 @@ def _one(end: str, of_end: Sequence[Path], every: Sequence[Path], where: str) ->
     raise SpecError(what, where=where, remedy=remedy)
 
 
-def _grid(source: Path, grid: Path) -> Path:
-    """A grid as it is named, or of this name beside the source."""
-    beside = (source if source.is_dir() else source.parent) / grid
-    return beside if not grid.exists() and beside.exists() else grid
+def _beside(source: Path, file: Path) -> Path:
+    """A file as it is named, or of this name beside the source."""
+    beside = (source if source.is_dir() else source.parent) / file
+    return beside if not file.exists() and beside.exists() else file

@@ -1,5 +1,6 @@
 """Reading of a source: its format is recognised or named, and what was said of it is applied."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +12,12 @@ from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.checked import check_parts
-from aatri.formats.parts.format import Reading
+from aatri.formats.parts.format import FileView, Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
 from aatri.formats.parts.not_stated import stated_frame
 from aatri.formats.registry.recognised import format_named, recognised_file
 from aatri.formats.registry.settings import FRAME, Setting, SourceWithSettings, sources_of
+from aatri.formats.registry.variants import fuller_ones
 from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import Frame
 from aatri.ids import shown
@@ -89,12 +91,56 @@ def read_all(
         reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
     if unread:
         reporter.log(f"of no known format, not read: {shown([str(path) for path in unread])}")
+    if lists := [path.name for path in unread if _is_of_numbers(path)]:
+        what = f"lists without a header are read by their columns: {shown(lists)}"
+        reporter.log(f'{what}; for example --set "{lists[0]}:columns=point X Y Z"')
     if len(sources) == 1 and sources[0].format.read is None:
         return sources, []
-    sources, parts = map(list, zip(*(_read(source, reporter) for source in sources)))
+    sources, parts = map(list, zip(*(_read_of_several(source, paths, len(sources), reporter) for source in sources)))
+    named = [*paths, *(s.path for s in sources if any(setting.source for setting in s.settings))]
+    taken = fuller_ones(sources, parts, named, reporter)
+    sources, parts = _with_companions([sources[k] for k in taken], [parts[k] for k in taken], reporter)
     images = [len({*p.image_points.get("image", ()), *p.images.get("id", ())}) if p.image_points else 0 for p in parts]
     order = sorted(range(len(sources)), key=lambda k: -images[k])
     return [sources[k] for k in order], [parts[k] for k in order]
+
+
+def _is_of_numbers(path: Path) -> bool:
+    """Whether a file may be a list without a header: its first line has three numbers and more."""
+    words = re.split(r"[\s,;]+", next(iter(FileView(path).lines), "").strip())
+    return sum(bool(re.fullmatch(r"[-+]?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?", word)) for word in words) >= 3
+
+
+def _read_of_several(
+    source: SourceWithSettings, paths: Sequence[Path], count: int, reporter: Reporter
+) -> tuple[SourceWithSettings, BlockParts]:
+    """The same; a file of a folder that cannot be read may be left out."""
+    try:
+        return _read(source, reporter)
+    except InputError as error:
+        if count == 1 or source.path in paths:
+            raise
+        remedy = f"{error.remedy}; or leave it out: --without {source.path.name}"
+        raise InputError(error.what, where=error.where, remedy=remedy) from error
+
+
+def _with_companions(
+    sources: list[SourceWithSettings], parts: list[BlockParts], reporter: Reporter
+) -> tuple[list[SourceWithSettings], list[BlockParts]]:
+    """A source that takes a file beside it as an option, read with that file, which is no source then."""
+    for k, source in enumerate(sources):
+        beside = [(m, s) for m, s in enumerate(sources) if s.format.name in source.format.beside]
+        if len(beside) == 1:
+            m, companion = beside[0]
+            option = Setting(source.path.name, source.format.beside[companion.format.name], str(companion.path))
+            whole = replace(source, settings=(*source.settings, option))
+            reporter.log(f"{companion.path}: {option.key} of {source.path.name}")
+            pairs = zip(
+                [*sources[:k], whole, *sources[k + 1 :]], [*parts[:k], _read(whole, reporter)[1], *parts[k + 1 :]]
+            )
+            kept = [pair for n, pair in enumerate(pairs) if n != m]
+            return [s for s, _ in kept], [p for _, p in kept]
+    return sources, parts
 
 
 def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSettings, BlockParts]:

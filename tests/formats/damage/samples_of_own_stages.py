@@ -48,6 +48,19 @@ OF_OWN_STAGES = {
         ("images\\P1.JPG", "images\\P0.JPG"),
         "millimetres and degrees by definition: nothing else is there to compare with",
     ),
+    "dbat_control": GoodSample(
+        {
+            "control.txt": "# Id, Name, X, Y, Z\n317, B2.16, 999604.580, 112344.443, 139.453\n"
+            "375, B3.05, 1, 2, 3, 0.02\n"
+        },
+        "control.txt",
+        "[112344.443], 139",
+        "B2.16",
+        ("139.453", "139.453, 0.1, 0.2, 0.3, 7"),
+        (", 139.453", ""),
+        ("375,", "317,"),
+        "metres by definition: nothing else is there to compare with",
+    ),
     "wucaps": GoodSample(
         WUCAPS,
         "PRECKI.DAT",

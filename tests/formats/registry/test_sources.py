@@ -13,9 +13,11 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.export import written_format
 from aatri.formats.registry.recognised import format_named, recognised
-from aatri.formats.registry.sources import read_source
+from aatri.formats.registry.sources import read_all, read_source
 from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
+from tests.formats.opensfm.made_project import write_project
+from tests.formats.told import Told
 
 EXPECTED = {
     "borea": {"ign_opk", "ign_camera", "ign_app", "ign_mes"},
@@ -104,3 +106,89 @@ def test_what_is_of_no_format_says_what_was_looked_for(tmp_path: Path) -> None:
 
 def test_lists_are_found_by_the_name_that_people_give_them() -> None:
     assert format_named("opk").name == written_format("opk").name == "table"
+
+
+def test_of_a_folder_with_several_forms_of_one_block_the_fuller_one_is_taken(shared_data: Path) -> None:
+    """Of five exports and control lists of DBAT one of each; of COLMAP, NVM and OpenSfM of one scene one."""
+    told = Told()
+    sources, parts = read_all([shared_data / "dbat" / "sxb"], [], told)
+    assert [s.path.name for s in sources] == ["w-op1-no-orient-pmexport.txt"]
+    assert sources[0].reading().control == shared_data / "dbat" / "sxb" / "ctrlpts-weighted.txt"
+    assert len(parts[0].image_points["image"]) == 51, "the other two have 47"
+    text = "\n".join(told.lines)
+    assert "f-op0-no-orient-pmexport.txt is left out" in text
+    assert "47 of 51 image points" in text
+    assert "to take it: --without ctrlpts-weighted.txt" in text
+    (source,), _ = read_all([shared_data / "interchange" / "sfm"], [], SILENT)
+    assert source.format.name == "colmap"
+
+
+def test_what_is_left_out_for_a_fuller_file_can_be_chosen(shared_data: Path) -> None:
+    without = ["w-op1-no-orient-pmexport.txt", "w-op0-no-orient-pmexport.txt", "ctrlpts-weighted.txt"]
+    (source,), _ = read_all([shared_data / "dbat" / "sxb"], [], SILENT, without=without)
+    assert source.path.name == "f-op0-no-orient-pmexport.txt"
+    assert source.reading().control == shared_data / "dbat" / "sxb" / "ctrlpts-fixed.txt"
+
+
+def test_networks_and_blocks_of_other_images_in_one_folder_are_for_the_user_to_choose(shared_data: Path) -> None:
+    with pytest.raises(InputError, match=r"6 blocks.*Niemeier_Height_free.gkf \(network of 6 points\)") as several:
+        read_all([shared_data / "geodetic" / "1D"], [], SILENT)
+    assert "--from" in several.value.remedy
+    assert "--without" in several.value.remedy
+    with pytest.raises(InputError, match=r"2 blocks.*camcal-pmexport.txt \(21 images\).*\(5 images\)"):
+        read_all([shared_data / "dbat"], [], SILENT)
+
+
+CONTROL = "point,X,Y,Z\nA,1.5,2.5,3.5\nB,10.5,20.5,30.5\n"
+MARKS = "image,point,x,y\na.jpg,A,100,200\na.jpg,B,300,400\n"
+
+
+@pytest.mark.parametrize(
+    ("other", "names"),
+    [
+        ("point,X,Y,Z\nB,10.5,20.5,30.5\n", {"a.csv"}),  # a part of the list
+        ("point,X,Y,Z,sX,sY,sZ\nA,1.5,2.5,3.5,0.1,0.1,0.1\nB,10.5,20.5,30.5,0.1,0.1,0.1\n", {"b.csv"}),
+        ("point,X,Y,Z,sX,sY,sZ\nB,10.5,20.5,30.5,0.1,0.1,0.1\n", {"a.csv", "b.csv"}),  # each has what the other lacks
+        ("point,X,Y,Z\nB,10.5,20.5,31.5\n", {"a.csv", "b.csv"}),  # the join refuses the two heights
+        ("point,X,Y,Z,role\nB,10.5,20.5,30.5,check\n", {"a.csv", "b.csv"}),
+    ],
+)
+def test_a_list_is_left_out_only_where_another_has_all_of_it(tmp_path: Path, other: str, names: set[str]) -> None:
+    (tmp_path / "a.csv").write_text(CONTROL)
+    (tmp_path / "b.csv").write_text(other)
+    (tmp_path / "marks.csv").write_text(MARKS)
+    sources, _ = read_all([tmp_path], [], SILENT)
+    assert {source.path.name for source in sources} == names | {"marks.csv"}
+    named, _ = read_all([tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "marks.csv"], [], SILENT)
+    assert len(named) == 3, "what the user has named is not left out"
+
+
+def test_marks_of_the_same_points_with_other_coordinates_are_no_part_of_each_other(tmp_path: Path) -> None:
+    (tmp_path / "marks.csv").write_text(MARKS)
+    (tmp_path / "older.csv").write_text("image,point,x,y\na.jpg,A,100,201\n")
+    assert len(read_all([tmp_path], [], SILENT)[0]) == 2
+    (tmp_path / "older.csv").write_text("image,point,x,y\na.jpg,A,100,200\n")
+    assert len(read_all([tmp_path], [], SILENT)[0]) == 1
+
+
+def test_positions_that_may_have_been_measured_are_no_start_values_of_a_model(tmp_path: Path) -> None:
+    """A list of positions stays beside the orientations of a model, unless its places are those of another list."""
+    folder = write_project(tmp_path)
+    rows = "".join(f"IMG_{k}.JPG,{k}.5,{k},100\n" for k in range(3))
+    (folder / "positions.csv").write_text(f"image,X,Y,Z\n{rows}")
+    (folder / "some.csv").write_text("image,X,Y,Z\nIMG_1.JPG,1.5,1,100\n")
+    names = {source.path.name for source in read_all([folder], [], SILENT)[0]}
+    assert "positions.csv" in names
+    assert "some.csv" not in names
+
+
+def test_a_file_of_a_folder_that_cannot_be_read_can_be_left_out(tmp_path: Path) -> None:
+    (tmp_path / "marks.csv").write_text(MARKS)
+    (tmp_path / "bad.csv").write_text("point,X,Y,Z\nA,1,2,x\n")
+    with pytest.raises(InputError) as refused:
+        read_all([tmp_path], [], SILENT)
+    assert refused.value.remedy.endswith("or leave it out: --without bad.csv")
+
+
+def test_the_schema_of_a_project_is_no_project(samples: Path) -> None:
+    assert [r.path.name for r in recognised(samples / "opf")] == ["examples"]
