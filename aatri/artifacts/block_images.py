@@ -29,7 +29,9 @@ class Cameras(Table):
     symmetry_point_mm: Float = column(
         "f8", 2, unit="mm", doc="centre of the distortion, from the principal point", default=0.0
     )
-    distortion: Text = column("str", doc="none, brown, table, opencv, fisheye or bal", default="none")
+    distortion: Text = column(
+        "str", doc="none, brown, table, opencv, polynomial, fisheye, bal or dbat3", default="none"
+    )
     lever_arm_m: Float = column("f8", 3, unit="m", doc="antenna minus projection centre, camera axes", default=0.0)
     boresight_rad: Float = column(
         "f8", 3, unit="rad", doc="boresight misalignment: small turns about the camera axes", default=0.0

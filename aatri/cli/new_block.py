@@ -43,7 +43,7 @@ CAMERAS = {
 _LENS = """\
     principal_distance: @C@            # mm
     principal_point: [0.0, 0.0]          # mm, x right, y up; [0, 0] where coordinates count from it already
-    distortion: {model: none}            # none | brown | table | opencv | fisheye | bal
+    distortion: {model: none}            # none | brown | table | opencv | polynomial | fisheye | bal
     # sigmas: {principal_distance: .inf, principal_point: [.inf, .inf]}      # 0 fixed, .inf free, else weighted
 """
 

@@ -19,7 +19,9 @@ from aatri.errors import InputError
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL, CAMERA
 
-MODELS = {"none": "pinhole", "brown": "brown", "dbat3": "brown", "bal": "bal", "opencv": "opencv", "fisheye": "fisheye"}
+MODELS = {"none": "pinhole", "dbat3": "brown"} | {
+    name: name for name in ("brown", "bal", "opencv", "polynomial", "fisheye")
+}
 """Camera model of each distortion of the block."""
 
 PRINCIPAL_POINT = ("principal_point.x", "principal_point.y")

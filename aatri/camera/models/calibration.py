@@ -34,6 +34,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "brown": (*_INTERIOR, "as", *BROWN),
     "bal": (_INTERIOR[0], *projection.PARAMETERS["bal"][1:]),
     "opencv": (*_SQUARE, *projection.PARAMETERS["opencv"][4:]),
+    "polynomial": (*_SQUARE, *projection.PARAMETERS["polynomial"][4:]),
     "fisheye": (*_SQUARE, *projection.PARAMETERS["fisheye"][4:]),
 }
 """Parameters of each model, by the names of the block's camera_parameters; principal points from the nominal one."""

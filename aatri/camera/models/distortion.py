@@ -1,9 +1,9 @@
 """Lens distortion: from measured photo coordinates to those of a perfect central projection.
 
 `brown` and `table` are corrections added to the measured coordinate; `dbat3` is brown without b1 and b2 at
-((1 + as) x, y): the aspect comes first. `opencv`, `fisheye` and `bal` are forward models, ideal to distorted, in
-normalised coordinates: the measured coordinate divided by c is the distorted one, and is inverted by iteration. Their
-origin is the principal point; OpenCV's v axis points down, the photo's y axis up.
+((1 + as) x, y): the aspect comes first. `opencv`, `polynomial`, `fisheye` and `bal` are forward models, ideal to
+distorted, in normalised coordinates: the measured coordinate divided by c is the distorted one, and is inverted by
+iteration. Their origin is the principal point; the v axis of the first two points down, the photo's y axis up.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from aatri.camera.models.radial_table import table_correction
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
 
-MODELS = ("none", "brown", "table", "opencv", "fisheye", "bal", "dbat3")
+MODELS = ("none", "brown", "table", "opencv", "polynomial", "fisheye", "bal", "dbat3")
 """The models of distortion."""
 
 ASPECT = "as"

@@ -5,13 +5,20 @@ opencv, with u right and v DOWN as there:
     L   = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
     u_d = u L + 2 p1 u v + p2 (r^2 + 2 u^2),   v_d = v L + p1 (r^2 + 2 v^2) + 2 p2 u v
 
+polynomial, in the same axes (the frame cameras of Metashape and MicMac):
+
+    L   = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8 + k5 r^10 + k6 r^12 + k7 r^14
+    u'  = u L + 2 p1 u v + p2 (r^2 + 2 u^2) + a1 u + a2 v,   v_d = v L + p1 (r^2 + 2 v^2) + 2 p2 u v
+    u_d = u' + b2 v_d
+
 fisheye (Kannala-Brandt): theta = atan r, r_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
 bal (Bundler): r_d = r (1 + k1 r^2 + k2 r^4)
 
 Each function returns f (n, 2) and its derivative (n, 2, 2); a parameter is one number, or one per point. The last two
 are radial, so that the direction of v does not matter.
 
-Source: OpenCV documentation, calib3d; Kannala & Brandt 2006; Agarwal et al. 2010.
+Source: OpenCV documentation, calib3d; Agisoft Metashape user manual; MicMac documentation, ModPhgrStd; Kannala &
+Brandt 2006; Agarwal et al. 2010.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +33,7 @@ Parameters = Mapping[str, Any]
 
 PARAMETERS = {
     "opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "polynomial": ("k1", "k2", "k3", "k4", "k5", "k6", "k7", "p1", "p2", "a1", "a2", "b2"),
     "fisheye": ("k1", "k2", "k3", "k4"),
     "bal": ("k1", "k2"),
 }
@@ -35,32 +43,56 @@ PARAMETERS = {
 def opencv(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     """Distort after OpenCV, u right and v down."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (parameters.get(name, 0.0) for name in PARAMETERS["opencv"])
-    u, v = uv[:, 0], uv[:, 1]
-    q = u**2 + v**2
+    q = (uv**2).sum(axis=1)
     top, bottom = 1 + q * (k1 + q * (k2 + q * k3)), 1 + q * (k4 + q * (k5 + q * k6))
     L = top / bottom
     dL = ((k1 + q * (2 * k2 + q * 3 * k3)) - L * (k4 + q * (2 * k5 + q * 3 * k6))) / bottom
-    value = np.stack(
-        [u * L + 2 * p1 * u * v + p2 * (q + 2 * u**2), v * L + p1 * (q + 2 * v**2) + 2 * p2 * u * v], axis=1
-    )
-    tangential = np.stack(
-        [2 * p1 * v + 6 * p2 * u, 2 * p1 * u + 2 * p2 * v, 2 * p1 * u + 2 * p2 * v, 6 * p1 * v + 2 * p2 * u], axis=1
-    ).reshape(-1, 2, 2)
-    return value, _radial_derivative(uv, L, dL) + tangential
+    tangential, by_uv = _tangential(uv, p1, p2)
+    return uv * L[:, None] + tangential, _radial_derivative(uv, L, dL) + by_uv
 
 
 def opencv_by_parameters(uv: Array, parameters: Parameters) -> Array:
     """Derivative of `opencv` with respect to its parameters, (n, 2, 8), columns as in `PARAMETERS`."""
     k1, k2, _, _, k3, k4, k5, k6 = (parameters.get(name, 0.0) for name in PARAMETERS["opencv"])
-    u, v = uv[:, 0], uv[:, 1]
-    q = u**2 + v**2
+    q = (uv**2).sum(axis=1)
     top, bottom = 1 + q * (k1 + q * (k2 + q * k3)), 1 + q * (k4 + q * (k5 + q * k6))
     by_top, by_bottom = uv / bottom[:, None], -uv * (top / bottom**2)[:, None]
     powers = [(q**i)[:, None] for i in (1, 2, 3)]
-    by_p1 = np.stack([2 * u * v, q + 2 * v**2], axis=1)
-    by_p2 = np.stack([q + 2 * u**2, 2 * u * v], axis=1)
+    by_p1, by_p2 = _tangential(uv, 1.0, 0.0)[0], _tangential(uv, 0.0, 1.0)[0]
     numerator, denominator = [by_top * power for power in powers], [by_bottom * power for power in powers]
     return np.stack([*numerator[:2], by_p1, by_p2, numerator[2], *denominator], axis=2)
+
+
+def polynomial(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
+    """Distort by powers of r^2, tangential terms, an affinity before and a shear after them, u right and v down."""
+    *k, p1, p2, a1, a2, b2 = (parameters.get(name, 0.0) for name in PARAMETERS["polynomial"])
+    q = (uv**2).sum(axis=1)
+    L = 1 + sum(value * q**i for i, value in enumerate(k, 1))
+    dL = sum(i * value * q ** (i - 1) for i, value in enumerate(k, 1))
+    value, by_uv = _tangential(uv, p1, p2)
+    value, by_uv = value + uv * L[:, None], by_uv + _radial_derivative(uv, L, dL)
+    value[:, 0] += a1 * uv[:, 0] + a2 * uv[:, 1]
+    by_uv[:, 0, 0] += a1
+    by_uv[:, 0, 1] += a2
+    value[:, 0] += b2 * value[:, 1]
+    by_uv[:, 0] += np.reshape(b2, (-1, 1)) * by_uv[:, 1]
+    return value, by_uv
+
+
+def polynomial_by_parameters(uv: Array, parameters: Parameters) -> Array:
+    """Derivative of `polynomial` with respect to its parameters, (n, 2, 12), columns as in `PARAMETERS`."""
+    q = (uv**2).sum(axis=1)[:, None]
+    across = np.array([1.0, 0.0])
+    columns = [
+        *(uv * q**i for i in range(1, 8)),
+        *(_tangential(uv, *unit)[0] for unit in ((1.0, 0.0), (0.0, 1.0))),
+        uv[:, :1] * across,
+        uv[:, 1:] * across,
+        polynomial(uv, parameters)[0][:, 1:] * across,
+    ]
+    by_parameters = np.stack(columns, axis=2)
+    by_parameters[:, 0, :-1] += np.reshape(parameters.get("b2", 0.0), (-1, 1)) * by_parameters[:, 1, :-1]
+    return by_parameters
 
 
 def fisheye(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
@@ -117,10 +149,20 @@ def bal(uv: Array, parameters: Parameters) -> tuple[Array, Array]:
     return uv * L[:, None], _radial_derivative(uv, L, k1 + 2 * q * k2)
 
 
+def _tangential(uv: Array, p1: Any, p2: Any) -> tuple[Array, Array]:
+    """Tangential distortion, and its derivative."""
+    u, v = uv.T
+    q = u**2 + v**2
+    value = np.stack([2 * p1 * u * v + p2 * (q + 2 * u**2), p1 * (q + 2 * v**2) + 2 * p2 * u * v], axis=1)
+    both = 2 * p1 * u + 2 * p2 * v
+    by_uv = np.stack([2 * p1 * v + 6 * p2 * u, both, both, 6 * p1 * v + 2 * p2 * u], axis=1)
+    return value, by_uv.reshape(-1, 2, 2)
+
+
 def _radial_derivative(uv: Array, L: Array, dL_dq: Array) -> Array:
     """Derivative of uv L(q), q = u^2 + v^2."""
     return np.asarray(L[:, None, None] * np.eye(2) + 2 * dL_dq[:, None, None] * uv[:, :, None] * uv[:, None, :])
 
 
-MODELS = {"bal": bal, "opencv": opencv, "fisheye": fisheye}
+MODELS = {"bal": bal, "opencv": opencv, "polynomial": polynomial, "fisheye": fisheye}
 """Each model by its name: (ideal (n, 2), parameters) -> distorted (n, 2), derivative (n, 2, 2)."""

@@ -7,6 +7,7 @@ photo coordinates from the nominal principal point, in the unit of the principal
     bal       p = -(u1, u2)/u3,  xy = f (1 + k1 r^2 + k2 r^4) p                      f k1 k2
     opencv    (a, b) = (-u1/u3, u2/u3) distorted (b down),  x = x0 + c a_d,  y = y0 - c q b_d
                                                                                      c q x0 y0 k1 k2 p1 p2 k3 k4 k5 k6
+    polynomial                       the same, distorted by its terms                c q x0 y0 k1 ... k7 p1 p2 a1 a2 b2
     fisheye   theta = angle between (u1, u2, u3) and (0, 0, -1), r_d = theta (1 + k1 theta^2 + ... + k4 theta^8),
               (a_d, b_d) = r_d (u1, u2)/|u1, u2|,  x = x0 + c a_d,  y = y0 + c q b_d    c q x0 y0 k1 k2 k3 k4
 
@@ -35,6 +36,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "pinhole": ("c", "x0", "y0"),
     "bal": ("f", *forward_models.PARAMETERS["bal"]),
     "opencv": ("c", "q", "x0", "y0", *forward_models.PARAMETERS["opencv"]),
+    "polynomial": ("c", "q", "x0", "y0", *forward_models.PARAMETERS["polynomial"]),
     "fisheye": ("c", "q", "x0", "y0", *forward_models.PARAMETERS["fisheye"]),
 }
 """Parameters of each model, in order."""
@@ -65,12 +67,24 @@ def bal(u: Array, parameters: Array) -> Projected:
 
 def opencv(u: Array, parameters: Array) -> Projected:
     """OpenCV's rational model with tangential terms."""
-    c, q, x0, y0, *rest = _columns(parameters, "opencv")
+    return _of_plane(u, parameters, "opencv", forward_models.opencv_by_parameters)
+
+
+def polynomial(u: Array, parameters: Array) -> Projected:
+    """Powers of r^2 with tangential terms, affinity and shear."""
+    return _of_plane(u, parameters, "polynomial", forward_models.polynomial_by_parameters)
+
+
+def _of_plane(
+    u: Array, parameters: Array, model: str, by_parameters: Callable[[Array, forward_models.Parameters], Array]
+) -> Projected:
+    """A model that distorts normalised coordinates, v down."""
+    c, q, x0, y0, *rest = _columns(parameters, model)
     p, p_by_u = _normalised(u)
     ab, ab_by_u = p * Y_DOWN, p_by_u * Y_DOWN[:, None]
-    names = forward_models.PARAMETERS["opencv"]
-    distorted, by_ab = forward_models.opencv(ab, dict(zip(names, rest)))
-    by_k = forward_models.opencv_by_parameters(ab, dict(zip(names, rest)))
+    values = dict(zip(forward_models.PARAMETERS[model], rest))
+    distorted, by_ab = forward_models.MODELS[model](ab, values)
+    by_k = by_parameters(ab, values)
     return _affine(c, q, x0, y0, distorted * Y_DOWN, (by_ab @ ab_by_u) * Y_DOWN[:, None], by_k * Y_DOWN[:, None])
 
 
@@ -84,6 +98,7 @@ MODELS: dict[str, Callable[[Array, Array], Projected]] = {
     "pinhole": pinhole,
     "bal": bal,
     "opencv": opencv,
+    "polynomial": polynomial,
     "fisheye": fisheye,
 }
 """Forward models by name."""

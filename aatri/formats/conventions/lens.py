@@ -91,6 +91,10 @@ FORMS: dict[str, DistortionForm] = {
     "none": DistortionForm("polynomial", {}),
     "bal": DistortionForm("polynomial", _same("k1 k2")),
     "opencv": DistortionForm("polynomial", _same("k1 k2 p1 p2 k3 k4 k5 k6")),
+    "polynomial": DistortionForm(
+        "polynomial",
+        _named("k1 k2 k3 k4 k5 k6 k7 p1 p2 a1 a2 b2", "k1 k2 k3 k_r8 k_r10 k_r12 k_r14 p1 p2 a1 a2 b2"),
+    ),
     "fisheye": DistortionForm("fisheye", _same("k1 k2 k3 k4")),
     "brown": DistortionForm(
         "correction",
@@ -138,7 +142,7 @@ FORMS: dict[str, DistortionForm] = {
     "opf": DistortionForm("polynomial", _named("R1 R2 R3 T1 T2", "k1 k2 k3 p1 p2"), focal_lengths=1),
     "pix4d": DistortionForm("polynomial", _named("R1 R2 R3 T1 T2", "k1 k2 k3 p1 p2")),
 }
-"""Distortions by program; the first five are the models of aatri."""
+"""Distortions by program; the first six are the models of aatri."""
 
 
 @dataclass(frozen=True)

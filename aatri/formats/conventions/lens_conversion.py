@@ -33,7 +33,7 @@ INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 OURS = ("none", "bal", "opencv", "fisheye", "brown")
 """Models of aatri, the simpler first."""
 
-GENERAL = ("opencv", "fisheye", "brown")
+GENERAL = ("opencv", "fisheye", "brown", "polynomial")
 """Of these those with the most terms in their family."""
 
 

@@ -16,6 +16,7 @@ VALUES = {
     "pinhole": [120.0, 0.3, -0.2],
     "bal": [400.0, -0.15, 0.04],
     "opencv": [120.0, 1.02, 0.3, -0.2, -0.2, 0.08, 1e-3, -5e-4, -0.01, 0.01, 0.002, 1e-4],
+    "polynomial": [120.0, 1.02, 0.3, -0.2, -0.2, 0.08, -0.01, 2e-3, -4e-4, 1e-4, -1e-5, 1e-3, -5e-4, 2e-3, -1e-3, 3e-3],
     "fisheye": [12.0, 0.98, 0.3, -0.2, 0.03, -0.01, 0.002, -1e-4],
 }
 
@@ -76,7 +77,7 @@ def test_bal_by_hand() -> None:
     assert xy[0] == pytest.approx([25.0 * factor, 50.0 * factor], rel=1e-15)
 
 
-@pytest.mark.parametrize("model", ["bal", "opencv", "fisheye"])
+@pytest.mark.parametrize("model", ["bal", "opencv", "polynomial", "fisheye"])
 def test_forward_models_agree_with_the_correction_of_measured_coordinates(model: str) -> None:
     # image_refinement inverts the same distortion by iteration
     u, values = _points(model)[:50], np.array(VALUES[model])

@@ -120,11 +120,30 @@ def test_the_affinity_of_metashape_is_two_focal_lengths() -> None:
     assert back.lens.parameters["b1"] == pytest.approx(3.0, rel=1e-9)
 
 
-def test_a_skew_is_fitted_or_refused() -> None:
-    lens = Lens("c", "metashape", (W, H), (F, F), parameters={"k1": -0.05, "b2": 1.5})
-    ours = as_our_camera(lens)
+@pytest.mark.parametrize(
+    ("form", "parameters"),
+    [
+        (
+            "metashape",
+            {"k1": -0.25, "k2": 0.1, "k3": -0.02, "k4": 0.003, "p1": 4e-4, "p2": -3e-4, "b1": 3.0, "b2": 1.5},
+        ),
+        ("micmac", {"R1": -2e-8, "R4": 1e-29, "R7": -1e-51, "P1": -2e-8, "P2": 4e-8, "b1": 7e-4, "b2": 8e-5}),
+        ("mmvii", {"K1": -0.2, "K5": 1e-3, "p1": 1e-3, "b1": 6e-4, "b2": 1e-4}),
+        ("blocksexchange-affine", {"K1": -0.2, "K2": 0.05, "P2": 1e-3, "shear": 2e-4}),
+    ],
+)
+def test_a_skew_or_affinity_beside_a_strong_radial_distortion_is_exact(form: str, parameters: dict[str, float]) -> None:
+    lens = Lens("c", form, (W, H), (F, F), (12.0, -7.0), parameters)
+    ours = as_our_camera(lens, allowed_px=0.0)
+    assert ours.form == "polynomial"
     rays = lens.ideal(np.array([[-2000.0, -1500.0], [2000.0, -1500.0], [0.0, 700.0]]))
-    np.testing.assert_allclose(ours.projected(rays), lens.projected(rays), rtol=0, atol=0.05)
+    np.testing.assert_allclose(ours.projected(rays), lens.projected(rays), rtol=0, atol=1e-9)
+    back = converted(ours, form)
+    assert back.misfit_px == 0.0
+    assert {n: v for n, v in back.lens.parameters.items() if v} == pytest.approx(parameters, rel=1e-9)
+
+
+def test_a_distortion_about_another_centre_is_fitted_or_refused() -> None:
     wild = Lens("c", "micmac", (W, H), (F, F), parameters={"R1": 1e-8}, centre_px=(900.0, -700.0))
     with pytest.raises(InputError, match=r"camera c.*differs by up to .* px, more than 0.05 px"):
         as_our_camera(wild)

@@ -23,6 +23,7 @@ PARAMETERS = {
     "table": (),
     "brown": ("k1", "k2", "k3", "p1", "p2", "b1", "b2"),
     "opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "polynomial": ("k1", "k2", "k3", "k4", "k5", "k6", "k7", "p1", "p2", "a1", "a2", "b2"),
     "fisheye": ("k1", "k2", "k3", "k4"),
     "bal": ("k1", "k2"),
     "dbat3": ("as", "k1", "k2", "k3", "p1", "p2"),
@@ -49,7 +50,7 @@ class Pixel(YamlSection):
 class DistortionSettings(YamlSection):
     """Distortion model with its parameters."""
 
-    model: Literal["none", "brown", "table", "opencv", "fisheye", "bal", "dbat3"]
+    model: Literal["none", "brown", "table", "opencv", "polynomial", "fisheye", "bal", "dbat3"]
     parameters: dict[str, float] = Field(default_factory=dict)
     radius: list[Annotated[float, Field(ge=0)]] = Field(default_factory=list)
     correction: list[float] = Field(default_factory=list)

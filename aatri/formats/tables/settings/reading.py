@@ -92,6 +92,4 @@ def _known_keys(keys: list[str | int]) -> list[str]:
         return list((RigMemberSigmas if names[-1] == "sigmas" else RigMemberSettings).model_fields)
     if names[-1] == "pixel":
         return list(Pixel.model_fields)
-    return (
-        ["model", "radius", "correction", *PARAMETERS["opencv"], "b1", "b2", "as"] if names[-1] == "distortion" else []
-    )
+    return ["model", "radius", "correction", *PARAMETERS["polynomial"], "b1", "as"] if names[-1] == "distortion" else []
