@@ -41,7 +41,7 @@ def orientations(samples: Path, tmp_path: Path, folder: str) -> Path:
 def test_the_ten_pairs_of_each_file_are_projected_within_a_thousandth(
     samples: Path, tmp_path: Path, folder: str, images: int
 ) -> None:
-    """By the camera as MicMac states it, and by that of the block: a strong distortion with an affinity is exact too."""
+    """By the camera as MicMac states it, and by that of the block: an affinity beside a strong distortion is exact."""
     path = orientations(samples, tmp_path, folder)
     project = read_project(path)
     assert len(project.images) == images
