@@ -7,7 +7,7 @@ which reads the beginning of each file once.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -192,5 +192,5 @@ class Format:
     """Of a folder: the files that are read with it."""
     holds_several: Callable[[FileView], bool] = lambda _: False
     """Whether a folder holds several projects of this format."""
-    beside: Mapping[str, str] = field(default_factory=dict)
-    """Formats of files that its stage takes, and the option that names each: `{"dbat_control": "control"}`."""
+    beside: Sequence[tuple[str, str]] = ()
+    """Formats of files that its stage takes, each with the option that names it: `(("dbat_control", "control"),)`."""

@@ -180,7 +180,7 @@ WUCAPS = _format(
 )
 DBAT = Format(
     "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read=_read_dbat,
-    stage="block/dbat", beside={"dbat_control": "control"},
+    stage="block/dbat", beside=(("dbat_control", "control"),),
     carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
              "standard deviations"),
     drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",

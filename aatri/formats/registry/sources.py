@@ -129,10 +129,10 @@ def _with_companions(
 ) -> tuple[list[SourceWithSettings], list[BlockParts]]:
     """A source that takes a file beside it as an option, read with that file, which is no source then."""
     for k, source in enumerate(sources):
-        beside = [(m, s) for m, s in enumerate(sources) if s.format.name in source.format.beside]
+        beside = [(m, s) for m, s in enumerate(sources) if s.format.name in dict(source.format.beside)]
         if len(beside) == 1:
             m, companion = beside[0]
-            option = Setting(source.path.name, source.format.beside[companion.format.name], str(companion.path))
+            option = Setting(source.path.name, dict(source.format.beside)[companion.format.name], str(companion.path))
             whole = replace(source, settings=(*source.settings, option))
             reporter.log(f"{companion.path}: {option.key} of {source.path.name}")
             pairs = zip(
