@@ -18,6 +18,8 @@ is a weakness of the whole: it is refused, and the combination named. A tenth of
 Source: Golub & Van Loan, Matrix Computations, 8.2 (subspace iteration).
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adjustment.elimination.backsolve import solve_columns
@@ -25,6 +27,9 @@ from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, UNLIKELY, WARNED
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
+from aatri.adjustment.openness.unseen_motions import fit_of_datum
+from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State
@@ -40,10 +45,13 @@ SAME = 0.5
 """Cosine from which on two directions are one."""
 
 
-def nearly_open(problem: IndexedProblem, factored: Factored, state: State) -> OpenDirections:
-    """Look for open directions at the state of a factorisation without damping."""
+def nearly_open(problem: IndexedProblem, factored: Factored, state: State, datum_scale: float = 1.0) -> OpenDirections:
+    """Look for open directions at the state of a factorisation without damping.
+
+    `datum_scale` is by how much smaller standard deviations of the unknowns are than stated: see `loosely_held`.
+    """
     with one_blas_thread():  # a few columns are not worth a second thread
-        U, excess = _directions(problem, factored)
+        U, excess = _directions(problem, factored, datum_scale)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
     vertices: list[int] = []
     whole = np.zeros(len(excess), dtype=bool)
@@ -65,9 +73,30 @@ def nearly_open(problem: IndexedProblem, factored: Factored, state: State) -> Op
     return OpenDirections(directions.shape[1], texts[:MOST_NAMED], directions, alone, blocks, nearly, more=more)
 
 
-def _directions(problem: IndexedProblem, factored: Factored) -> tuple[Float, Float]:
+def loosely_held(problem: IndexedProblem, factored: Factored, state: State, weak: OpenDirections) -> OpenDirections:
+    """What is nearly open, less motions of the whole block that only the size of stated sigmas leaves open.
+
+    Rays do not see them, so that their covariance is that of the observations that the datum rests on, and is smaller
+    with it: by the square of their sigma0 at most, divided by the low end of the interval of chance. What is within the
+    limits with that scale has the right geometry: it is told, and not refused.
+    """
+    if not weak.texts or not all(one.of_whole for one in weak.texts):
+        return weak
+    sigma0, redundancy = fit_of_datum(problem, state)
+    scale = sigma0 / sigma0_interval(redundancy, ALARM)[0] if redundancy > 0 else 1.0
+    if not scale < 1.0:
+        return weak
+    left = nearly_open(problem, factored, state, scale)
+    if left.texts or len(left.vertices) or len(left.blocks):
+        return weak
+    fit = f"the observations that fix it fit to {sigma0:.2g} of their standard deviations: state smaller ones"
+    texts = (replace(one, text=f"{one.text}; {fit}") for one in weak.texts)
+    return replace(left, nearly=(*texts, *left.nearly))
+
+
+def _directions(problem: IndexedProblem, factored: Factored, datum_scale: float) -> tuple[Float, Float]:
     """Directions (n_kept, k) in unknowns times D that are open or nearly so, and what they have of the limits, (k,)."""
-    limit, bare = _limits(problem), np.where(factored.diagonal > 0, factored.diagonal, 1.0)
+    limit, bare = _limits(problem) / datum_scale, np.where(factored.diagonal > 0, factored.diagonal, 1.0)
     D = np.sqrt(bare)
     # the largest eigenvalue with which nothing is open, nor nearly so
     harmless = min(WARNED * OPEN, WARNED**2 * float((bare * limit**2).min(initial=np.inf)))

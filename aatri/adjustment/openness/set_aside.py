@@ -7,7 +7,7 @@ import numpy as np
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
-from aatri.adjustment.openness.nearly_open import nearly_open
+from aatri.adjustment.openness.nearly_open import loosely_held, nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
@@ -65,6 +65,7 @@ def without_weak_parts(
     weak = nearly_open(problem, factored, state)
     aside = _aside(problem, state, weak)
     if not aside:
+        weak = loosely_held(problem, factored, state, weak)
         weak.refuse()
         return weak.notes()
     notes = [*weak.notes(), _note(problem, aside, "its observations hardly determine it")]
