@@ -22,7 +22,7 @@ from aatri.errors import AatriError
 from aatri.formats.merging.part import part_of
 from tests.stages.chain import simulated
 from tests.stages.information.test_parts import chain, start_of
-from tests.stages.information.test_reduced import adjusted, apart
+from tests.stages.information.test_reduced import OF_SIGMA, adjusted, apart
 
 
 def block_in_four(strips: int, images: int, points_per_image: int, seed: int = 1) -> tuple[Block, list[Block]]:
@@ -55,9 +55,9 @@ def told(strips: int, images: int, points_per_image: int) -> Iterator[str]:
     once = chain(parts, [None] * len(parts))
     yield f"each at its own adjustment: {apart(once, joint):.2g} sigma"
     again = chain(parts, [start_of(part, joint) for part in parts], at_initial=True)
-    ratio = again.sigma0 / joint.sigma0 - 1
-    yield f"all at one place: {apart(again, joint):.2g} sigma, sigma0 {ratio:.1g} of itself apart"
-    yield f"redundancy {again.redundancy} and {joint.redundancy}"
+    ratio, largest = again.sigma0 / joint.sigma0 - 1, apart(again, joint)
+    equal = largest < OF_SIGMA and again.redundancy == joint.redundancy
+    yield f"{'' if equal else 'WRONG: '}all at one place: {largest:.2g} sigma, sigma0 {ratio:.1g} of itself apart"
     wrong, name = shifted_control(parts)
     try:
         chain(wrong, [None] * len(wrong))
@@ -73,5 +73,8 @@ if __name__ == "__main__":
     parser.add_argument("--images", type=int, default=40, help="per strip")
     parser.add_argument("--points", type=int, default=12, help="per image")
     wanted = parser.parse_args()
+    wrong = False
     for line in told(wanted.strips, wanted.images, wanted.points):
         print(line, flush=True)  # noqa: T201
+        wrong |= line.startswith("WRONG")
+    raise SystemExit(wrong)

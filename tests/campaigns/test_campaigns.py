@@ -38,6 +38,7 @@ CAMPAIGNS = {
     "isp_1980": ["12"],
     "epochs": ["--count", "20"],
     "convergence_basin": ["1"],
+    "merged_blocks": ["--strips", "6", "--images", "6"],
     "fuzz": ["all", "--count", "25"],
     "opened_files": ["--short"],
     "mutants": ["--count", "2", "--near", "--under", "aatri/geometry/vectors.py", "--at-least", "0"],

@@ -47,7 +47,7 @@ def told() -> Iterator[str]:
         for before, kind in deaths:
             client.wait_for_workers(2)
             first = min(client.scheduler_info(n_workers=-1)["workers"])
-            made = client.submit(_on_cluster, Path(folder), before, workers=[first], pure=False).result(timeout=120)
+            made = client.submit(_on_cluster, Path(folder), before, workers=[first], pure=False).result(timeout=600)
             died = (Path(folder) / f"died-{before}").exists()
             equal = all(
                 np.array_equal(made[k][name], values, equal_nan=True)
