@@ -1,9 +1,17 @@
-"""One step of a small linearised problem: normal equations and covariances as whole matrices.
+"""One step of a small linearised problem: the reduced normal equations, and their covariances, as whole matrices.
 
-    N = A'A,    dx = -N^-1 A'v,    Q = N^-1,    covariance of the adjusted values H = A Q A'
+The points are eliminated one by one, as no record touches two of them. With the whitened residuals v, their derivatives
+A by all other unknowns and B by a point,
 
-of whitened records. Nothing is indexed, and there is no order of elimination: below some hundred unknowns that costs
-more than it saves. It is the same step as `solve` takes, with the same tests; what is not determined is left to it.
+    N = A'A,    g = A'v,        of every point    C = B'A,    D = B'B,    h = B'v
+    S = N - sum C'D^-1 C,       dx = -S^-1 (g - sum C'D^-1 h),       of every point    dy = -D^-1 (h + C dx)
+    Q = S^-1,                   Q_yx = -D^-1 C Q,                    Q_yy = D^-1 - Q_yx (D^-1 C)'
+
+and the adjusted values of a record have the covariance A Q A' + B Q_yx A' + (B Q_yx A')' + B Q_yy B'. Nothing is
+indexed, and there is no order of elimination: below some hundred unknowns beside the points that costs more than it
+saves. It is the same step as `solve` takes, with the same tests; what is not determined is left to it.
+
+Source: docs/formulas.md 6.2.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,11 +25,12 @@ from aatri.adjustment.records import Records, keys_of, predicted
 from aatri.adjustment.statistics.record_tests import RecordTests, record_tests
 from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, sums_of
 
 MOST_UNKNOWNS = 300
+"""Beside those of points."""
 MOST_ELEMENTS = 500_000
-"""Of the whitened design matrix. Beyond either the tree of fronts is quicker."""
+"""Of A. Beyond either the tree of fronts is quicker."""
 
 VANISHING = 1e-10
 """A pivot of the normal equations scaled to unit diagonal, below which rounding decides (docs/adjustment.md)."""
@@ -44,6 +53,29 @@ class DenseSolution:
         return tests_of(self.records, self.state, self.covariances)
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Where the unknowns stand in the matrices."""
+
+    n: int
+    """Columns of A."""
+    column: dict[str, Int]
+    """Of each scalar of a group, (blocks, k); n, one behind the last, where it is held."""
+    group: str
+    free: Bool
+    """Name of the points, and (points + 1, k) their free coordinates: none of the last, which stands for no point."""
+
+
+@dataclass(frozen=True)
+class _Design:
+    """Of all records of a type: v (n, m), A (n, m, columns), B (n, m, k), and the point of each (n,)."""
+
+    v: Float
+    A: Float
+    B: Float
+    point: Int
+
+
 def tests_of(records: Sequence[Records], state: State, covariances: Covariances) -> dict[str, RecordTests]:
     """Tests of records by key of their type, from covariances with whitened residuals."""
     each = zip(keys_of(records), records, covariances.records, covariances.whitened)
@@ -51,9 +83,11 @@ def tests_of(records: Sequence[Records], state: State, covariances: Covariances)
 
 
 def is_small(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> bool:
-    """Whether whole matrices are the quicker way."""
-    n = sum(int(u.free.sum()) for u in unknowns)
-    return n <= MOST_UNKNOWNS and n * sum(len(r.active) * r.rows for r in records) <= MOST_ELEMENTS
+    """Whether whole matrices can be used, and are the quicker way."""
+    points = {u.name for u in unknowns if u.eliminated}
+    apart = len(points) <= 1 and all(sum(group in points for group, _ in r.touches) <= 1 for r in records)
+    n = sum(int(u.free.sum()) for u in unknowns if not u.eliminated)
+    return apart and n <= MOST_UNKNOWNS and n * sum(len(r.active) * r.rows for r in records) <= MOST_ELEMENTS
 
 
 @one_blas_thread()
@@ -65,47 +99,49 @@ def solve_dense(unknowns: Sequence[Unknowns], records: Sequence[Records], state:
     Parameters
     ----------
     unknowns : sequence of Unknowns
+        Of which one group at most is eliminated: the points.
     records : sequence of Records
-        Without loss.
+        Without loss; none touches two points.
     state : mapping
         Where to linearise.
     """
     free = {u.name: u.free & _taking_part(u, records)[:, None] for u in unknowns}
     out = {u.name: np.asarray((u.free & ~free[u.name]).any(axis=1)) for u in unknowns}
-    column = _columns(free)
-    n = sum(int(f.sum()) for f in free.values())
-    design = [_design(r, state, column, n) for r in records]
-    N, g = np.zeros((n, n)), np.zeros(n)
-    for r, (v, A) in zip(records, design):
-        used = A[r.active].reshape(-1, n)
-        N, g = N + used.T @ used, g + used.T @ v[r.active].ravel()
-    diagonal = np.diag(N)
-    if not (np.isfinite(g).all() and (diagonal > 0).all()):
-        return None
-    scale = 1.0 / np.sqrt(diagonal)
+    places = _places(free, next((u.name for u in unknowns if u.eliminated), ""))
+    design = [_design(r, state, places) for r in records]
+    N, C, D, g, h = _normal_equations(records, design, places)
     try:
-        L = np.linalg.cholesky(N * scale[:, None] * scale)
+        D_inverse = np.where(places.free[:, :, None], _inverse(D, np.einsum("pkk->pk", D)), 0.0)
+        by_column = D_inverse @ C
+        S = N - np.einsum("pki,pkj->ij", C, by_column)
+        Q = _inverse(S[None], np.diag(N)[None])[0]
     except np.linalg.LinAlgError:
         return None
-    if (np.diag(L) ** 2 < VANISHING).any():
+    if not (np.isfinite(g).all() and np.isfinite(h).all()):
         return None
-    inverse = np.linalg.inv(L) * scale
-    Q = inverse.T @ inverse
-    dx = np.append(-Q @ g, 0.0)
-    after = retract_state(unknowns, state, {name: dx[c] for name, c in column.items()})
+    dx = -Q @ (g - np.einsum("pki,pk->i", by_column, h))
+    dy = -np.einsum("pkl,pl->pk", D_inverse, h + C @ dx)
+    Q_yx = -by_column @ Q
+    Q_yy = D_inverse - Q_yx @ by_column.swapaxes(1, 2)
+    steps = {name: np.append(dx, 0.0)[column] for name, column in places.column.items()}
+    after = retract_state(unknowns, state, {**steps, **({places.group: dy[:-1]} if places.group else {})})
     departure, whitened, of_records = 0.0, [], []
-    for r, (v, A) in zip(records, design):
-        now = (v + A @ dx[:-1], A) if r.linear else _design(r, after, column, n)
-        departure = max(departure, float(np.abs(v + A @ dx[:-1] - now[0])[r.active].max(initial=0.0)))
-        H = now[1] @ Q @ now[1].swapaxes(1, 2)
+    for r, d in zip(records, design):
+        linear = d.v + d.A @ dx + np.einsum("nmk,nk->nm", d.B, dy[d.point])
+        now = _Design(linear, d.A, d.B, d.point) if r.linear else _design(r, after, places)
+        departure = max(departure, float(np.abs(linear - now.v)[r.active].max(initial=0.0)))
+        of_both = now.B @ Q_yx[now.point] @ now.A.swapaxes(1, 2)
+        H = now.A @ Q @ now.A.swapaxes(1, 2) + of_both + of_both.swapaxes(1, 2)
+        H += now.B @ Q_yy[now.point] @ now.B.swapaxes(1, 2)
         for group, block in r.touches:
             H[out[group][block]] = np.nan
-        whitened.append(now[0])
+        whitened.append(now.v)
         of_records.append(H)
     wide = np.pad(Q, (0, 1))
-    groups = {name: wide[c[:, :, None], c[:, None, :]] for name, c in column.items()}
-    for name, alone in out.items():
-        groups[name][alone] = np.nan
+    groups = {name: wide[column[:, :, None], column[:, None, :]] for name, column in places.column.items()}
+    groups |= {places.group: Q_yy[:-1]} if places.group else {}
+    for name, lacking in out.items():
+        groups[name][lacking] = np.nan
     marginal = Covariances(groups, np.zeros((0, 0, 0)), tuple(of_records), whitened=tuple(whitened))
     return DenseSolution(after, tuple(records), departure, marginal)
 
@@ -120,20 +156,59 @@ def _taking_part(u: Unknowns, records: Sequence[Records]) -> Bool:
     return np.asarray(active | ~touched)
 
 
-def _columns(free: Mapping[str, Bool]) -> dict[str, Int]:
-    """Column of each scalar, (n, k) of each group; -1, the last, where it is held."""
-    columns, first = {}, 0
+def _places(free: Mapping[str, Bool], points: str) -> _Places:
+    columns, n = {}, 0
     for name, f in free.items():
-        columns[name] = np.where(f, first + np.cumsum(f).reshape(f.shape) - 1, -1)
-        first += int(f.sum())
-    return columns
+        if name != points:
+            columns[name] = n + np.cumsum(f).reshape(f.shape) - 1
+            n += int(f.sum())
+    columns = {name: np.where(free[name], column, n) for name, column in columns.items()}
+    return _Places(n, columns, points, np.pad(free.get(points, np.zeros((0, 1), dtype=bool)), ((0, 1), (0, 0))))
 
 
-def _design(r: Records, state: State, column: Mapping[str, Int], n: int) -> tuple[Float, Float]:
-    """Whitened residuals (n_records, m) and design matrix (n_records, m, n) of all records."""
-    rows = np.arange(len(r.active))
+def _design(r: Records, state: State, places: _Places) -> _Design:
+    rows, (last, k) = np.arange(len(r.active)), np.array(places.free.shape) - [1, 0]
     v, jacobians = predicted(r, state, rows)
-    A = np.zeros((len(rows), r.rows, n + 1))
+    A, B, point = np.zeros((len(rows), r.rows, places.n + 1)), np.zeros((len(rows), r.rows, k)), np.full(len(rows), last)
     for (group, block), J in zip(r.touches, jacobians):
-        A[rows[:, None], :, column[group][block]] += J.swapaxes(1, 2)
-    return v, A[:, :, :n]
+        if group == places.group:
+            B, point = np.where(places.free[block][:, None], J, 0.0), block
+        else:
+            A[rows[:, None], :, places.column[group][block]] += J.swapaxes(1, 2)
+    return _Design(v, A[:, :, : places.n], B, point)
+
+
+def _normal_equations(
+    records: Sequence[Records], design: Sequence[_Design], places: _Places
+) -> tuple[Float, Float, Float, Float, Float]:
+    """N, C, D, g and h of the active records; D is 1 where a coordinate is held."""
+    n, (points, k) = places.n, places.free.shape
+    N, C, D = np.zeros((n, n)), np.zeros((points, k, n)), ~places.free[:, :, None] * np.eye(k)
+    g, h = np.zeros(n), np.zeros((points, k))
+    for r, d in zip(records, design):
+        v, A, B, point = d.v[r.active], d.A[r.active], d.B[r.active], d.point[r.active]
+        N += np.einsum("nmi,nmj->ij", A, A, optimize=True)
+        g += np.einsum("nmi,nm->i", A, v)
+        Bt = B.swapaxes(1, 2)
+        C, D = C + sums_of(Bt @ A, point, points), D + sums_of(Bt @ B, point, points)
+        h += sums_of(np.einsum("nmk,nm->nk", B, v), point, points)
+    return N, C, D, g, h
+
+
+def _inverse(matrix: Float, diagonal: Float) -> Float:
+    """Inverses of normal equations, (n, m, m), by the diagonal (n, m) that they had before anything was eliminated.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If something is not determined.
+    """
+    if not (diagonal > 0).all():
+        raise np.linalg.LinAlgError("nothing observes an unknown")
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = matrix * scale[:, :, None] * scale[:, None, :]
+    T = np.linalg.inv(np.linalg.cholesky(scaled))
+    if (np.einsum("nii->ni", T) ** -2.0 < VANISHING).any():
+        raise np.linalg.LinAlgError("rounding decides an unknown")
+    T = T * scale[:, None, :]
+    return np.asarray(T.swapaxes(1, 2) @ T)
