@@ -1,4 +1,4 @@
-"""Weights of ties and of what is observed of the ground, with the variance that bodies are deformed by.
+"""Weights of ties and of what is observed of the ground, with the variance that bodies are deformed by; means by them.
 
 Bodies are deformed: their points disagree by more than their covariances C_o say. tau is what must be added,
 W_o = (C_o + tau^2 I)^-1. What is exact, or far better than any point of a body, gets a standard deviation of `EXACT`
@@ -8,7 +8,7 @@ times that of these.
 import numpy as np
 
 from aatri.adjustment.small_matrices import inverse_cholesky
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
 
 EXACT = 1e-2
@@ -53,3 +53,31 @@ def whitener_beside(o: Observed, covariance: Float, typical_m2: float) -> Float:
     C = covariance + np.where(exact, least, 0.0)[:, :, None] * np.eye(m)
     both = used[:, :, None] & used[:, None, :]
     return np.asarray(np.where(both, inverse_cholesky(np.where(both, C, np.eye(m))), 0.0))
+
+
+def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -> tuple[Float, Float]:
+    """Weighted means of ground points over the bodies that hold them.
+
+    Parameters
+    ----------
+    point : (n,) int
+    xyz : (n, 3) float64, m
+    T : (n, 3, 3) float64, 1/m
+        Whitener of each.
+    use : (n,) bool
+    n_points : int
+
+    Returns
+    -------
+    mean : (n_points, 3) float64, m
+        NaN where no body holds the point.
+    covariance : (n_points, 3, 3) float64, m^2
+    """
+    point, W = point[use], T[use].swapaxes(1, 2) @ T[use]
+    total = sums_of(W, point, n_points)
+    observed = np.bincount(point, minlength=n_points) > 0
+    total[~observed] = np.eye(3)
+    covariance: Float = np.linalg.inv(total).astype(np.float64)
+    mean = np.einsum("nij,nj->ni", covariance, sums_of(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
+    mean[~observed], covariance[~observed] = np.nan, np.nan
+    return mean, covariance

@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.added_variance import weighted_means
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_problem import TiedProblem, in_three
-from aatri.adjusting.tied_solution import TiedSolution, solve_tied
-from aatri.adjusting.uncontrolled_ties import uncontrolled_observations
-from aatri.adjusting.weighted_means import weighted_means
+from aatri.adjusting.tied_solution import TiedSolution, solve_tied, uncontrolled_observations
 from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.limits import limit_of_tests
-from aatri.adjustment.statistics.rejection import Pool, Snooping, overfull, pool_of, room_left
-from aatri.adjustment.statistics.room import room_of
+from aatri.adjustment.statistics.rejection import Pool, Snooping, overfull, pool_of, room_left, room_of
 from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int

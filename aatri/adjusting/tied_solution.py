@@ -20,7 +20,7 @@ from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.statistics.record_tests import RecordTests
-from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -96,7 +96,7 @@ class TiedSolution:
         """How well the others know what is observed of the ground, (n,): 1 where as well as a single point of a body.
 
         0 for ties. The redundancy number does not tell it: precise control beside rough bodies has one near zero, and
-        its gross errors show in the bodies all the same (see `uncontrolled_ties`).
+        its gross errors show in the bodies all the same (see `uncontrolled_observations`).
         """
         problem, k = self.problem, len(self.problem.ties)
         s2, shares = self.variance_with_body / 3, [np.zeros(problem.n_ties)]
@@ -213,3 +213,39 @@ def _step(
         return dense or solve(ordered or problem.index, state, weights)
 
     return step
+
+
+def uncontrolled_observations(solved: TiedSolution, among: Bool) -> tuple[Int, Float, Float]:
+    """Observations in which a gross error of ten standard deviations, of them and a body's point, shows not.
+
+    A gross error e of an observation, whitener T, changes the sum of squares of the adjustment by e' T' R T e, with R
+    the cofactor of its whitened residuals. It is compared with one standard deviation s of the observation and of a
+    body's point together: precise control has a redundancy number near zero beside bodies ten times as rough, but its
+    errors show in them. So the smallest eigenvalue of s^2 T' R T is the redundancy number, and its eigenvector the
+    direction, whatever the weights. Source: Foerstner 1980, 1983.
+
+    Parameters
+    ----------
+    solved : TiedSolution
+    among : (n,) bool
+        Active observations to be looked at: ties, and coordinates of the ground.
+
+    Returns
+    -------
+    rows : (k,) int64
+    least : (k,) float64
+        Redundancy number in that direction.
+    direction : (k, 3) float64
+        Of length 1; zero where not observed.
+    """
+    problem, edges = solved.problem, solved.problem.edges
+    each = zip(problem.observed, edges, solved.tests, solved.whiteners)
+    parts = [
+        (first, tests.redundancy, T, among[first : first + len(o)]) for o, first, tests, T in each if is_coordinates(o)
+    ]
+    rows = np.concatenate([first + np.flatnonzero(active) for first, _, _, active in parts])
+    R = np.concatenate([redundancy[active] for _, redundancy, _, active in parts])
+    T = np.concatenate([whitener[active] for _, _, whitener, active in parts])
+    M = solved.variance_with_body[rows][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
+    weak, least, direction = uncontrolled_directions(M, problem.components[rows], np.ones((len(rows), 3)))
+    return rows[weak], np.maximum(least, 0.0), direction

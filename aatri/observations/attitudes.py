@@ -108,9 +108,10 @@ class Attitudes:
 
 def attitudes(source: ObservationSource, options: AttitudeOptions) -> tuple[Observed, ...]:
     """Observed attitudes of the images."""
-    block = source.block
-    rows = attitudes_of(source)
-    if not options.use or not len(rows.row):
+    if not options.use:
+        return ()
+    block, rows = source.block, attitudes_of(source)
+    if not len(rows.row):
         return ()
     group = block.exterior.drift_group[rows.row] if options.drift != "none" else np.full(len(rows.row), "")
     terms = []

@@ -130,7 +130,9 @@ def terms_of(source: ObservationSource, rows: Positions, options: PositionOption
         time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
         terms.append(drift_term(group, time, rows.given, linear=options.drift == "linear"))
     camera = block.images.camera[rows.image]
-    armed = np.asarray(ARMS.open(block)[0].any(axis=1))[camera] & (block.exterior.refers_to[rows.row] == ANTENNA)
+    armed = np.asarray(block.exterior.refers_to[rows.row] == ANTENNA)
+    if armed.any():
+        armed &= np.asarray(ARMS.open(block)[0].any(axis=1))[camera]
     if armed.any():
         terms.append(
             SharedUnknowns(ARMS.unknowns(block), block.cameras.lever_arm_m.copy(), np.where(armed, camera, -1))

@@ -51,7 +51,7 @@ def frame_of(block: Block, origin: Float | None = None) -> TangentFrame | None:
 
 def geodesy_of(block: Block, frame: TangentFrame | None = None) -> TangentFrame | None:
     """A tangent frame of the block's CRS, whatever its adjustment is in; None where the CRS cannot be converted."""
-    if frame is not None or not len(block.frames):
+    if frame is not None or not len(block.frames) or block.frames.crs[0] == "local":
         return frame
     try:
         source, undulation_m = declared_frame(block)

@@ -1,15 +1,15 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_tables import OrientedPart
-from aatri.adapters.ground.control_by_rays import control_by_rays
+from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
 from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import not_rejected
+from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
@@ -20,7 +20,7 @@ from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
-from aatri.orientation.bodies.absolute import OrientationSettings
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio
 from aatri.orientation.bodies.free_body import FreeBody, levelled
@@ -28,6 +28,38 @@ from aatri.orientation.bodies.free_body import FreeBody, levelled
 LEVEL_RAD = 0.1
 """By how much the images of a strip are tilted in the mean, where nothing else tells: near-vertical photographs stay
 below 3 to 5 degrees (Kraus, Photogrammetry); from steeper ones none begins."""
+
+
+@dataclass(frozen=True)
+class OrientedPart:
+    """A component on the ground."""
+
+    what: str
+    by_rays: ControlByRays
+    result: OrientedBody
+
+    @property
+    def component(self) -> Component:
+        """The component itself."""
+        return self.by_rays.component
+
+    def adjusted(self) -> list[tuple[str, TiedResult]]:
+        """Its adjustments: to the ground, and of its strips to each other if they are several."""
+        results: list[tuple[str, TiedResult]] = [(f"{self.what} to the ground", self.result.tied)]
+        if self.component.tied is not None:
+            results.append((f"{self.what}, strips to each other", self.component.tied))
+        return results
+
+
+def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
+    """Observations and unknowns, and sigma0: the ratio to the a priori standard deviations, of all components."""
+    observations, unknowns, squares = 0, 0, 0.0
+    for part in parts:
+        for _, tied in part.adjusted():
+            squares += tied.sigma0**2 * tied.redundancy if tied.redundancy > 0 else 0.0
+            observations, unknowns = observations + tied.counts[0], unknowns + tied.counts[1]
+    redundancy = observations - unknowns
+    return (observations, unknowns), float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
 
 
 def oriented_part(

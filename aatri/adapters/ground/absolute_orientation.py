@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground import absolute_tables as tables
-from aatri.adapters.ground.absolute_datum import levelled_part, oriented_part
-from aatri.adapters.ground.absolute_tables import OrientedPart
+from aatri.adapters.ground.absolute_datum import OrientedPart, levelled_part, oriented_part, pooled
 from aatri.adapters.ground.control_fit import height_notes
 from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
@@ -135,7 +133,7 @@ def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStri
         trials = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
         for strip, off_m in misfitting_strips(of.strips, oriented.parts)[:CANDIDATES]:
             if (without := _tried(of, replace(joining, aside=(*left, strip)))) is not None:
-                worse = _fitting(of, without) is None, -without.strips, tables.pooled(without.parts)[1]
+                worse = _fitting(of, without) is None, -without.strips, pooled(without.parts)[1]
                 trials.append((worse, strip, off_m, without))
         if not trials:
             return None
@@ -162,7 +160,7 @@ def _tried(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
         oriented = _oriented(of, joining)
     except (ConvergenceError, GeometryError):
         return None
-    return oriented if np.isfinite(tables.pooled(oriented.parts)[1]) else None
+    return oriented if np.isfinite(pooled(oriented.parts)[1]) else None
 
 
 def _fitting(of: StripsOfBlock, oriented: OrientedStrips) -> list[Note] | None:

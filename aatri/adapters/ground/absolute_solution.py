@@ -1,19 +1,42 @@
-"""Strips on the ground as a Solution."""
+"""Strips on the ground as a Solution: orientations, residuals, suspects, parameters, what nothing controls."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from aatri.adapters.ground import absolute_tables as tables
-from aatri.adapters.ground.absolute_datum import free_images
+from aatri.adapters.ground.absolute_datum import OrientedPart, free_images, pooled
 from aatri.adapters.ground.absolute_orientation import OrientedStrips
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import components_of, tests_of
+from aatri.adapters.strips.tied_tables import (
+    components_of,
+    not_rejected,
+    not_tested,
+    residuals_of,
+    seen_points,
+    suspects_of,
+    tests_of,
+    uncontrolled_kinds,
+)
+from aatri.adapters.uncontrolled_before import not_seen_since
+from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
-from aatri.geometry.similarity import compose, transform
+from aatri.artifacts.strips import Strips
+from aatri.artifacts.suspects import Suspects
+from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.observed import Spread
+from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.components import strip_names
+
+ROLE_NAME = "absolute_orientation"
 
 
 def absolute_solution(
@@ -25,7 +48,7 @@ def absolute_solution(
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
     transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [tables.carried(block, strips, oriented.of.rays, parts)]
+    suspects = [_carried(block, strips, oriented.of.rays, parts)]
     for part in parts:
         to_ground, component = part.result.ground_from_body, part.component
         centres, rotations, image = free_images(strips, component)
@@ -35,11 +58,10 @@ def absolute_solution(
         for strip, pose in zip(component.strips, component.component_from_strip):
             name = str(strips.strips.id[strip])
             transformations.append(pieces.similarity_rows(name, compose(to_ground, pose), origin_m))
-        parameters += tables.precisions(strips, part)
-        residuals += tables.residual_tables(part)
-        suspects += tables.suspect_tables(strips, part)
-    counts, sigma0 = tables.pooled(parts)
-    uncontrolled = tables.uncontrolled_tables(block, strips, parts)
+        parameters += _precisions(strips, part)
+        residuals += _residual_tables(part)
+        suspects += _suspect_tables(strips, part)
+    counts, sigma0 = pooled(parts)
     solution = pieces.solution_of(
         block,
         image_points,
@@ -52,8 +74,71 @@ def absolute_solution(
         parameters=stacked(parameters),
         residuals=stacked(residuals),
         suspects=stacked(suspects),
-        uncontrolled=uncontrolled,
+        uncontrolled=_uncontrolled_tables(block, strips, parts),
         tests=stacked([tests_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
         components=stacked([components_of(tied) for part in parts for _, tied in part.adjusted()]) if tests else None,
     )
     return solution, pieces.left_out(block, np.isfinite(position).all(1))
+
+
+def _precisions(strips: Strips, part: OrientedPart) -> list[Parameters]:
+    """Deformation of a component towards the ground, and of its strips towards each other."""
+    name = strip_names(part.component, strips.strips.id.tolist())
+    rows = [pieces.precision_row(f"{name} to the ground", part.result.tied.tau_m)]
+    if part.component.tied is not None:
+        scale = part.result.ground_from_body.scale
+        rows.append(pieces.precision_row(f"{name} to each other", scale * part.component.tied.tau_m))
+    return rows
+
+
+def _residual_tables(part: OrientedPart) -> Iterator[Residuals]:
+    """Component on the ground minus what is observed, and the ties in metres along the ground axes."""
+    yield residuals_of(part.result.tied, part.result.state)
+    if (ties := part.component.tied) is not None:
+        to = part.result.ground_from_body
+        tie_residuals = residuals_of(
+            replace(ties, observations=tuple(_on_ground(one, to) for one in ties.observations))
+        )
+        yield replace(tie_residuals, residual=to.scale * tie_residuals.residual @ to.rotation.T)
+
+
+def _on_ground(adjusted: AdjustedObservations, to: Similarity) -> AdjustedObservations:
+    """Ties of a component, with their standard deviations on the ground."""
+    spread = adjusted.observed.spread
+    assert spread is not None
+    turned = Spread(to.scale**2 * spread.values, to.rotation @ spread.vectors, spread.at)
+    return replace(adjusted, observed=replace(adjusted.observed, spread=turned))
+
+
+def _carried(block: Block, strips: Strips, rays: ImagePointRows, parts: Sequence[OrientedPart]) -> Suspects:
+    """Suspects of earlier stages but those that were tested here anew."""
+    before = strips.suspects
+    for part in parts:
+        for _, tied in part.adjusted():
+            before = not_tested(before, tied, strips.strips.id[part.component.strips])
+        before = part.by_rays.suspects(before, block, rays, ROLE_NAME)
+    return before
+
+
+def _suspect_tables(strips: Strips, part: OrientedPart) -> Iterator[Suspects]:
+    """What was tested and not believed, or believed again: observations of the ground, and ties."""
+    ties = part.component.tied
+    yield suspects_of(part.result.tied, ROLE_NAME, part.result.began)
+    if ties is not None:
+        began = not_rejected(ties.problem.observed, {STRIP_TIE: strips.suspects})
+        yield suspects_of(ties, ROLE_NAME, began, part.result.ground_from_body)
+
+
+def _uncontrolled_tables(block: Block, strips: Strips, parts: Sequence[OrientedPart]) -> Uncontrolled:
+    """Image points that no second model, strip or control has seen; what nothing else controls."""
+    table = strips.strip_points
+    seen_twice, tables = np.zeros(len(block.points), dtype=bool), list[Uncontrolled]()
+    for part in parts:
+        result, rows, ties = part.result, part.component.rows, part.component.tied
+        active = np.ones(len(rows), dtype=bool) if ties is None else ties.active
+        seen_twice |= np.bincount(table.point[rows[active]], minlength=len(block.points)) > 1
+        seen_twice |= seen_points(result.tied)
+        if ties is not None:
+            tables.append(uncontrolled_kinds(ties, result.ground_from_body.rotation))
+        tables.append(uncontrolled_kinds(result.tied))
+    return stacked([not_seen_since(strips.uncontrolled, block, seen_twice), *tables])

@@ -74,8 +74,10 @@ def control_by_rays(
     limit : float
         Test statistic of rays that do not meet. Points as uncertain as one at infinity stay out.
     """
-    wanted = np.setdiff1d(control_point, component.point)
-    rows = np.flatnonzero(rays.active & body.has[POSE][rays.image] & np.isin(rays.point, wanted))
+    lacking = np.setdiff1d(control_point, component.point)
+    rows = np.flatnonzero(rays.active & body.has[POSE][rays.image] & np.isin(rays.point, lacking))
+    if not len(rows):
+        return ControlByRays(component, body, rows, rows, np.zeros(0))
     xyz, covariance = body.xyz.copy(), body.covariance.copy()
     meeting: list[Int] = [np.zeros(0, dtype=np.int64)]
     for point in np.unique(rays.point[rows]):

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters.ground import absolute_tables as tables
-from aatri.adapters.ground.absolute_datum import free_images
-from aatri.adapters.ground.absolute_tables import OrientedPart
+from aatri.adapters.ground.absolute_datum import OrientedPart, free_images, pooled
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
 from aatri.arrays import Bool, Float
@@ -33,7 +31,7 @@ def fit_notes(strips: Strips, parts: Sequence[OrientedPart], max_sigma0: float |
         return sigma0_notes(
             [tied for _, tied in adjusted],
             [name for name, _ in adjusted],
-            tables.pooled(parts)[1],
+            pooled(parts)[1],
             pieces.most_models(strips),
             Misfit(max_sigma0, _distance_m(strips, parts)),
             max(map(_misfit_m, parts), default=0.0),

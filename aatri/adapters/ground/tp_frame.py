@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import free_images
-from aatri.adapters.ground.absolute_tables import OrientedPart
+from aatri.adapters.ground.absolute_datum import OrientedPart, free_images
 from aatri.adapters.strips.oriented_strips import transformation_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import StripTransformations

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjusting.weighted_means import weighted_means
+from aatri.adjusting.added_variance import weighted_means
 from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.arrays import Int
 from aatri.artifacts.models import Models

@@ -59,7 +59,7 @@ class _Places:
 
     n: int
     """Columns of A."""
-    column: dict[str, Int]
+    column: Mapping[str, Int]
     """Of each scalar of a group, (blocks, k); n, one behind the last, where it is held."""
     group: str
     free: Bool
@@ -169,7 +169,11 @@ def _places(free: Mapping[str, Bool], points: str) -> _Places:
 def _design(r: Records, state: State, places: _Places) -> _Design:
     rows, (last, k) = np.arange(len(r.active)), np.array(places.free.shape) - [1, 0]
     v, jacobians = predicted(r, state, rows)
-    A, B, point = np.zeros((len(rows), r.rows, places.n + 1)), np.zeros((len(rows), r.rows, k)), np.full(len(rows), last)
+    A, B, point = (
+        np.zeros((len(rows), r.rows, places.n + 1)),
+        np.zeros((len(rows), r.rows, k)),
+        np.full(len(rows), last),
+    )
     for (group, block), J in zip(r.touches, jacobians):
         if group == places.group:
             B, point = np.where(places.free[block][:, None], J, 0.0), block

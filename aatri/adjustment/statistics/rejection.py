@@ -9,6 +9,15 @@ No more of the records of a block of the `share` group (a strip), or of a kind t
 all than there is `room` for (`Pool.room`, else a share of them): where more disagrees the model is wrong, not the data.
 The last record that ties a block of the neighbourhood to the `share` group stays, for the others of that block would be
 tested by nothing; and a record without a test is never rejected for it (`stranded`).
+
+A kind of n records has the redundancy R = sum tr(R_i) / m_i, counted in records. R - g of them are left to test the
+others when g are out. Up to half of R may go; of a small kind three may, as long as R allows it: thirteen control
+points in a block of strong rays have R = 10 and room for five, six have R = 3.7 and room for three. One may go wherever
+anything is tested at all: control that is far better than the rays has next to no redundancy, and its tests, which know
+that, tell all the same; whether it is the right one shows as each is left out (`leave_one_out`). Where more contradict
+the rest, single gross errors explain nothing: the kind is named, and all of it stays, never a part (`overfull`).
+
+Source: Rousseeuw and Leroy 1987 (half is the most that a fit can bear); Foerstner 1979 (redundancy of groups).
 """
 
 from collections.abc import Sequence
@@ -18,6 +27,12 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.arrays import Bool, Float, Int
+
+TESTED = 0.01
+"""Redundancy of a kind below which nothing tests it."""
+
+SMALL_ROOM = 3
+"""So many of the smallest kind may be wrong, if its redundancy allows it."""
 
 
 @dataclass(frozen=True)
@@ -147,3 +162,38 @@ def overfull(snooping: Snooping, pool: Pool, above: Bool, active: Bool, began: B
     full = (left <= 0) & (np.bincount(pool.source[above & active], minlength=len(left)) > 0)
     back = full[pool.source] & began & ~active
     return full & (np.bincount(pool.source[back], minlength=len(left)) > 0), back
+
+
+def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> Int:
+    """How many records of each kind may be rejected.
+
+    Parameters
+    ----------
+    redundancy : (g,) float64
+        Of each kind, in records.
+    count : (g,) int
+        Its records.
+    max_share : float, optional
+        This share of a kind instead, where the user says so.
+
+    Returns
+    -------
+    (g,) int
+    """
+    half, whole = np.floor(0.5 * redundancy), np.maximum(np.floor(redundancy + 1e-9), redundancy > TESTED)
+    room = np.minimum(np.maximum(half, SMALL_ROOM), whole).astype(np.int64)
+    return room if max_share is None else np.ceil(max_share * count).astype(np.int64)
+
+
+def redundancy_in_records(redundancy: Float, components: Float | Int) -> float:
+    """R of a kind: sum of tr(R_i) / m_i.
+
+    Parameters
+    ----------
+    redundancy : (n,) float64
+        tr(R_i) of each record; NaN counts as none.
+    components : (n,)
+        m_i, the components observed.
+    """
+    share = np.where((components > 0) & np.isfinite(redundancy), redundancy / np.maximum(components, 1), 0.0)
+    return float(share.sum())

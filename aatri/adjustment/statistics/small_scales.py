@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from aatri.adjustment.statistics.limits import ALARM, SEPARABLE
-from aatri.adjustment.statistics.room import SMALL_ROOM
+from aatri.adjustment.statistics.rejection import SMALL_ROOM
 from aatri.arrays import Float, Int
 
 LIMIT = float(chdtri(1.0, 2.0 * ALARM))

@@ -81,6 +81,8 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
     findings = []
     for kind, given_m in coordinates.items():
         rows = np.flatnonzero((r.kind == kind) & (r.row >= 0) & ~r.active)
+        if len(rows) < 2:
+            continue
         X = given_m[r.row[rows]]
         pairs = exchanged_pairs(X + r.residual[rows], X, range(len(rows)))
         names = np.where(r.point[rows] != "", r.point[rows], r.image[rows])

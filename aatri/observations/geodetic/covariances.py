@@ -28,8 +28,6 @@ USES = ("geodetic_covariances",)
 def with_geodetic_covariances(block: Block, observed: Sequence[Observed]) -> tuple[Observed, ...]:
     """The observations of a block, those of geodetic.csv that are correlated joined to records."""
     c = block.geodetic_covariances
-    if not len(c):
-        return tuple(observed)
     rows = [o for o in observed if o.kind in KINDS]
     others = tuple(o for o in observed if o.kind not in KINDS)
     return others + joined(rows, c.row_a, c.row_b, np.asarray(c.value), [o.row[:, None] for o in rows])

@@ -80,6 +80,8 @@ def observe(source: ObservationSource, options: KindOptions) -> tuple[Observed, 
     for kind in KINDS:
         if not kind.table or len(getattr(source.block, kind.table)):
             observed += kind.observe(source) if kind.options is None else kind.observe(source, kind.options(options))
+    if not len(source.block.geodetic_covariances):
+        return tuple(observed)
     return covariances.with_geodetic_covariances(source.block, observed)
 
 

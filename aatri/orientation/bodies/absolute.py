@@ -47,9 +47,8 @@ from aatri.orientation.bodies.datum_start import (
     two_point_start,
 )
 from aatri.orientation.bodies.deformation import START
-from aatri.orientation.bodies.exchanged_control import exchanged_by_all
 from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
-from aatri.orientation.bodies.mirrored_control import exchanged_of, refuse_mirrored
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored
 
 Start = Literal["closed", "two_points", "centroids"]
 

@@ -19,7 +19,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.kernels import ties as kernels
-from aatri.orientation.bodies.spectrum import spectrum_of
+from aatri.orientation.bodies.similarity_ties import spectrum_of
 
 
 def polynomial_ties(

@@ -20,7 +20,7 @@ from aatri.geometry.similarity import Similarity, motions
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
 from aatri.orientation.bodies.kernels import ties as kernels
-from aatri.orientation.bodies.spectrum import spectrum_of
+from aatri.orientation.bodies.kernels.eigen import eigen
 
 FARTHEST = 20.0
 """Step of the logarithm of a scale that no start calls for: a factor of 5e8."""
@@ -134,3 +134,10 @@ def similarity_ties(
     unknowns = Unknowns(BODY, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
     lane = compiled if group == POINT else None
     return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, compiled=lane, group=group)
+
+
+def spectrum_of(covariance: Float) -> tuple[Float, Float]:
+    """Eigenvalues (n, 3), none negative, and eigenvectors by columns (n, 3, 3) of covariances (n, 3, 3)."""
+    values, vectors = np.empty(covariance.shape[:2]), np.empty(covariance.shape)
+    eigen(0, len(values), np.require(covariance, np.float64, ["C", "W"]), values, vectors)
+    return np.maximum(values, 0.0), vectors

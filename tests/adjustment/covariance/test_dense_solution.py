@@ -57,3 +57,11 @@ def test_the_departure_from_the_linear_model_is_that_of_the_residuals() -> None:
     assert solved is not None
     np.testing.assert_allclose(solved.departure, 25 / 36, rtol=1e-14)
     np.testing.assert_allclose(solved.covariances.groups["x"], [[[1 / 36]]])
+
+
+def test_records_that_join_two_points_are_left_to_the_fronts() -> None:
+    """Points are eliminated one by one, which a distance between two of them does not allow."""
+    unknowns, records, _ = strips(n_points=40)
+    of = np.zeros(1, dtype=np.int32)
+    distance = Records("distance", (("point", of), ("point", of + 1)), records[1].evaluate, np.ones((1, 1)), of == 0)
+    assert not is_small(unknowns, (*records, distance))

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from aatri.adjustment.statistics.limits import FALSE_ALARM, expected_beyond, limit_of_tests
-from aatri.adjustment.statistics.room import redundancy_in_records, room_of
+from aatri.adjustment.statistics.rejection import redundancy_in_records, room_of
 from aatri.errors import ConvergenceError, GeometryError
 from tests.adjustment.dense import DenseResult, adjust
 from tests.adjustment.statistics.snooping import SnoopedResult, snoop, statistics

@@ -9,7 +9,7 @@ from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
 from aatri.orientation.bodies.components import _medians
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
-from aatri.orientation.bodies.spectrum import spectrum_of
+from aatri.orientation.bodies.similarity_ties import spectrum_of
 
 
 def _pair(rng: np.random.Generator, n: int, wrong):

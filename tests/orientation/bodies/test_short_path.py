@@ -1,9 +1,10 @@
 """A seven-parameter similarity is a small problem, and runs few files."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +14,10 @@ from aatri.observations.control import Control, observed_control
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.free_body import FreeBody, concerning
+from aatri.stages.absolute_orientation.similarity import similarity
+from tests.made_strips import MadeBlock
 
+T = TypeVar("T")
 SCALE, SHIFT_M = 1000.0, np.array([10.0, 20.0, 30.0])
 R = exp_rotation(np.array([0.1, 0.2, 0.7]))
 
@@ -34,8 +38,10 @@ def oriented() -> OrientedBody:
     return orient_body(lambda _: observed, body, settings, what="body", image_ids=np.array(["i"]), point_ids=ids)
 
 
-def test_a_similarity_runs_at_most_45_files() -> None:
-    house, files = str(Path(aatri.__file__).parent), set[str]()
+def files_run(call: Callable[[], T]) -> tuple[int, T]:
+    """How many files of the house a call enters, and what it gives."""
+    house = tuple(f"{Path(aatri.__file__).parents[1] / top}/" for top in ("aatri", "stages"))
+    files = set[str]()
 
     def note(frame: FrameType, event: str, _: Any) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(house):
@@ -43,10 +49,25 @@ def test_a_similarity_runs_at_most_45_files() -> None:
 
     sys.setprofile(note)
     try:
-        result = oriented()
+        result = call()
     finally:
         sys.setprofile(None)
-    assert 10 < len(files) <= 45
+    return len(files), result
+
+
+def test_a_similarity_runs_at_most_45_files() -> None:
+    files, result = files_run(oriented)
+    assert 10 < files <= 45
     np.testing.assert_allclose(result.ground_from_body.scale, SCALE, rtol=5e-5)
     np.testing.assert_allclose(result.ground_from_body.translation, SHIFT_M, atol=0.03)
     np.testing.assert_allclose(result.ground_from_body.rotation, R, atol=5e-5)
+
+
+def test_the_stage_runs_at_most_75_files() -> None:
+    """112 when strips were joined by way of the tree of fronts, and checks entered that had nothing to look at."""
+    made = MadeBlock(2, 5, noise_m=0.02)
+    made.control(made.corners(), sigma_m=0.05)
+    block, strips, image_points = made.block(), made.strips(), made.image_points()
+    files, solution = files_run(lambda: similarity(block, strips, image_points))
+    assert solution.images.oriented.all()
+    assert 45 < files <= 75

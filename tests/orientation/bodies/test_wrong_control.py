@@ -10,9 +10,8 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
-from aatri.orientation.bodies.exchanged_control import exchanged_by_all, exchanged_control
 from aatri.orientation.bodies.free_body import concerning
-from aatri.orientation.bodies.mirrored_control import refuse_mirrored
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_control, refuse_mirrored
 from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, MadeBody, active, off_m
 
 # Two of six control points with each other's number are found; single errors and right points are not.

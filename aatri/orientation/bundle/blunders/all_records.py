@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from aatri.adjustment.statistics.room import redundancy_in_records
+from aatri.adjustment.statistics.rejection import redundancy_in_records
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE

@@ -14,7 +14,7 @@
 The limit counts the tests, and knows the tails of the errors (`fitted_sigmas`).
 
 Records that nothing tells apart are both left out, and nobody is blamed (`adjustment.statistics.attribution`). No more
-of a kind is rejected than its redundancy answers for (`adjustment.statistics.room`): where more disagrees single gross
+of a kind is rejected than its redundancy answers for (`statistics.rejection`): where more disagrees single gross
 errors explain nothing, and all of the kind stay. With a redundancy below `ESTIMABLE` large |w| may come of standard
 deviations that are too small: only what stands out by the tau test too goes.
 
@@ -27,8 +27,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics import search as statistics
-from aatri.adjustment.statistics.rejection import overfull
-from aatri.adjustment.statistics.room import room_of
+from aatri.adjustment.statistics.rejection import overfull, room_of
 from aatri.arrays import Bool
 from aatri.notes import Note
 from aatri.observations.poses import POSE

@@ -1,13 +1,14 @@
-"""Two control points with each other's number, found before a component is oriented by its control.
+"""Control that is wrong in a way which spoils the start of a body: two numbers exchanged, or an axis mirrored.
 
 A similarity of all that is known in full, control and positions, is fitted as given, and with each two control points
 exchanged. Two are exchanged if that leaves less than `EXPLAINED` of the sum of distances, and no other two leave less
-than `ALONE` times as much. They do not take part in the start, which they would spoil, and are held against the
-orientation by the others.
+than `SECOND` times as much. They do not take part in the start, and are held against the orientation by the others.
 
 Where few points are known in full the others, distances, attitudes, positions that drift ... tell too
 (`exchanged_by_all`): all that is observed is adjusted as given, and with each two control points exchanged, and sums of
 squares are compared likewise.
+
+Control is mirrored where it fits much better so, or where by it the images look upwards (`refuse_mirrored`).
 """
 
 from collections.abc import Sequence
@@ -20,15 +21,16 @@ from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import Similarity, closed_form, transform
+from aatri.geometry.similarity import Similarity, closed_form, robust_closed_form, transform
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
-from aatri.orientation.bodies.datum_analysis import given_places
-from aatri.orientation.bodies.datum_start import ITERATIONS, Observe, closed_start, fitted, searched_start
+from aatri.observations.positions import KIND as POSITION
+from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
+from aatri.orientation.bodies.datum_start import ITERATIONS, UPWARDS, Observe, closed_start, fitted, searched_start
 from aatri.orientation.bodies.free_body import FreeBody, state_of
 
-EXPLAINED, ALONE = 0.1, 2.0
+EXPLAINED, SECOND = 0.1, 2.0
 
 FEWEST, MOST = 5, 40
 """Points without which two cannot be told, three must be left; more than the latter are no matter of two numbers."""
@@ -43,6 +45,23 @@ not end so soon leaves far more."""
 
 BESIDE = 40
 """Positions that are fitted beside the control: so many, evenly taken, show which two are exchanged."""
+
+CLEARLY_UPWARDS = 0.17
+"""Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
+
+FEWEST_MIRRORED, CLEARLY = 5, 0.2
+"""Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
+
+FLAT = 1e-3
+"""Misfit, as a share of the extent, of points that are not mirrored: they fit, or lie in a plane and fit either way."""
+
+
+def exchanged_of(places: GivenPlaces, fewest: int = FEWEST) -> Int:
+    """Two control points with each other's number, among places known in full; none otherwise."""
+    full = np.flatnonzero(places.given.all(axis=1) & np.isin(places.kind, [CONTROL, POSITION]))
+    full = full[np.argsort(places.kind[full] != CONTROL, kind="stable")]
+    n_control = int((places.kind[full] == CONTROL).sum())
+    return full[exchanged_control(places.xyz[full], places.observed_m[full], n_control, fewest)]
 
 
 def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: int = FEWEST) -> Bool:
@@ -76,7 +95,7 @@ def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: 
         left.append((misfit(order), a, b))
     left.sort()
     second = left[1][0] if len(left) > 1 else np.inf
-    if left[0][0] < EXPLAINED * misfit(as_given) and second > ALONE * left[0][0]:
+    if left[0][0] < EXPLAINED * misfit(as_given) and second > SECOND * left[0][0]:
         exchanged[list(left[0][1:])] = True
     return exchanged
 
@@ -136,4 +155,54 @@ def exchanged_by_all(
     if 2.0 * best > MAX_SIGMA0**2 * redundancy:  # no fit, only less bad: the others are followed to their ends
         costs = [exchanged(a, b, ITERATIONS) for a, b in pairs]
     second = np.partition(costs, 1)[1] if len(costs) > 1 else np.inf
-    return np.array(pairs[k]) if second > ALONE**2 * best else none
+    return np.array(pairs[k]) if second > SECOND**2 * best else none
+
+
+def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, what: str) -> None:
+    """Raise if control or images must be mirrored.
+
+    Parameters
+    ----------
+    places : GivenPlaces
+    used : (n,) bool
+        Those that are not rejected.
+    to : Similarity
+        Ground from body.
+    up : (3,) float64
+        Direction against the mean viewing direction, in the body.
+
+    Raises
+    ------
+    GeometryError
+    """
+    reason = _mirrored(places.take(used), to, up)
+    if not reason:
+        return
+    two = places.name[exchanged_of(places, 3)].tolist()
+    if two:
+        text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
+        raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
+    raise GeometryError(
+        f"{what}: {reason}",
+        remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]; check "
+        "the y axis of the image coordinates (pixel: y)",
+    )
+
+
+def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
+    """Why control or images must be mirrored: control fits much better mirrored, or the images look upwards.
+
+    Images of facades, or of what stands above them, may look upwards rightly. Points in a plane fit as well when they
+    are mirrored; of these it counts how steeply the images look upwards.
+    """
+    steep = -float((to.rotation @ up)[2]) / float(np.linalg.norm(up))
+    text = "oriented by its control the images look upwards, so the control is mirrored"
+    full = kept.given.all(axis=1)
+    if full.sum() >= FEWEST_MIRRORED:
+        x, X = kept.xyz[full], kept.observed_m[full]
+        as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
+        if other < CLEARLY * as_it_is and as_it_is > FLAT * float(np.linalg.norm(np.ptp(X, axis=0))):
+            return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
+        if as_it_is < CLEARLY * other:
+            return ""
+    return text if steep > UPWARDS else ""
