@@ -16,5 +16,7 @@ Text: TypeAlias = npt.NDArray[np.str_]
 def sums_of(values: Float, of: Int, n: int) -> Float:
     """Sums of the rows of values (m, ...) that belong to each of n, (n, ...)."""
     columns = values.reshape(len(values), math.prod(values.shape[1:])).T
-    sums: Float = np.stack([np.bincount(of, column, n).astype(np.float64) for column in columns], axis=1)
+    sums = np.empty((n, len(columns)))
+    for k, column in enumerate(columns):
+        sums[:, k] = np.bincount(of, column, n)
     return sums.reshape(n, *values.shape[1:])

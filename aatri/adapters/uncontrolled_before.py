@@ -79,8 +79,8 @@ def still_in_no_model(before: Uncontrolled | None) -> Uncontrolled:
 def unchecked(kind: str, image: Text, point: Text) -> Uncontrolled:
     """Observations that nothing at all checks: no direction of their own."""
     n = len(point)
-    nothing = np.full((n, 3), np.nan)
-    return Uncontrolled(np.full(n, kind), np.full(n, -1, dtype=np.int32), image, point, np.zeros(n), nothing)
+    unknown = np.full((n, 3), np.nan)
+    return Uncontrolled(np.full(n, kind), np.full(n, -1, dtype=np.int32), image, point, np.zeros(n), unknown)
 
 
 def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Uncontrolled:

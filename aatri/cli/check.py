@@ -137,9 +137,9 @@ def _variants(spec: Spec, request: Request, local: Path | None) -> _Check:
     one = _Check("variants", ", ".join(spec.variants))
     errors: list[AatriError] = []
     for name in spec.variants:
-        _, tried = _tried(name, functools.partial(_wired, with_variant(spec, name), request, local))
-        if tried.error is not None:
-            errors += tried.error.errors if isinstance(tried.error, Errors) else (tried.error,)
+        _, outcome = _tried(name, functools.partial(_wired, with_variant(spec, name), request, local))
+        if outcome.error is not None:
+            errors += outcome.error.errors if isinstance(outcome.error, Errors) else (outcome.error,)
     one.error = Errors(errors) if errors else None
     return one
 

@@ -133,11 +133,13 @@ def _parting_text(split: Parting | None, first: Compared) -> str:
     from aatri.cli.plan_table import reasons_text
 
     changed = [f"{name} {one} -> {other}" for name, (one, other) in split.environment.items()]
-    why = reasons_text(split.reasons) or ("the environment" if changed else "the same stage gave another result")
+    reason_text = reasons_text(split.reasons) or (
+        "the environment" if changed else "the same stage gave another result"
+    )
     size = "only the last bits" if split.only_last_bits else "more than the last bits"
     scale = f", largest relative difference {split.largest:.1e}" if split.largest < float("inf") else ""
     more = f"; environment: {', '.join(changed)}" if changed else ""
-    return f"parts from {first.name} at stage {split.stage}: {why} ({size}{scale}){more}"
+    return f"parts from {first.name} at stage {split.stage}: {reason_text} ({size}{scale}){more}"
 
 
 def _plain(split: Parting | None) -> dict[str, Any] | None:

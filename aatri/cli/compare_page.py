@@ -20,13 +20,13 @@ def write_page(path: Path, runs: Sequence[Compared], head: Sequence[str], rows: 
     from aatri.report.page import seen_in
     from aatri.report.questions import gallery
 
-    said = [escape(judgement(run.folder / "report.json")) for run in runs]
+    verdicts = [escape(judgement(run.folder / "report.json")) for run in runs]
     pictures = [gallery(*seen_in(run.folder)).pictures for run in runs]
     lines = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in (head, *rows)]
     parts = [f"<h1>{escape(' and '.join(run.name for run in runs))}</h1><table>"]
     parts += [f"<tr>{line}</tr>" for line in lines]
     parts.append("</table>")
-    parts += [f"<p><b>{escape(run.name)}</b>: {text}</p>" for run, text in zip(runs, said) if text]
+    parts += [f"<p><b>{escape(run.name)}</b>: {text}</p>" for run, text in zip(runs, verdicts) if text]
     for name in dict.fromkeys(name for of in pictures for name in of):
         title = next(of[name].title for of in pictures if name in of)
         columns = [

@@ -40,12 +40,12 @@ def convert(
 
     written_format(to)
     check_folder(folder, overwrite=overwrite)
-    said = [
+    stated = [
         Setting("", "lens_misfit_px", lens_misfit),
         *([Setting("", "crs", crs)] if crs else []),
         *settings_of(set_ or ()),
     ]
-    _, parts = read_all(sources, said, NARRATED)
+    _, parts = read_all(sources, stated, NARRATED)
     if not parts:
         what = "is read by a stage of its own alone"
         raise SpecError(what, where=str(sources[0]), remedy="run it, and `aatri export` its block")

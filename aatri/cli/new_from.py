@@ -97,19 +97,19 @@ def pipeline_from(
     from aatri.formats.registry.sources import read_all
 
     sources, parts = read_all(paths, settings, NARRATED, without=without)
-    alone = len(sources) == 1 and bool(sources[0].format.stage)
-    said = {s.key: s.value for s in settings} if alone else of_block(settings)
+    single_stage = len(sources) == 1 and bool(sources[0].format.stage)
+    stated = {s.key: s.value for s in settings} if single_stage else of_block(settings)
     if not parts:
-        return pipeline_text(sources, folder, _with(OF_STRIPS, []), said=said)
+        return pipeline_text(sources, folder, _with(OF_STRIPS, []), stated=stated)
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:
             narrate(f"    {note}")
     grids = _say_grids(paths, sources, parts)
-    if alone and "geodetic" in parts[0].others and not parts[0].images:
+    if single_stage and "geodetic" in parts[0].others and not parts[0].images:
         has_control = bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())
-        return pipeline_text(sources, folder, _of_network(has_control), said=said)
-    not_stated = _not_stated({} if alone else said)
+        return pipeline_text(sources, folder, _of_network(has_control), stated=stated)
+    not_stated = _not_stated({} if single_stage else stated)
     block = assembled([replace(of_source, notes=[]) for of_source in parts], not_stated, reporter=NARRATED)
     lacking = _lacking(block)
     narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
@@ -128,19 +128,19 @@ def pipeline_from(
         remedy = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
-        return pipeline_text(sources, folder, stages, hint + grids, said=said)
+        return pipeline_text(sources, folder, stages, hint + grids, stated=stated)
     stages = MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")
-    return pipeline_text(sources, folder, stages, hint + grids, said=said, name="photos")
+    return pipeline_text(sources, folder, stages, hint + grids, stated=stated, name="photos")
 
 
-def _not_stated(said: Mapping[str, object]) -> NotStated:
+def _not_stated(stated: Mapping[str, object]) -> NotStated:
     """The options of the block that are said."""
     from pydantic import ValidationError
 
     from aatri.formats.parts.format import Reading
     from aatri.formats.parts.not_stated import NotStated
 
-    for key, value in said.items():
+    for key, value in stated.items():
         where = f"--set {key}={value}"
         if key not in NotStated.model_fields:
             names = list(dict.fromkeys([*Reading.model_fields, *NotStated.model_fields]))
@@ -151,7 +151,7 @@ def _not_stated(said: Mapping[str, object]) -> NotStated:
             NotStated.model_validate({key: value})
         except ValidationError as error:
             raise SpecError(str(error.errors()[0]["msg"]), where=where) from error
-    return NotStated.model_validate(dict(said))
+    return NotStated.model_validate(dict(stated))
 
 
 def _say_grids(paths: Sequence[Path], sources: Sequence[SourceWithSettings], parts: Sequence[BlockParts]) -> str:

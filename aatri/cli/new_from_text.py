@@ -22,16 +22,16 @@ def pipeline_text(
     stages: str,
     remarks: str = "",
     *,
-    said: Mapping[str, object],
+    stated: Mapping[str, object],
     name: str = "block",
 ) -> str:
     """The pipeline with the stage `name` that reads the block, what is said of it and of each source, and remarks."""
     if len(sources) == 1 and sources[0].format.stage:
-        options = {"path": path_from(sources[0].path, folder)} | dict(said) | _files_of(sources[0], folder)
+        options = {"path": path_from(sources[0].path, folder)} | dict(stated) | _files_of(sources[0], folder)
         block = f"  {name + ':':9} {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
     else:
         lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
-        taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(said)
+        taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(stated)
         options_of_block = "".join(
             f"      {key}: {_value(value)}{REMARKS.get(key, '')}\n" for key, value in taken.items()
         )

@@ -102,8 +102,8 @@ def _stage_text(use: str, declared: Role, start: StageCard | None) -> str:
         handed = [port.name for port in start.ports]
         handed += [
             f"{extra}={extra}"
-            for extra, wanted in (("rng", start.wants_rng), ("context", start.wants_context))
-            if wanted
+            for extra, is_used in (("rng", start.wants_rng), ("context", start.wants_context))
+            if is_used
         ]
         call = f"return {start.variant}({', '.join(handed)})"
     else:

@@ -36,13 +36,13 @@ def say_plan(opened: Opened, plan: Plan, *, only_selected: bool) -> None:
     rows = []
     for node, decision in zip(opened.nodes, plan.decisions, strict=True):
         state = decision.state.value if decision.selected or not only_selected else "not selected"
-        rows.append([node.name, node.method.name, state, why(decision)])
+        rows.append([node.name, node.method.name, state, reasons_of(decision)])
     say_table(("stage", "method", "plan", "why"), rows)
     say()
     say(f"{len(plan.stale)} of {len(plan.decisions)} stages to do" if plan.stale else "all stages are up to date")
 
 
-def why(decision: Decision) -> str:
+def reasons_of(decision: Decision) -> str:
     """The reasons in a line."""
     if decision.accepted:
         return "accepted in spite of other code"

@@ -42,10 +42,10 @@ def status(
 
 
 def _state(opened: Opened, decision: Decision, use: str) -> dict[str, Any]:
-    from aatri.cli.plan_table import plain_decision, why
+    from aatri.cli.plan_table import plain_decision, reasons_of
     from aatri.pipeline.store import run_folder as store
 
-    head = {**plain_decision(decision), "use": use, "why": why(decision)}
+    head = {**plain_decision(decision), "use": use, "why": reasons_of(decision)}
     record = decision.record
     if record is not None:
         return {

@@ -134,7 +134,7 @@ def _datum_figures(
         "check_aligned_components": (at_check, bool((block.ground_points.role == CHECK).any())),
         "truth_aligned_components": (at_truth, block.true_points is not None),
     }
-    return {name: float(of.components if of else -1) for name, (of, wanted) in asked.items() if wanted}
+    return {name: float(of.components if of else -1) for name, (of, is_asked) in asked.items() if is_asked}
 
 
 def _control_figures(control: PointDifferences, rejected: int) -> dict[str, float]:

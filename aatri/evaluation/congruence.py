@@ -116,22 +116,22 @@ def congruence(
     rows = [np.flatnonzero(object_of == k) for k in range(m)]
     H = np.zeros((len(difference), 0)) if datum is None else datum
     test = _Level(1.0 - (1.0 - level) ** (1.0 / max(m, 1)), sigma0, sigma0_degrees)
-    whole = _weights(covariance, H)
+    P_all = _weights(covariance, H)
     moved: list[int] = []
     tested = np.ones(m, dtype=bool)
     while True:  # each round takes one object out, and a round of returns makes the end
-        P = _without(whole, rows, moved)
+        P = _without(P_all, rows, moved)
         statistics = np.full(m, -np.inf)
         for k in set(range(m)) - set(moved):
-            tested[k] = _is_determined(P, whole, rows[k])
+            tested[k] = _is_determined(P, P_all, rows[k])
             if tested[k]:
                 statistics[k] = _gain(P, difference, rows[k]) / test.limit(len(rows[k]))
         worst = int(np.argmax(statistics)) if m else -1
         if m == 0 or statistics[worst] <= 1.0:
             break
         moved.append(worst)
-    moved = _without_those_that_fit(whole, rows, moved, difference, test)
-    return _result(whole, covariance, H, rows, moved, difference, test)
+    moved = _without_those_that_fit(P_all, rows, moved, difference, test)
+    return _result(P_all, covariance, H, rows, moved, difference, test)
 
 
 @dataclass(frozen=True)
@@ -198,9 +198,9 @@ def _without(P: Float, rows: Sequence[Int], out: list[int]) -> Float:
     return np.asarray(P - P[:, J] @ np.linalg.solve(P[np.ix_(J, J)], P[J]))
 
 
-def _is_determined(P: Float, whole: Float, J: Int) -> bool:
+def _is_determined(P: Float, P_all: Float, J: Int) -> bool:
     """Whether the stable objects say where this one must be, in all its components."""
-    before = np.sqrt(np.maximum(np.diag(whole)[J], 1e-300))
+    before = np.sqrt(np.maximum(np.diag(P_all)[J], 1e-300))
     return bool(np.linalg.eigvalsh(P[np.ix_(J, J)] / np.outer(before, before))[0] > DETERMINED)
 
 
@@ -209,13 +209,13 @@ def _gain(P: Float, d: Float, J: Int) -> float:
     return float(v @ np.linalg.solve(P[np.ix_(J, J)], v))
 
 
-def _without_those_that_fit(whole: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level) -> list[int]:
+def _without_those_that_fit(P_all: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level) -> list[int]:
     """Of the objects taken out, those that do not fit beside the other ones; the best fit returns first."""
     moved = list(moved)
     while moved:
         shares = []
         for k in moved:
-            P = _without(whole, rows, [other for other in moved if other != k])
+            P = _without(P_all, rows, [other for other in moved if other != k])
             shares.append(_gain(P, d, rows[k]) / test.limit(len(rows[k])))
         best = int(np.argmin(shares))
         if shares[best] > 1.0:
@@ -225,16 +225,16 @@ def _without_those_that_fit(whole: Float, rows: Sequence[Int], moved: list[int],
 
 
 def _result(
-    whole: Float, C: Float, H: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level
+    P_all: Float, C: Float, H: Float, rows: Sequence[Int], moved: list[int], d: Float, test: _Level
 ) -> Congruence:
     m, f = len(rows), H.shape[1]
-    stable = _without(whole, rows, moved)
+    stable = _without(P_all, rows, moved)
     displacement, covariances = np.full(len(d), np.nan), []
     statistics, limits, detectable = np.full(m, np.nan), np.full(m, np.nan), np.full(m, np.nan)
     tested = np.zeros(m, dtype=bool)
     for k, J in enumerate(rows):
-        P = _without(whole, rows, [other for other in moved if other != k]) if k in moved else stable
-        tested[k] = _is_determined(P, whole, J)
+        P = _without(P_all, rows, [other for other in moved if other != k]) if k in moved else stable
+        tested[k] = _is_determined(P, P_all, J)
         limits[k] = test.limit(len(J))
         if not tested[k]:
             covariances.append(np.full((len(J), len(J)), np.nan))
@@ -244,7 +244,7 @@ def _result(
         covariances.append(own)
         detectable[k] = np.sqrt(test.noncentrality(len(J)) * np.linalg.eigvalsh(own)[-1])
     free = sum(len(rows[k]) for k in moved)
-    statistic, degrees = float(d @ whole @ d), len(d) - f
+    statistic, degrees = float(d @ P_all @ d), len(d) - f
     of_stable, stable_degrees = float(d @ stable @ d), len(d) - f - free
     is_moved = np.isin(np.arange(m), moved)
     return Congruence(

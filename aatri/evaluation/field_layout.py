@@ -35,7 +35,7 @@ SIGHTS = ("direction", "angle", "zenith", "azimuth")
 
 
 @dataclass(frozen=True)
-class LayoutRules:
+class FieldRequirements:
     """Least number of targets and pillars, least depth as a share of the longest axis."""
 
     targets: int
@@ -43,7 +43,7 @@ class LayoutRules:
     depth: float
 
 
-def layout_of_field(block: Block, position_m: Float, rules: LayoutRules) -> tuple[Evaluation, list[str]]:
+def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -> tuple[Evaluation, list[str]]:
     """Figures of a field, and the rules that it breaks, in words.
 
     Parameters

@@ -68,7 +68,7 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
     with one_blas_thread():  # the same bits whatever the threads
         eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
         chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
-        alone = gains(C, sigma_m, goal.control_sigma_m, candidates)
+        single_gains = gains(C, sigma_m, goal.control_sigma_m, candidates)
     largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
     figures = {
         "images": float(solution.images.oriented.sum()),
@@ -81,7 +81,7 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
         **_reliability(solution),
     }
     figures |= {f"gain_of_control_{k}": getattr(gain, goal.aim) for k, gain in enumerate(chosen, start=1)}
-    table = _points(solution, points, alone, chosen)
+    table = _points(solution, points, single_gains, chosen)
     weakest = str(points.id[int(largest.argmax())])
     worst = points.id[int((function**2).sum(axis=1).argmax())], "XYZ"[int((function**2).sum(axis=0).argmax())]
     return Evaluation(
@@ -116,10 +116,12 @@ def _reliability(solution: Solution) -> dict[str, float]:
     return figures
 
 
-def _points(solution: Solution, points: EpochPoints, alone: list[Gain], chosen: list[Gain]) -> LayoutPoints:
+def _points(solution: Solution, points: EpochPoints, single_gains: list[Gain], chosen: list[Gain]) -> LayoutPoints:
     n = len(points.id)
     gained, order = np.full((n, 2), np.nan), np.zeros(n, dtype=np.int32)
-    gained[[gain.point for gain in alone]] = [(gain.mean, gain.worst) for gain in alone] or np.empty((0, 2))
+    gained[[gain.point for gain in single_gains]] = [(gain.mean, gain.worst) for gain in single_gains] or np.empty(
+        (0, 2)
+    )
     order[[gain.point for gain in chosen]] = np.arange(1, len(chosen) + 1)
     return LayoutPoints(
         point=points.id,

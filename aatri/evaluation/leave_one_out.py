@@ -49,7 +49,7 @@ def leave_one_out(block: Block, solution: Solution, control: PointDifferences) -
     covariance = _observed_covariances(block, solution, control)
     n = len(control.point)
     difference, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    alone = np.zeros(n, dtype=bool)
+    undetermined = np.zeros(n, dtype=bool)
     if solution.datum is None:
         for k in range(n):
             observed = np.flatnonzero(np.isfinite(control.difference_m[k]))
@@ -58,9 +58,9 @@ def leave_one_out(block: Block, solution: Solution, control: PointDifferences) -
             )
             if prediction is None:
                 continue
-            difference[k, observed], sigma[k, observed], alone[k] = prediction
+            difference[k, observed], sigma[k, observed], undetermined[k] = prediction
     predicted = np.isfinite(difference).any(axis=1)
-    return Predicted(PointDifferences(control.point, difference, sigma).take(predicted), control.point[alone])
+    return Predicted(PointDifferences(control.point, difference, sigma).take(predicted), control.point[undetermined])
 
 
 def left_out_figures(predicted: Predicted) -> dict[str, float]:
@@ -70,7 +70,7 @@ def left_out_figures(predicted: Predicted) -> dict[str, float]:
         return {}
     theory = rmse(d.sigma_m)
     ratio = np.divide(rmse(d.difference_m), theory, out=np.full(3, np.nan), where=np.nan_to_num(theory) > 0)
-    alone = {"left_out_uncontrolled_points": float(len(predicted.uncontrolled))} if len(predicted.uncontrolled) else {}
+    counts = {"left_out_uncontrolled_points": float(len(predicted.uncontrolled))} if len(predicted.uncontrolled) else {}
     off = d.difference_m
     by_axis = {
         "rmse_{}_m": rmse(off),
@@ -84,7 +84,7 @@ def left_out_figures(predicted: Predicted) -> dict[str, float]:
         for name, values in by_axis.items()
         for axis, value in zip("xyz", values)
     }
-    return {"left_out_points": float(len(d.point)), **figures, **alone}
+    return {"left_out_points": float(len(d.point)), **figures, **counts}
 
 
 def _one(C: Float, Q: Float, v: Float, observed: Int) -> tuple[Float, Float, bool] | None:
@@ -101,8 +101,8 @@ def _one(C: Float, Q: Float, v: Float, observed: Int) -> tuple[Float, Float, boo
     if least < -1e-3:  # adjusted coordinates less certain than given ones: not from an adjustment that took them
         return None
     if least < UNCONTROLLED:
-        nothing = np.full(len(observed), np.nan)
-        return nothing, nothing, True
+        unknown = np.full(len(observed), np.nan)
+        return unknown, unknown, True
     gain = scale[:, None] * correlation @ np.linalg.inv(left)
     variance = np.diag(gain @ correlation) * scale
     return gain @ (v[observed] / scale), np.sqrt(variance), False

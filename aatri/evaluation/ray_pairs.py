@@ -96,9 +96,9 @@ def _common(left: Int, right: Int, image: Int, point: Int) -> tuple[Int, Int]:
     first, last = np.searchsorted(seen, left * n_points), np.searchsorted(seen, (left + 1) * n_points)
     model = np.repeat(np.arange(len(left)), last - first)
     in_left = np.arange(len(model)) + np.repeat(first - np.cumsum(last - first) + (last - first), last - first)
-    wanted = seen[in_left] + (right - left)[model] * n_points
-    in_right = np.minimum(np.searchsorted(seen, wanted), len(seen) - 1)
-    common = seen[in_right] == wanted
+    key = seen[in_left] + (right - left)[model] * n_points
+    in_right = np.minimum(np.searchsorted(seen, key), len(seen) - 1)
+    common = seen[in_right] == key
     return model[common], np.stack([ray[in_left], ray[in_right]], axis=1)[common]
 
 

@@ -83,8 +83,8 @@ def _left_out(figures: Mapping[str, float]) -> str:
     n = int(figures.get("left_out_points", 0))
     if not n:
         return ""
-    alone = int(figures.get("left_out_uncontrolled_points", 0))
-    more = f"; nothing else controls {_count(alone, 'control point')}" if alone else ""
+    uncontrolled = int(figures.get("left_out_uncontrolled_points", 0))
+    more = f"; nothing else controls {_count(uncontrolled, 'control point')}" if uncontrolled else ""
     return (
         f"Predicted without itself: {_xyz(figures, 'left_out_rmse_{}_m')} m RMSE at {_count(n, 'control point')}{more}."
     )

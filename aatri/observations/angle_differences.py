@@ -41,7 +41,7 @@ class ObservedAngles:
     """(n,). Of the cameras; used for roll, pitch, heading."""
 
     @property
-    def whole(self) -> Bool:
+    def complete(self) -> Bool:
         """All three are given, (n,)."""
         return np.asarray(np.isfinite(self.angles_rad).all(axis=1))
 

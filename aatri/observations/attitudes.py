@@ -91,9 +91,9 @@ class Attitudes:
     """As given; None: all three of every image."""
 
     @property
-    def whole(self) -> Bool:
+    def complete(self) -> Bool:
         """Images with all three angles, (n,)."""
-        return np.ones(len(self.row), dtype=bool) if self.angles is None else self.angles.whole
+        return np.ones(len(self.row), dtype=bool) if self.angles is None else self.angles.complete
 
     def by_exactness(self) -> Iterator[tuple[bool, Int]]:
         """False with the rows that have weighted angles, True with those that have exact ones."""
@@ -168,16 +168,16 @@ def attitude_records(rows: Attitudes, *, exact: bool = False) -> Records:
     image, camera = rows.image.astype(np.int32), rows.camera.astype(np.int32)
 
     def differences(predicted: Any, chosen: Int) -> tuple[Any, Any]:
-        whole = rows.whole[chosen]
-        if whole.all():
+        complete = rows.complete[chosen]
+        if complete.all():
             return whole_differences(predicted, rows.observed[chosen], rows.turning[chosen])
         assert rows.angles is not None
         v, by_turn = np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3, 3))
-        all_three, part = chosen[whole], chosen[~whole]
-        v[whole], by_turn[whole] = whole_differences(
-            predicted[whole], rows.observed[all_three], rows.turning[all_three]
+        all_three, part = chosen[complete], chosen[~complete]
+        v[complete], by_turn[complete] = whole_differences(
+            predicted[complete], rows.observed[all_three], rows.turning[all_three]
         )
-        v[~whole], by_turn[~whole] = partial_differences(predicted[~whole], rows.angles.take(part))
+        v[~complete], by_turn[~complete] = partial_differences(predicted[~complete], rows.angles.take(part))
         return v, by_turn
 
     def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
@@ -186,8 +186,8 @@ def attitude_records(rows: Attitudes, *, exact: bool = False) -> Records:
         B = rows.axes[chosen].swapaxes(1, 2)
         predicted = B @ poses.ground_from_image[image[chosen]] @ exp_rotation(-b)
         v, by_turn = differences(predicted, chosen)
-        nothing = np.zeros((len(chosen), 3, 3))
-        by_pose = np.concatenate([nothing, by_turn @ B], axis=2)
+        by_position = np.zeros((len(chosen), 3, 3))
+        by_pose = np.concatenate([by_position, by_turn @ B], axis=2)
         return v, (by_pose, -by_turn @ predicted @ left_jacobian(b))
 
     weighted = whitener_of_sigmas(np.where(rows.sigma_rad > 0, rows.sigma_rad, np.nan))

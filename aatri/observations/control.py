@@ -69,16 +69,16 @@ class Control:
 def control_of(block: Block) -> Control:
     """Control points of a block, in the order of its ground_points."""
     ground = block.ground_points
-    wanted = (ground.role == CONTROL) & np.isfinite(ground.xyz_m)
-    row = np.flatnonzero(wanted.any(axis=1)).astype(np.int32)
+    is_given = (ground.role == CONTROL) & np.isfinite(ground.xyz_m)
+    row = np.flatnonzero(is_given.any(axis=1)).astype(np.int32)
     exact = np.einsum("nii->ni", ground.covariance_m2)[row] == 0
     return Control(
         row,
         ground.point[row],
         ground.xyz_m[row],
         ground.covariance_m2[row],
-        wanted[row] & ~exact,
-        wanted[row] & exact,
+        is_given[row] & ~exact,
+        is_given[row] & exact,
     )
 
 

@@ -66,11 +66,11 @@ def joined(
                 )
         builds[_build(observed, members)].append(members)
     value = {(min(a, b), max(a, b)): c for a, b, c in zip(row_a.tolist(), row_b.tolist(), covariance.tolist())}
-    alone = [np.ones(len(o), dtype=bool) for o in observed]
+    uncorrelated = [np.ones(len(o), dtype=bool) for o in observed]
     for members in sets:
         for i, r in members:
-            alone[i][r] = False
-    records = [o if keep.all() else o.take(np.flatnonzero(keep)) for o, keep in zip(observed, alone)]
+            uncorrelated[i][r] = False
+    records = [o if keep.all() else o.take(np.flatnonzero(keep)) for o, keep in zip(observed, uncorrelated)]
     records += [_joined(observed, of_build, value, scalar) for of_build in builds.values()]
     return tuple(o for o in records if len(o) or o.unknowns)
 

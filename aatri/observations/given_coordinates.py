@@ -95,8 +95,8 @@ def given_coordinates(source: ObservationSource, xyz_m: Float, used: Bool) -> Gi
     if source.frame is None:
         return in_own_axes(xyz_m, source.origin_m, used)
     reference = source.frame.to_block(source.origin_m[None])[0]
-    whole = np.flatnonzero(used.all(axis=1))
+    complete = np.flatnonzero(used.all(axis=1))
     place, D = np.zeros_like(xyz_m), np.broadcast_to(np.eye(3), (len(xyz_m), 3, 3)).copy()
-    placed, D[whole] = source.placed(xyz_m[whole])
-    place[whole] = placed - source.origin_m
+    placed, D[complete] = source.placed(xyz_m[complete])
+    place[complete] = placed - source.origin_m
     return GivenCoordinates(used, place, D, Expanded(source.frame, reference), xyz_m - reference, source.origin_m)

@@ -142,7 +142,7 @@ class Observed:
     """(n,). Rejected earlier: not used, but predicted, and held against the prediction."""
     veto: Callable[[Int], Veto] | None = None
     """Rows -> (old state, new state) -> why a step is refused on account of them, or an empty text."""
-    whole: Observed | None = None
+    unreduced: Observed | None = None
     """The same with nothing rejected."""
     group: Text | None = None
     """(n,) str. Group of observations that the table names, empty where it names none."""
@@ -190,8 +190,8 @@ class Observed:
         """Components that are exact, (n, m)."""
         if self.exact:
             return self.records.observed_components()
-        nothing = np.zeros((len(self), self.records.rows), dtype=bool)
-        return nothing if self.holds is None else self.holds.scalar & self.records.active[:, None]
+        empty = np.zeros((len(self), self.records.rows), dtype=bool)
+        return empty if self.holds is None else self.holds.scalar & self.records.active[:, None]
 
     def sigmas(self) -> Float:
         """Standard deviations a priori, (n, m): 0 exact, NaN not observed."""
@@ -219,11 +219,11 @@ class Observed:
         if holds is not None:
             records = replace(records, whitener=_nearly_exact(records.whitener, holds.scalar & rejected[:, None]))
             holds = replace(holds, scalar=holds.scalar & ~rejected[:, None])
-        return replace(self, records=records, holds=holds, rejected=rejected, whole=self.whole or self)
+        return replace(self, records=records, holds=holds, rejected=rejected, unreduced=self.unreduced or self)
 
     def again(self) -> Observed:
         """With all that was rejected in use again; the start stays."""
-        return self if self.whole is None else replace(self.whole, start=self.start)
+        return self if self.unreduced is None else replace(self.unreduced, start=self.start)
 
 
 def full_whitener(whitener: Float) -> Float:
@@ -242,7 +242,7 @@ def named(image: Text | None = None, point: Text | None = None) -> Names:
     """Names given row by row."""
 
     def names(rows: Int) -> tuple[Text, Text]:
-        nothing = np.full(len(rows), "")
-        return (nothing if image is None else image[rows], nothing if point is None else point[rows])
+        empty = np.full(len(rows), "")
+        return (empty if image is None else image[rows], empty if point is None else point[rows])
 
     return names

@@ -165,10 +165,10 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
         F = poses.ground_from_image[a] @ (exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma]).swapaxes(1, 2)
         back, away = F.swapaxes(1, 2), poses.position_m[b] - poses.position_m[a]
         y = np.einsum("nij,nj->ni", back, away)
-        nothing, one = np.zeros((len(rows), 3, 3)), np.broadcast_to(np.eye(3), (len(rows), 3, 3))
+        zero, one = np.zeros((len(rows), 3, 3)), np.broadcast_to(np.eye(3), (len(rows), 3, 3))
         by_a = np.concatenate([-back, back @ skew(away)], axis=2)
         by_ma = np.concatenate([one, -skew(y) @ left_jacobian(mounts[ma, 3:])], axis=2)
-        J = by_a, np.concatenate([back, nothing], axis=2), by_ma, np.concatenate([-one, nothing], axis=2)
+        J = by_a, np.concatenate([back, zero], axis=2), by_ma, np.concatenate([-one, zero], axis=2)
         return y - mounts[mb, :3] + mounts[ma, :3], J
 
     def turn(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
@@ -178,10 +178,10 @@ def rig_records(pairs: RigPairs, position_m: float, angle_rad: float) -> tuple[R
         back = exp_rotation(mounts[ma, 3:]) @ pairs.mount[ma] @ poses.ground_from_image[a].swapaxes(1, 2)
         E = back @ poses.ground_from_image[b] @ (exp_rotation(mounts[mb, 3:]) @ pairs.mount[mb]).swapaxes(1, 2)
         q = log_rotation(E)
-        inverse, nothing = np.linalg.inv(left_jacobian(q)), np.zeros((len(rows), 3, 3))
+        inverse, zero = np.linalg.inv(left_jacobian(q)), np.zeros((len(rows), 3, 3))
         turned = inverse @ back
         by = (-turned, turned, inverse @ left_jacobian(mounts[ma, 3:]), -inverse @ E @ left_jacobian(mounts[mb, 3:]))
-        return q, tuple(np.concatenate([nothing, J], axis=2) for J in by)
+        return q, tuple(np.concatenate([zero, J], axis=2) for J in by)
 
     active = np.ones(n, dtype=bool)
     return (

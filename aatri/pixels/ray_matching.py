@@ -75,10 +75,10 @@ def _ray(a: Grey, b: Grey, half: int, place: Float) -> tuple[Matched, Float] | N
         return None
     reach = AROUND * half
     start = near_b - corner + reach - linear @ offset
-    found = least_squares_match(window, template[1:-1, 1:-1], start, "affine", linear)
-    if found is None:
+    matched = least_squares_match(window, template[1:-1, 1:-1], start, "affine", linear)
+    if matched is None:
         return None
-    return found, found.xy_px + found.linear @ offset + corner - reach
+    return matched, matched.xy_px + matched.linear @ offset + corner - reach
 
 
 def _patch(image: Grey, centre: Float, half: int) -> tuple[Float | None, Int]:

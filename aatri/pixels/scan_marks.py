@@ -53,8 +53,8 @@ def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMark
     for place in np.array(given["places_px"]):
         first = np.clip(np.round(centre + place - given["half_px"]), 0, [width - 1, height - 1]).astype(int)
         last = np.clip(np.round(centre + place + given["half_px"]), 0, [width - 1, height - 1]).astype(int)
-        found = best_place(_window(path, first, last).astype(float), template, negative=given["negative"])
-        rows.append((*(found.xy_px + first), *found.sigma_px, found.correlation, found.second))
+        match = best_place(_window(path, first, last).astype(float), template, negative=given["negative"])
+        rows.append((*(match.xy_px + first), *match.sigma_px, match.correlation, match.second))
     table = np.array(rows)
     return ScanMarks(
         width_px=int(width),

@@ -72,12 +72,12 @@ def _far_off(evaluation: Evaluation | None) -> str:
 def _of_purpose(run: RunView) -> str:
     """What evaluations say that are not of differences at points: of epochs, designs, free strips."""
     of_results = {stage.name for stage in run.of_kind(Evaluation) if "check_points" in stage.metrics}
-    said = {
+    verdicts = {
         name: f"{e.verdict[0].upper()}{e.verdict[1:].rstrip('.')}."
         for name, e in reversed(run.readable(Evaluation).items())
         if e.verdict and name not in of_results
     }
-    return " ".join(f"{name}: {verdict}" if len(said) > 1 else verdict for name, verdict in said.items())
+    return " ".join(f"{name}: {verdict}" if len(verdicts) > 1 else verdict for name, verdict in verdicts.items())
 
 
 def _contradiction(solution: Solution) -> str:

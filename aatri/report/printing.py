@@ -62,11 +62,11 @@ def write_pdf(run: Path, *, summary: bool = False) -> Path:
             done = subprocess.run(
                 [browser, *options, source.as_uri()], capture_output=True, text=True, timeout=LONGEST_S, check=False
             )
-            said = done.stderr.strip().splitlines()
+            lines = done.stderr.strip().splitlines()
         except (OSError, subprocess.TimeoutExpired) as error:
-            said = [str(error)]
+            lines = [str(error)]
         if not target.is_file():
-            words = said[-1] if said else "without a word"
+            words = lines[-1] if lines else "without a word"
             raise ResourceError(f"did not print the report: {words}", where=browser, remedy="print report.html by hand")
         with on_disk(run / name):
             inside.write(target.read_bytes(), run, name)

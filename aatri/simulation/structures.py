@@ -61,14 +61,14 @@ class Structure:
 
 def planned_structures(settings: SurveyOptions, disturbance: Disturbance) -> list[Structure]:
     """A structure for every condition asked for, not yet at a place."""
-    wanted = [(str(t), k + 1) for t, count in sorted(settings.relative.items()) for k in range(count)]
+    numbered_types = [(str(t), k + 1) for t, count in sorted(settings.relative.items()) for k in range(count)]
     rng = disturbance.streams["structure"]
-    laid = [laid_out(t, settings.points_per_shape, settings.shape_size_m, rng) for t, _ in wanted]
-    sigma = [_sigma(t, disturbance, settings.exact) for t, _ in wanted]
-    gross = _gross(wanted, laid, sigma, disturbance)
+    laid = [laid_out(t, settings.points_per_shape, settings.shape_size_m, rng) for t, _ in numbered_types]
+    sigma = [_sigma(t, disturbance, settings.exact) for t, _ in numbered_types]
+    gross = _gross(numbered_types, laid, sigma, disturbance)
     errors = disturbance.streams["structure_error"]
     structures = []
-    for (type_, number), shape, s, wrong in zip(wanted, laid, sigma, gross):
+    for (type_, number), shape, s, wrong in zip(numbered_types, laid, sigma, gross):
         noise = disturbance.noise.factor * s * errors.standard_normal((len(shape.offset_m), 2))
         away = np.einsum("mk,mki->mi", noise + wrong, shape.away)
         of_value = float(noise[0, 0] + wrong[0, 0]) if type_ in VALUED else 0.0
@@ -82,12 +82,12 @@ def _sigma(type_: str, disturbance: Disturbance, exact: bool) -> float:
 
 
 def _gross(
-    wanted: list[tuple[str, int]], laid: list[Laid], sigma: list[float], disturbance: Disturbance
+    numbered_types: list[tuple[str, int]], laid: list[Laid], sigma: list[float], disturbance: Disturbance
 ) -> list[Float]:
     """Gross errors, as many rows as points for each condition."""
     counts = [len(shape.offset_m) for shape in laid]
     open_to = [np.zeros((n, 2)) for n in counts]
-    for (type_, _), shape, s, amplitude in zip(wanted, laid, sigma, open_to):
+    for (type_, _), shape, s, amplitude in zip(numbered_types, laid, sigma, open_to):
         if type_ in VALUED:
             amplitude[0, 0] = s
         else:

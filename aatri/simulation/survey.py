@@ -110,7 +110,7 @@ def sighted(
         If there are too few points.
     """
     view = _View(photography, local_m, candidates, in_block, rng, settings)
-    wanted = (
+    counts = (
         (settings.distances, view.distances),
         (settings.horizontal_distances, view.horizontal),
         (settings.ellipsoid_distances, view.ellipsoid),
@@ -123,7 +123,7 @@ def sighted(
         (settings.height_differences, view.height_differences),
         (settings.baselines, view.baselines),
     )
-    return [part for count, of in wanted if count for part in of(count)]
+    return [part for count, of in counts if count for part in of(count)]
 
 
 @dataclass(frozen=True)

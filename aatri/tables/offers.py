@@ -45,9 +45,9 @@ def is_known(name: str, names: frozenset[str]) -> bool:
     return name in names or f"{name.partition(':')[0]}:*" in names
 
 
-def covers(wanted: str, name: str) -> bool:
+def covers(use: str, name: str) -> bool:
     """Whether a name of `ignore` means an offer: the same name, or its table."""
-    return name == wanted or name.startswith((f"{wanted}.", f"{wanted}:"))
+    return name == use or name.startswith((f"{use}.", f"{use}:"))
 
 
 @dataclass(frozen=True)

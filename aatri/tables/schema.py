@@ -268,13 +268,13 @@ def _checked(table_name: str, name: str, declared: Column, values: Any) -> npt.N
     if declared.dtype == "str":
         array = array.astype(np.str_) if array.size else np.zeros(array.shape, "U1")
     else:
-        wanted = np.dtype(DTYPES[declared.dtype])
-        if array.dtype != wanted:
-            if not np.can_cast(array.dtype, wanted, "same_kind") and array.size:
-                raise ArtifactError(f"{where} is {array.dtype}, not {wanted}")
-            narrowed = array.astype(wanted)
-            if np.issubdtype(wanted, np.integer) and array.size and not np.array_equal(narrowed, array):
-                raise ArtifactError(f"{where} holds a number too large for {wanted}")
+        expected = np.dtype(DTYPES[declared.dtype])
+        if array.dtype != expected:
+            if not np.can_cast(array.dtype, expected, "same_kind") and array.size:
+                raise ArtifactError(f"{where} is {array.dtype}, not {expected}")
+            narrowed = array.astype(expected)
+            if np.issubdtype(expected, np.integer) and array.size and not np.array_equal(narrowed, array):
+                raise ArtifactError(f"{where} holds a number too large for {expected}")
             array = narrowed
     if array.ndim != 1 + len(declared.shape) or array.shape[1:] != declared.shape:
         raise ArtifactError(f"{where} has shape {array.shape}, not (n, {', '.join(map(str, declared.shape))})")

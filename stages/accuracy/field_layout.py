@@ -13,7 +13,7 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.field_layout import LayoutRules, layout_of_field
+from aatri.evaluation.field_layout import FieldRequirements, layout_of_field
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -46,7 +46,7 @@ def field_layout(
         position_m[block.true_images.image] = block.true_images.position_m
     if solution is not None:
         position_m = solution.images.position_m
-    rules = LayoutRules(options.targets, options.pillars, options.depth)
+    rules = FieldRequirements(options.targets, options.pillars, options.depth)
     result, broken = layout_of_field(block, position_m, rules)
     context.log(result.verdict)
     for text in broken:

@@ -90,8 +90,8 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     sigma_px[heads] = medians[points.point[heads]]
     sigma_px = np.maximum(sigma_px, options.smallest_sigma_px)
     measured = finite_rows(sigma_px)
-    alone = np.bincount(points.point[measured], minlength=len(block.points)) < 2
-    measured &= ~alone[points.point]
+    single = np.bincount(points.point[measured], minlength=len(block.points)) < 2
+    measured &= ~single[points.point]
     return with_measured(
         block, np.flatnonzero(measured), made_px, sigma_px, rows[~measured[rows]], "not matched by least squares"
     )

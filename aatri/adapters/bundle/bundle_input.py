@@ -150,8 +150,8 @@ def _of_parameters(before: Observed, now: Observed, parameters: Sequence[Paramet
     """Rays with other parameters, of the weights they had before."""
     records = replace(now.records, whitener=before.records.whitener, active=before.records.active)
     start = {p.group: np.where(p.free, before.start[p.group], p.start) for p in parameters}
-    whole = None if before.whole is None else _of_parameters(before.whole, now, parameters)
-    return replace(before, records=records, unknowns=now.unknowns, start=start, whole=whole)
+    unreduced = None if before.unreduced is None else _of_parameters(before.unreduced, now, parameters)
+    return replace(before, records=records, unknowns=now.unknowns, start=start, unreduced=unreduced)
 
 
 def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed:

@@ -42,7 +42,7 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
     most = MOST_WITH_TESTS if tests else MOST_POINTS
     if not determined.any() or len(determined) > most or result.free is not None or adjusted.down_weighted:
         return None
-    result, nothing = replace(result, adjusted=with_factor(adjusted)), np.zeros_like(variance)
+    result, none = replace(result, adjusted=with_factor(adjusted)), np.zeros_like(variance)
     adjusted = result.adjusted
     counts: dict[str, Float] = {}
     ground = block.ground_points
@@ -50,11 +50,11 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
     new[ground.point[(ground.role == CONTROL).any(axis=1)]] = False
     if new.any():
         members = new[:, None] & np.ones(3, dtype=bool)
-        counts[NEW_POINTS] = independent_errors(adjusted, POINT, members, variance, nothing)
+        counts[NEW_POINTS] = independent_errors(adjusted, POINT, members, variance, none)
     check = np.zeros_like(determined)
     check[ground.point] = ground.role == CHECK
     if check.any():
-        variance_given = nothing.copy()
+        variance_given = none.copy()
         variance_given[ground.point] = np.nan_to_num(np.einsum("nii->ni", ground.covariance_m2))
         counts[CHECK_POINTS] = independent_errors(adjusted, POINT, check & determined, variance, variance_given)
     if (left_out := _control_left_out(result)) is not None:

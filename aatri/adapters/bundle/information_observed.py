@@ -173,10 +173,10 @@ def _observed(
 
     def normal(state: State) -> tuple[Float, Float, float]:
         d, D = differences(state)
-        total, gradient, whole = np.zeros((place[-1], place[-1])), np.zeros(place[-1]), N @ d + right
+        total, gradient, total_gradient = np.zeros((place[-1], place[-1])), np.zeros(place[-1]), N @ d + right
         column = np.concatenate([place[k] + b.scalar for k, b in enumerate(blocks)])
         total[np.ix_(column, column)] = N
-        gradient[column] = whole
+        gradient[column] = total_gradient
         for k, b in enumerate(blocks):
             if b.group == POSE:
                 own, of = slice(place[k], place[k + 1]), np.eye(6)
@@ -184,7 +184,7 @@ def _observed(
                 total[:, own] = total[:, own] @ of
                 total[own] = of.T @ total[own]
                 gradient[own] = of.T @ gradient[own]
-        return total, gradient, float(d @ whole + d @ right + h @ h)
+        return total, gradient, float(d @ total_gradient + d @ right + h @ h)
 
     touches = tuple((b.group, np.array([b.row], dtype=np.int32)) for b in blocks)
     records = Records(INFORMATION, touches, evaluate, np.ones((1, len(W))), np.ones(1, dtype=bool), normal=normal)

@@ -36,14 +36,14 @@ class EquationsOfShared:
 
 
 def shared_equations(
-    done: AdjustedBlock, wanted: Mapping[str, Bool], at: tuple[Poses, Float] | None = None
+    done: AdjustedBlock, determinable: Mapping[str, Bool], at: tuple[Poses, Float] | None = None
 ) -> EquationsOfShared:
     """The observations and unknowns of an adjusted block, and those of wanted images and points left out of it.
 
     Parameters
     ----------
     done : AdjustedBlock
-    wanted : mapping of group to (n,) bool
+    determinable : mapping of group to (n,) bool
         Images and points that other blocks have too.
     at : Poses and (n_points, 3) float64, optional
         Where orientations and points are linearised, NaN and default: where they are adjusted.
@@ -55,10 +55,10 @@ def shared_equations(
     if at is not None:
         poses, xyz_m = at[0].where(at[0].oriented, poses), np.where(finite_rows(at[1])[:, None], at[1], xyz_m)
     if stated.rays is not None:
-        xyz_m = on_their_rays(stated.rays, poses, xyz_m, wanted[POINT] & ~finite_rows(xyz_m))
+        xyz_m = on_their_rays(stated.rays, poses, xyz_m, determinable[POINT] & ~finite_rows(xyz_m))
     state: dict[str, Any] = {**result.adjusted.state, POSE: poses, POINT: xyz_m}
     started = {POSE: poses.oriented, POINT: finite_rows(xyz_m)}
-    more = {group: wanted[group] & ~adjusted[group] & started[group] for group in adjusted}
+    more = {group: determinable[group] & ~adjusted[group] & started[group] for group in adjusted}
     records, used, touched = [], [], {group: np.zeros(len(of), dtype=bool) for group, of in more.items()}
     for o in result.observations:
         rows = o.records.active & (o.observed.kind != INFORMATION) & ~np.bool_(o.observed.exact)
@@ -78,7 +78,7 @@ def shared_equations(
     unknowns = result.adjusted.problem.unknowns
     if records:
         unknowns = _with_free(done, unknowns, state, more)
-    keep = {group: wanted[group] & (adjusted[group] | more[group]) for group in more}
+    keep = {group: determinable[group] & (adjusted[group] | more[group]) for group in more}
     return EquationsOfShared(unknowns, (*result.adjusted.problem.observed, *records), state, keep, tuple(used))
 
 

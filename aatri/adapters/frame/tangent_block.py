@@ -72,10 +72,10 @@ def _placed(frame: TangentFrame, observed_m: Float, covariance_m2: Float, guess_
     count = (~missing).sum(axis=0)
     mean = np.where(missing, 0.0, observed_m).sum(axis=0) / np.maximum(count, 1)
     placed = frame.from_block(np.where(missing, np.where(np.isfinite(guess_m), guess_m, mean), observed_m))
-    whole = ~missing.any(axis=1)
-    inverse = np.linalg.inv(frame.derivatives_at(placed[whole]))
+    complete = ~missing.any(axis=1)
+    inverse = np.linalg.inv(frame.derivatives_at(placed[complete]))
     covariance = covariance_m2.copy()
-    covariance[whole] = inverse @ covariance[whole] @ inverse.swapaxes(1, 2)
+    covariance[complete] = inverse @ covariance[complete] @ inverse.swapaxes(1, 2)
     return np.where(missing, np.nan, placed), _exact_kept(covariance_m2, covariance)
 
 

@@ -58,7 +58,7 @@ class Joining:
     """A component without a datum is an error; else it is left out with a warning."""
     apart: tuple[int, ...] = ()
     """Strips that are taken by themselves."""
-    aside: tuple[int, ...] = ()
+    left_out: tuple[int, ...] = ()
     """Strips that are left out."""
     level: bool = False
     """What is open of a component by its turn about a line alone begins level."""
@@ -132,7 +132,7 @@ def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStri
             return None
         trials = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
         for strip, off_m in misfitting_strips(of.strips, oriented.parts)[:CANDIDATES]:
-            if (without := _tried(of, replace(joining, aside=(*left, strip)))) is not None:
+            if (without := _tried(of, replace(joining, left_out=(*left, strip)))) is not None:
                 worse = _fitting(of, without) is None, -without.strips, pooled(without.parts)[1]
                 trials.append((worse, strip, off_m, without))
         if not trials:
@@ -147,8 +147,8 @@ def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStri
         or by_themselves.strips == oriented.strips
         or (alone_fitting := _fitting(of, by_themselves)) is None
     ):
-        why = "left out here: its models are weak, or its points or its control are wrong"
-        return oriented.with_notes([*(Note("warning", f"{text}: {why}") for text in texts), *fitting])
+        reason = "left out here: its models are weak, or its points or its control are wrong"
+        return oriented.with_notes([*(Note("warning", f"{text}: {reason}") for text in texts), *fitting])
     return by_themselves.with_notes(
         [*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting]
     )
@@ -203,12 +203,12 @@ def _joined_and_oriented(
         active=pieces.usable_ties(strips),
         limit=joining.tie_limit,
         weakly=weakly,
-        apart=joining.apart + joining.aside,
+        apart=joining.apart + joining.left_out,
     )
     parts, failed = list[OrientedPart](), list[GeometryError]()
     notes = list[Note]()
     for number, component in enumerate(free.components, 1):
-        if np.isin(component.strips, joining.aside).all():
+        if np.isin(component.strips, joining.left_out).all():
             continue
         what = f"component {number} ({strip_names(component, names)})"
         try:

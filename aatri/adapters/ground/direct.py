@@ -70,7 +70,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
         geodesy=geodesy_of(block, frame),
     )
     rows = attitudes_of(source)
-    usable = rows.whole & (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
+    usable = rows.complete & (e.position_use[rows.row] == OBSERVED_VALUE) & finite_rows(e.position_m)[rows.row]
     row, image, camera = rows.row[usable], rows.image[usable], rows.camera[usable]
     antenna, D = source.placed(e.position_m[row])
     inverse = np.linalg.inv(D)

@@ -99,14 +99,14 @@ def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> G
     positions = positions_of(inside)
     if not use_positions:
         positions = positions.take(np.zeros(0, dtype=np.int64))
-    alone = replace(
+    uncorrelated = replace(
         as_given,
         ground_point_covariances=as_given.ground_point_covariances.take(np.zeros(0, dtype=np.int64)),
         geodetic_covariances=as_given.geodetic_covariances.take(np.zeros(0, dtype=np.int64)),
     )
     frame = frame_of(as_given)
     origin = pieces.origin_of(control_of(inside), positions)
-    return GroundObserved(alone, origin, use_positions, frame, geodesy_of(as_given, frame))
+    return GroundObserved(uncorrelated, origin, use_positions, frame, geodesy_of(as_given, frame))
 
 
 def everything(_: Observed) -> bool:
@@ -168,13 +168,13 @@ def oriented_by(
     raise failed[-1]
 
 
-def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, alone: str) -> Note:
+def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: str) -> Note:
     """That more than given coordinates takes part, and why."""
     kinds = {o.kind for o in oriented.tied.problem.ground}
     turned = sum(len(o) for o in oriented.tied.problem.ground if o.kind == ATTITUDE)
-    text = f"{what}: oriented by observations of all kinds together; without them {alone}"
+    text = f"{what}: oriented by observations of all kinds together; without them {failure}"
     if kinds <= {*first, ATTITUDE}:
-        text = f"{what}: attitudes of {turned} images take part, as control and positions leave it open: {alone}"
+        text = f"{what}: attitudes of {turned} images take part, as control and positions leave it open: {failure}"
     return Note("note", text)
 
 

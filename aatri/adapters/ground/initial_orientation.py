@@ -105,14 +105,16 @@ def to_ground(
     return done, notes
 
 
-def _nowhere(ground: GroundObserved, what: str, why: AatriError) -> AatriError:
+def _nowhere(ground: GroundObserved, what: str, reason: AatriError) -> AatriError:
     """The error of a block that nothing places; where it has positions alone its images may still be oriented."""
-    text = why.what if why.what.startswith(what) else f"{what}: control and positions do not place it: {why.what}"
-    of = ConvergenceError if isinstance(why, ConvergenceError) else GeometryError  # its narrower classes say more
+    text = (
+        reason.what if reason.what.startswith(what) else f"{what}: control and positions do not place it: {reason.what}"
+    )
+    of = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
     if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():
-        return of(text, remedy=why.remedy)
-    return of(text, remedy=f"{why.remedy}; {IMAGES_ALONE}")
+        return of(text, remedy=reason.remedy)
+    return of(text, remedy=f"{reason.remedy}; {IMAGES_ALONE}")
 
 
 def _otherwise(
@@ -141,9 +143,9 @@ def _otherwise(
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
 
 
-def _apart(block: Block, component: ImageComponent, why: str) -> Note:
+def _apart(block: Block, component: ImageComponent, reason: str) -> Note:
     ids = tuple(block.images.id[component.images].tolist())
-    return Note("warning", f"a component of {len(ids)} images stays apart: {why}", ids)
+    return Note("warning", f"a component of {len(ids)} images stays apart: {reason}", ids)
 
 
 def _free(

@@ -158,13 +158,13 @@ def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what:
     block, notes = ground.block, list[Note]()
     start = body.on_ground(to)
     for o in ground.of(body, lambda o: o.kind == ATTITUDE, attitudes=True)(to):
-        whole = np.flatnonzero(np.isfinite(o.sigmas()).all(axis=1))
+        complete = np.flatnonzero(np.isfinite(o.sigmas()).all(axis=1))
         start = {**o.start, **start}
-        v, (by_pose, *_) = o.records.evaluate(start, whole)
-        image = o.records.touches[0][1][whole]
+        v, (by_pose, *_) = o.records.evaluate(start, complete)
+        image = o.records.touches[0][1][complete]
         turned = np.linalg.solve(by_pose[:, :, 3:], v[:, :, None])[:, :, 0]  # on the ground side
         lacking = np.einsum("nji,nj->ni", start[POSE].ground_from_image[image], turned)
-        variance, camera = (o.sigmas()[whole] ** 2).mean(axis=1), block.images.camera[image]
+        variance, camera = (o.sigmas()[complete] ** 2).mean(axis=1), block.images.camera[image]
         for k in np.unique(camera).tolist():
             of_camera = np.flatnonzero(camera == k)
             offset = np.median(lacking[of_camera], axis=0)

@@ -150,9 +150,9 @@ def chains_of(runs: Sequence[Chain], open_joints: Mapping[int, str]) -> tuple[li
 def images_left_alone(block: Block, chains: Sequence[Chain]) -> list[Gap]:
     """Active images that are in no free strip."""
     placed = {image for chain in chains for image in chain.images}
-    alone = [int(row) for row in np.flatnonzero(block.images.active) if row not in placed]
+    unpaired = [int(row) for row in np.flatnonzero(block.images.active) if row not in placed]
     strip = block.images.strip
     return [
         Gap(int(strip[row]), row, -1, "image alone: " + ("no model" if strip[row] >= 0 else "it belongs to no strip"))
-        for row in alone
+        for row in unpaired
     ]

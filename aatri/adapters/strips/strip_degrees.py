@@ -32,13 +32,13 @@ def degrees_of_strips(names: Text, degree: int, single: Mapping[str, int]) -> In
     """
     degrees = np.full(len(names), degree)
     ids = [str(name) for name in names]
-    whole = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
-    for wanted, value in single.items():
-        of_name = [k for k, name in enumerate(ids) if name == wanted]
-        of_name = of_name or [k for k, name in enumerate(whole) if name == wanted]
+    unsplit = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
+    for strip, value in single.items():
+        of_name = [k for k, name in enumerate(ids) if name == strip]
+        of_name = of_name or [k for k, name in enumerate(unsplit) if name == strip]
         if not of_name:
             raise InputError(
-                f"`degrees` names strip {wanted}, which is not among the strips {shown(ids)}",
+                f"`degrees` names strip {strip}, which is not among the strips {shown(ids)}",
                 remedy="give ids of free strips, as the log of strip formation lists them",
             )
         degrees[of_name] = value

@@ -190,14 +190,14 @@ def _weights(
 ) -> dict[str, Float]:
     """Diagonal of the normal matrix for the blocks that constraints touch, (n, k) per group."""
     diagonal = {u.name: np.zeros(u.free.shape) for u in unknowns}
-    wanted = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
+    met = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
     for r in constraints:
         for group, block in r.touches:
-            wanted[group][block[r.active]] = True
+            met[group][block[r.active]] = True
     for r in records:
         touching = np.zeros(len(r.active), dtype=bool)
         for group, block in r.touches:
-            touching |= wanted[group][block]
+            touching |= met[group][block]
         rows = np.flatnonzero(touching & r.active)
         _, jacobians = whitened(r, state, rows)
         for (group, block), J in zip(r.touches, jacobians):

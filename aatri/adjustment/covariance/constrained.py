@@ -38,13 +38,13 @@ def covariance_times(
     state: State,
     W: Mapping[str, Float],
     right: Mapping[str, Float],
-    wanted: Collection[str] | None = None,
+    of_groups: Collection[str] | None = None,
 ) -> dict[str, Float]:
     """The covariance of all unknowns times right-hand sides, (n, k, m) by group; groups that are missing are zero.
 
-    W is that of `covariance_reduction`, made once for several products; `wanted` are the groups asked for, or all.
+    W is that of `covariance_reduction`, made once for several products; `of_groups` are the groups asked for, or all.
     """
-    product = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)), wanted)
+    product = backward(problem, factored, state, forward(problem, factored, state, sides_of(problem, right)), of_groups)
     if not W:
         return product
     common = sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items())

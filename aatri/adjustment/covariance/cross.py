@@ -45,9 +45,9 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     covariance_of_pair: dict[int, Float] = {}
     for second in dict.fromkeys(second for _, second in pairs):
         firsts = {k: first for k, (first, other) in enumerate(pairs) if other == second}
-        wanted = {group for group, _ in firsts.values()}
+        groups = {group for group, _ in firsts.values()}
         unit = _unit_vectors(adjusted, second[0], np.array([second[1]]))
-        columns = covariance_times(problem, factored, state, W, {second[0]: unit}, wanted)
+        columns = covariance_times(problem, factored, state, W, {second[0]: unit}, groups)
         covariance_of_pair |= {k: columns[group][block] for k, (group, block) in firsts.items()}
     return [covariance_of_pair[k] for k in range(len(pairs))]
 

@@ -41,12 +41,12 @@ class Gains:
         return next((g for name, g in zip(self.group, self.gain) if name == group), None)
 
 
-def empty_gains(records: Records, problem: IndexedProblem, wanted: Collection[str]) -> Gains:
+def empty_gains(records: Records, problem: IndexedProblem, of_groups: Collection[str]) -> Gains:
     """Gains that are still to be filled in."""
     size, n, first, columns, gain = group_sizes(problem.unknowns), len(records.active), 0, [], []
     for group, _ in records.touches:
         columns.append(slice(first, first + size[group]))
-        gain.append(np.full((n, size[group], records.rows), np.nan) if group in wanted else None)
+        gain.append(np.full((n, size[group], records.rows), np.nan) if group in of_groups else None)
         first += size[group]
     groups = tuple(group for group, _ in records.touches)
     return Gains(groups, tuple(columns), problem.layout.eliminated, tuple(gain))

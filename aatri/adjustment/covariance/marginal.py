@@ -209,11 +209,11 @@ class _Down:
         if rays is not None:
             of_rays = self.of_records[place_of(self.problem, rays.records)]
             of_rays[rays.rows] = self.ray
-        for name, aside in taking_no_part(self.problem).items():
-            groups[name][aside] = np.nan
+        for name, taking_none in taking_no_part(self.problem).items():
+            groups[name][taking_none] = np.nan
             for r, of_record in zip(self.problem.records, self.of_records):
-                for number in (b for group, b in r.touches if group == name and aside.any()):
-                    of_record[aside[number]] = np.nan
+                for number in (b for group, b in r.touches if group == name and taking_none.any()):
+                    of_record[taking_none[number]] = np.nan
         return Covariances(groups, of_rays, self.of_records, self.gains, self._whitened() if self.residuals else ())
 
     def _whitened(self) -> tuple[Float, ...]:

@@ -57,7 +57,7 @@ class Score:
     """Parameters that were not carried, unit by unit (a strip, a camera): the other units' are held at zero."""
 
     gradient: Float
-    whole: Float
+    total: Float
     """(u, k). g, and the diagonal of H'H."""
     information: Float
     """(u, k, k). M."""
@@ -66,7 +66,7 @@ class Score:
     def seen(self) -> Float:
         """Share of the squares of each effect on the observations that the unknowns cannot take up, 0 ... 1, (u, k)."""
         left = np.einsum("ukk->uk", self.information)
-        share = np.divide(left, self.whole, out=np.zeros_like(left), where=self.whole > 0)
+        share = np.divide(left, self.total, out=np.zeros_like(left), where=self.total > 0)
         return np.where(share > LEAST_SEEN, share, 0.0)
 
     def joint(self, unit: int, columns: Sequence[int]) -> Joint:
@@ -88,7 +88,7 @@ class Score:
 
     def _axes(self, columns: Sequence[int], units: slice) -> tuple[Float, Float]:
         """Shares of directions that the unknowns cannot take up, and these directions, (u, k), (u, k, k)."""
-        tested, scale = list(columns), np.sqrt(self.whole[units][:, list(columns)])
+        tested, scale = list(columns), np.sqrt(self.total[units][:, list(columns)])
         inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
         M = self.information[units][:, tested][:, :, tested] * inverse[:, :, None] * inverse[:, None, :]
         size, axes = np.linalg.eigh(M)
@@ -132,7 +132,7 @@ def score(
     for first in range(0, n, at_a_time):
         chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
-        part = Score(scores.gradient[here], scores.whole[here], scores.information[here])
+        part = Score(scores.gradient[here], scores.total[here], scores.information[here])
         whitened_H = _whitened_effects(records, rows[chunk], H[order[chunk]])  # of these units alone: it is large
         if ray is None:
             _add_densely(part, adjusted, records, rows[chunk], whitened_H, unit[chunk] - first)
@@ -154,7 +154,7 @@ def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, 
     """Units of rays, in place."""
     problem, factored, (n, k) = adjusted.problem, adjusted.factored, scores.gradient.shape
     assert factored is not None
-    sums = scores.whole, scores.gradient, scores.information
+    sums = scores.total, scores.gradient, scores.information
     kept = reduced_effects(problem, factored, adjusted.state, ray, H, unit, sums)
     gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
     if not len(gaining):
@@ -172,7 +172,7 @@ def _add_densely(scores: Score, adjusted: Adjusted, records: Records, rows: Int,
     v, right = _sides(adjusted, records, rows, H, unit, n)
     np.add.at(scores.gradient, unit, np.einsum("nmk,nm->nk", H, v))
     np.add.at(scores.information, unit, np.einsum("nmk,nml->nkl", H, H))
-    scores.whole[:] = np.einsum("ukk->uk", scores.information)
+    scores.total[:] = np.einsum("ukk->uk", scores.information)
     taken_up, left = _taken_up(adjusted, right)
     scores.information[:] -= taken_up.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
     scores.gradient[:] -= left.reshape(n, k)

@@ -2,7 +2,7 @@
 
 A direct factor holds L, front by front: solutions of any right-hand side, covariances and null vectors follow from it.
 Conjugate gradients leave nothing but the solution of the one right-hand side they were asked for. Whoever needs more
-asks `whole` first, or asks for a panel and is refused.
+asks `is_direct` first, or asks for a panel and is refused.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ class Factor:
     """(n_kept,). The solution that conjugate gradients have reached."""
 
     @property
-    def whole(self) -> bool:
+    def is_direct(self) -> bool:
         """Whether panels can be asked for: covariances, other right-hand sides, null vectors."""
         return self.panels is not None
 

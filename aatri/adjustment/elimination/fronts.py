@@ -126,9 +126,9 @@ class Work:
         self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
         self._direct(state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
-        nothing = np.zeros((0, 0)), np.zeros((0, 0, 0))
+        no_derivatives = np.zeros((0, 0)), np.zeros((0, 0, 0))
         self.kept = [
-            (k, *(side_by_side(k, problem.layout, state) if k.records.normal is None else nothing))
+            (k, *(side_by_side(k, problem.layout, state) if k.records.normal is None else no_derivatives))
             for k in problem.kept
         ]
         self.cost[-1] += sum(excess(k.records, v) for k, v, _ in self.kept)

@@ -88,16 +88,16 @@ def forward_kept(problem: IndexedProblem, factored: Factored, x: Float) -> None:
 
 
 def backward(
-    problem: IndexedProblem, factored: Factored, state: State, u: Sides, wanted: Collection[str] | None = None
+    problem: IndexedProblem, factored: Factored, state: State, u: Sides, of_groups: Collection[str] | None = None
 ) -> dict[str, Float]:
-    """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars. `wanted` are the groups, or all."""
+    """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars. `of_groups` are the groups, or all."""
     x = u.kept.copy()
     with one_blas_thread():
         down_the_tree(problem.tree, factored.factor.panel, x)
     x[problem.layout.fixed] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])
     solution: dict[str, Float] = {}
-    for unknowns in (one for one in problem.unknowns if wanted is None or one.name in wanted):
+    for unknowns in (one for one in problem.unknowns if of_groups is None or one.name in of_groups):
         columns = problem.layout.columns(unknowns.name, unknowns.size)
         solution[unknowns.name] = np.where(columns[:, :, None] >= 0, padded[columns], 0.0)
     if problem.rays is not None and len(problem.rays.block) and problem.layout.eliminated in solution:

@@ -133,13 +133,13 @@ def _shared_out(problem: IndexedProblem) -> tuple[list[list[int]], list[list[int
     for k, node in enumerate(nodes):
         total[k] += sum(total[c] for c in node.children)
     roots = [k for k, node in enumerate(nodes) if node.parent < 0]
-    whole = float(total[roots].sum())
-    if problem.threads == 1 or whole < PARALLEL_FLOPS:
+    flops_in_all = float(total[roots].sum())
+    if problem.threads == 1 or flops_in_all < PARALLEL_FLOPS:
         return [], []
     heads: list[int] = []
     levels, level = [], roots
     while level:
-        inner = [k for k in level if nodes[k].children and total[k] > whole / (4 * problem.threads)]
+        inner = [k for k in level if nodes[k].children and total[k] > flops_in_all / (4 * problem.threads)]
         heads += [k for k in level if k not in inner]
         levels.append(sorted(inner))
         level = [c for k in inner for c in nodes[k].children]

@@ -143,8 +143,8 @@ def _iterated(S: Product, b: Float, solve: Product, accuracy: float, small: floa
         before, rho = rho, float(r @ z)
         alphas.append(alpha)
         betas.append(rho / before)
-        wanted = accuracy**2 * max(square, small**2)
-        if rho <= wanted and rho <= wanted * _smallest_eigenvalue(alphas, betas):
+        target = accuracy**2 * max(square, small**2)
+        if rho <= target and rho <= target * _smallest_eigenvalue(alphas, betas):
             return x, len(alphas), True
         p = z + betas[-1] * p
     return x, len(alphas), rho == 0.0

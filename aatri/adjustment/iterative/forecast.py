@@ -122,8 +122,8 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
         _refuse("exact constraints", "observe them with small standard deviations", expected, limit, solver)
     if problem.settings.demands:
         _refuse(problem.settings.demands, "do not ask for them", expected, limit, solver)
-    why = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
-    reporter.log(f"{why}conjugate gradients; there will be no standard deviations")
+    reason = "" if solver != "auto" else f"above the limit of {limit / 1e9:.3g} GB even with the factor on disk: "
+    reporter.log(f"{reason}conjugate gradients; there will be no standard deviations")
     subtrees, piece = subtrees_within(problem.tree, limit / 2), piece_within(problem.layout.n_kept, limit / 4)
     return replace(problem, iterative=PartlyFactorised(subtrees, piece))
 

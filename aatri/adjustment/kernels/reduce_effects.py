@@ -44,7 +44,7 @@ def reduce_effects(
     unit,
     H,
     x,
-    whole,
+    total,
     gradient,
     information,
 ):
@@ -62,12 +62,12 @@ def reduce_effects(
         Whitened effects on rays, ascending: a ray may be in several units.
     x : (n_kept, units k) float64
         A'(H - B w) is added.
-    whole, gradient, information : (units, k), (units, k), (units, k, k) float64
+    total, gradient, information : (units, k), (units, k), (units, k, k) float64
         The diagonal of H'H, H'v - U'y, and H'H - U'U are added.
     """
     m, k, e = H.shape[1], H.shape[2], 0
-    units, met = np.empty(len(whole), dtype=np.int64), np.zeros(len(whole), dtype=np.bool_)
-    C, t = np.empty((len(whole), 3, k)), np.empty((m, k))
+    units, met = np.empty(len(total), dtype=np.int64), np.zeros(len(total), dtype=np.bool_)
+    C, t = np.empty((len(total), 3, k)), np.empty((m, k))
     for p in range(p0, p1):
         n = 0
         while e < len(ray) and ray[e] < ray_start[p + 1]:
@@ -78,7 +78,7 @@ def reduce_effects(
             for i in range(m):
                 for b in range(k):
                     h = H[e, i, b]
-                    whole[u, b] += h * h
+                    total[u, b] += h * h
                     gradient[u, b] += h * v[r, i]
                     for d in range(k):
                         information[u, b, d] += h * H[e, i, d]

@@ -142,18 +142,18 @@ def _common(moves: Float, vectors: Float, going_along: Bool, least: float) -> tu
     What goes along with a motion (a boresight, a shift of all positions) need not be moved by it. Of no more unknowns
     than independent motions there are, every direction would be one: it says nothing.
     """
-    nothing = np.zeros((0, 7)), np.zeros((len(moves), 0))
+    none = np.zeros((0, 7)), np.zeros((len(moves), 0))
     size = np.linalg.norm(moves, axis=0)
     unit = moves / np.where(size > 0, size, 1.0)
     U, s, Wt = np.linalg.svd(unit, full_matrices=False)
     kept = s > 1e-6 * max(float(s.max(initial=0.0)), 1e-300)
     if not vectors.shape[1] or (moves != 0).any(axis=1).sum() <= kept.sum():
-        return nothing
+        return none
     movable = np.where(going_along[:, None], 0.0, vectors)
     _, cosines, Zt = np.linalg.svd(_orthonormal(movable).T @ U[:, kept], full_matrices=True)
     shared = Zt[: len(cosines)][cosines > least]
     if not len(shared):
-        return nothing
+        return none
     coefficients = echelon((shared / s[kept]) @ Wt[kept])
     motions = unit @ coefficients.T
     return coefficients / np.where(size > 0, size, 1.0), vectors @ np.linalg.lstsq(movable, motions, rcond=1e-6)[0]

@@ -54,11 +54,11 @@ def nearly_open(problem: IndexedProblem, factored: Factored, state: State, datum
         U, excess = _directions(problem, factored, datum_scale)
     vertex_of = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
     vertices: list[int] = []
-    whole = np.zeros(len(excess), dtype=bool)
+    single = np.zeros(len(excess), dtype=bool)
     for k, u in enumerate(U.T):
         share = np.bincount(vertex_of, u**2, minlength=len(problem.layout.size))
-        whole[k] = excess[k] <= 1 or share.max() <= ALONE or len(share) == 1
-        if not whole[k]:
+        single[k] = excess[k] <= 1 or share.max() <= ALONE or len(share) == 1
+        if not single[k]:
             vertices.append(int(share.argmax()))
 
     def named(chosen: Bool) -> tuple[OpenCombination, ...]:
@@ -66,11 +66,11 @@ def nearly_open(problem: IndexedProblem, factored: Factored, state: State, datum
         others = (described(problem, u) for u in (rest.T if motions else U[:, chosen].T))
         return (*motions, *others)
 
-    texts, nearly = named(whole & (excess > 1)), named(whole & (excess <= 1))
+    texts, nearly = named(single & (excess > 1)), named(single & (excess <= 1))
     more = max(len(texts) - MOST_NAMED, 0)
-    alone, blocks = np.unique(np.array(vertices, dtype=np.int64)), _weak_blocks(problem, factored)
-    directions = U[:, whole & (excess > 1)]
-    return OpenDirections(directions.shape[1], texts[:MOST_NAMED], directions, alone, blocks, nearly, more=more)
+    vertices_open, blocks = np.unique(np.array(vertices, dtype=np.int64)), _weak_blocks(problem, factored)
+    directions = U[:, single & (excess > 1)]
+    return OpenDirections(directions.shape[1], texts[:MOST_NAMED], directions, vertices_open, blocks, nearly, more=more)
 
 
 def loosely_held(problem: IndexedProblem, factored: Factored, state: State, weak: OpenDirections) -> OpenDirections:

@@ -30,9 +30,9 @@ def vanishing(problem: IndexedProblem, state: State, factored: Factored) -> Open
     if len(blocks):
         return OpenDirections(0, (), np.zeros((problem.layout.n_kept, 0)), blocks=blocks, exact=True)
     defect, vectors, normals = null_vectors(problem, state, factored)
-    whole = unseen_motions(problem, state) if normals is None else []
-    if len(whole) >= defect:
-        return OpenDirections(len(whole), (of_motions(whole),), vectors, exact=True)
+    unseen = unseen_motions(problem, state) if normals is None else []
+    if len(unseen) >= defect:
+        return OpenDirections(len(unseen), (of_motions(unseen),), vectors, exact=True)
     diagonal, N = (factored.diagonal, None) if normals is None else (normals.diagonal, normals.N)
     motions, rest = open_motions(problem, state, vectors, diagonal, N)
     texts = (*motions, *(described(problem, vector) for vector in rest.T[:MOST_NAMED]))
@@ -50,7 +50,7 @@ def null_vectors(problem: IndexedProblem, state: State, factored: Factored) -> t
         vectors = np.zeros((layout.n_kept, int(open_.sum())))
         vectors[free] = among_free[:, open_]
         return int(open_.sum()), vectors, normals
-    if not factored.factor.whole:
+    if not factored.factor.is_direct:
         return len(factored.weak), _weak_columns(problem, factored), None
     trusted = _without_weak_descendants(problem, factored)
     leading = [_leading_null_vector(problem, factored, k, row) for k, row in trusted]

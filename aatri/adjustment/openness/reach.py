@@ -34,19 +34,19 @@ def within_reach(records: Sequence[Records], candidates: Sequence[int], state: S
     for i in candidates:
         for group, block in records[i].touches:
             touched.setdefault(group, []).append(block[records[i].active])
-    wanted = {group: np.unique(np.concatenate(blocks)) for group, blocks in touched.items()}
-    pieces: dict[str, list[tuple[Int, Float, Int, Int, int, int]]] = {group: [] for group in wanted}
+    blocks_of = {group: np.unique(np.concatenate(blocks)) for group, blocks in touched.items()}
+    pieces: dict[str, list[tuple[Int, Float, Int, Int, int, int]]] = {group: [] for group in blocks_of}
     for i, r in enumerate(records):
         near = np.zeros(len(r.active), dtype=bool)
         for group, block in r.touches:
-            if group in wanted:
-                near |= np.isin(block, wanted[group])
+            if group in blocks_of:
+                near |= np.isin(block, blocks_of[group])
         rows = np.flatnonzero(near & r.active)
         if not len(rows):
             continue
         _, jacobians = whitened(r, state, rows)
         for (group, block), J in zip(r.touches, jacobians):
-            if group in wanted:
+            if group in blocks_of:
                 size = (J**2).sum(axis=2).max(axis=1)
                 pieces[group].append((block[rows], size, np.full(len(rows), i), rows, r.rows, J.shape[2]))
     factor = {i: np.ones(len(records[i].active)) for i in candidates}

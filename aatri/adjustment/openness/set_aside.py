@@ -27,18 +27,18 @@ MOST_PARTS = 20
 
 
 def without_open_parts(
-    problem: IndexedProblem, state: State, factored: Factored, why: str = "its observations do not determine it"
+    problem: IndexedProblem, state: State, factored: Factored, reason: str = "its observations do not determine it"
 ) -> tuple[IndexedProblem, Factored, list[Note]]:
     """The problem without what vanishing pivots leave open, as long as that is not all of it."""
     notes: list[Note] = []
     for _ in range(MOST_PARTS):
-        if not is_singular(factored) or not (factored.factor.whole or (factored.determined == 0).any()):
+        if not is_singular(factored) or not (factored.factor.is_direct or (factored.determined == 0).any()):
             break
-        aside = _aside(problem, state, vanishing(problem, state, factored))
-        if not aside:
+        held = _aside(problem, state, vanishing(problem, state, factored))
+        if not held:
             break
-        notes.append(_note(problem, aside, why))
-        problem = with_set_aside(problem, aside)
+        notes.append(_note(problem, held, reason))
+        problem = with_set_aside(problem, held)
         factored = factorise_constrained(problem, state)
     return problem, factored, notes
 
@@ -53,7 +53,7 @@ def without_weak_parts(
     GeometryError
         If combinations of several blocks are open.
     """
-    if not factored.factor.whole:
+    if not factored.factor.is_direct:
         return []
     others = problem.settings.others
     if factored.joint is not None and others is not None:
@@ -63,16 +63,16 @@ def without_weak_parts(
             raise NotInParts("unknowns are nearly open")
         return weak.notes()
     weak = nearly_open(problem, factored, state)
-    aside = _aside(problem, state, weak)
-    if not aside:
+    held = _aside(problem, state, weak)
+    if not held:
         weak = loosely_held(problem, factored, state, weak)
         weak.refuse()
         return weak.notes()
-    notes = [*weak.notes(), _note(problem, aside, "its observations hardly determine it")]
-    problem = with_set_aside(problem, aside)
+    notes = [*weak.notes(), _note(problem, held, "its observations hardly determine it")]
+    problem = with_set_aside(problem, held)
     factored = factorise_constrained(problem, state)
-    why = "what is left of its observations does not determine it"
-    problem, factored, more = without_open_parts(problem, state, factored, why)
+    reason = "what is left of its observations does not determine it"
+    problem, factored, more = without_open_parts(problem, state, factored, reason)
     return problem, factored, [*notes, *more]
 
 
@@ -122,13 +122,13 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     GeometryError
     """
     factored = factorise_constrained(problem, state)
-    if not factored.factor.whole or not np.isfinite(factored.cost) or (factored.determined == 0).any():
+    if not factored.factor.is_direct or not np.isfinite(factored.cost) or (factored.determined == 0).any():
         return
     if factored.weak:
         refuse_undetermined(problem, state, factored)
     open_ = nearly_open(problem, factored, state)
-    alone = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], open_.vertices)) for u in problem.unknowns)
-    names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, alone) for k in blocks]
+    open_blocks = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], open_.vertices)) for u in problem.unknowns)
+    names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, open_blocks) for k in blocks]
     texts = (*open_.texts, *map(OpenCombination, names), *open_.nearly)
     replace(open_, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
         f"no convergence in {iterations} iterations: "
@@ -137,16 +137,16 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
 
 def _aside(problem: IndexedProblem, state: State, directions: OpenDirections) -> Blocks:
     """What is to be set aside: blocks that are open by themselves, and a part that moves; nothing if all does."""
-    aside = loose_part(problem, state, directions.directions) if directions.texts else {}
-    if (directions.texts and not aside) or (directions.exact and 0 < len(problem.block_free) == len(directions.blocks)):
+    held = loose_part(problem, state, directions.directions) if directions.texts else {}
+    if (directions.texts and not held) or (directions.exact and 0 < len(problem.block_free) == len(directions.blocks)):
         return {}
     for u in problem.unknowns:
-        alone = np.isin(problem.layout.vertex[u.name], directions.vertices) & u.free.any(axis=1)
+        open_blocks = np.isin(problem.layout.vertex[u.name], directions.vertices) & u.free.any(axis=1)
         if u.eliminated:
-            alone |= _of_rays(problem, directions.blocks)
-        if alone.any():
-            aside[u.name] = alone | aside.get(u.name, False)
-    return aside
+            open_blocks |= _of_rays(problem, directions.blocks)
+        if open_blocks.any():
+            held[u.name] = open_blocks | held.get(u.name, False)
+    return held
 
 
 def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Blocks:
@@ -180,10 +180,10 @@ def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Bloc
     return part
 
 
-def _note(problem: IndexedProblem, blocks: Blocks, why: str) -> Note:
+def _note(problem: IndexedProblem, blocks: Blocks, reason: str) -> Note:
     groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
-    ids = [f"{name} {one}" for name, of, aside in groups for one, out in zip(of, aside) if out]
-    return Note("warning", f"set aside, {why}", tuple(ids), sets_aside=True)
+    ids = [f"{name} {one}" for name, of, held in groups for one, out in zip(of, held) if out]
+    return Note("warning", f"set aside, {reason}", tuple(ids), sets_aside=True)
 
 
 def _of_rays(problem: IndexedProblem, places: Int) -> Bool:

@@ -24,8 +24,8 @@ def unseen_motions(problem: IndexedProblem, state: State) -> list[Motion]:
     """The motions of all unknowns together that are open."""
     moves = _moves_of_all(problem, state)
     still = np.sum([(move**2).sum(axis=(0, 1)) for move in moves.values()], axis=0) == 0
-    nothing = np.eye(7)[np.broadcast_to(still, 7)]  # in which nothing moves is not open
-    V, extent = unseen_combinations((*problem.records, *problem.constraints), state, moves, [nothing])
+    unmoved = np.eye(7)[np.broadcast_to(still, 7)]  # in which nothing moves is not open
+    V, extent = unseen_combinations((*problem.records, *problem.constraints), state, moves, [unmoved])
     return [named(motion / extent, extent) for motion in echelon(V.T * extent)] if V.size else []
 
 

@@ -105,14 +105,14 @@ def adjust(
         If the iteration does not converge.
     """
     if settings.parts > 1:
-        why = "exact constraints join all of it"
+        reason = "exact constraints join all of it"
         if not constraints:
             problem = indexed(Problem(tuple(unknowns), tuple(records)), _undivided(settings))
             adjusted = _in_parts(problem, start, settings, vetoes, covariances, reporter)
             if isinstance(adjusted, Adjusted):
                 return adjusted
-            why = adjusted
-        reporter.log(f"adjusted as a whole: {why}")
+            reason = adjusted
+        reporter.log(f"adjusted as a whole: {reason}")
     of_all = [veto(np.flatnonzero(r.active)) for veto, r in zip(vetoes, records) if veto]
     veto = Vetoes(tuple(of_all)) if of_all else None
     settings = replace(settings, parts=1)
@@ -144,7 +144,7 @@ def _in_parts(
     own = replace(settings, parts=1, workers=None, checkpoint=NO_CHECKPOINT, solver="direct", threads=threads)
     work = [PartTask(part, start, own, covariances) for part in parts]
     results = (settings.workers or Threads()).together(adjust_part, work, top.answers)
-    failed = next((r.why for r in results if isinstance(r, Failed)), "")
+    failed = next((r.reason for r in results if isinstance(r, Failed)), "")
     if failed:
         return failed
     state = dict(start)

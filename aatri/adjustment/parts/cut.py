@@ -119,7 +119,7 @@ class Vetoes:
 
     def __call__(self, old: Any, new: Any) -> str:
         """Why the new state is refused, or an empty text."""
-        return next((why for veto in self.of_rows if (why := veto(old, new))), "")
+        return next((reason for veto in self.of_rows if (reason := veto(old, new))), "")
 
 
 def nodes_of_parts(tree: Tree, n_rays: Int, count: int) -> tuple[Int, Bool]:

@@ -45,7 +45,7 @@ class SharedCovariance:
 class Failed:
     """Says that a part cannot go on."""
 
-    why: str
+    reason: str
 
 
 class Top:
@@ -60,11 +60,11 @@ class Top:
 
     def answers(self, messages: list[Any]) -> list[Any]:
         """The answers to the next message of each part."""
-        why = next((m.why for m in messages if isinstance(m, Failed)), "")
-        if not why and len({type(m) for m in messages}) > 1:
-            why = "parts went different ways"
-        if why:
-            return self._stop(messages, why)
+        reason = next((m.reason for m in messages if isinstance(m, Failed)), "")
+        if not reason and len({type(m) for m in messages}) > 1:
+            reason = "parts went different ways"
+        if reason:
+            return self._stop(messages, reason)
         first = messages[0]
         if isinstance(first, Total):
             return [sum(m.value for m in messages)] * len(messages)
@@ -75,9 +75,9 @@ class Top:
         with one_blas_thread():
             return self._covariances() if isinstance(first, SharedCovariance) else self._solved(messages)
 
-    def _stop(self, messages: list[Any], why: str) -> list[Any]:
-        self.failed = self.failed or why
-        return [Failed(why)] * len(messages)
+    def _stop(self, messages: list[Any], reason: str) -> list[Any]:
+        self.failed = self.failed or reason
+        return [Failed(reason)] * len(messages)
 
     def _solved(self, messages: list[SharedEquations]) -> list[Any]:
         """The joint solution of the shared unknowns, part by part."""
@@ -111,8 +111,8 @@ class Top:
 
     def _covariances(self) -> list[Any]:
         S = lapack.panel_covariance(self._factor, np.zeros((0, 0), order="F")) if len(self._factor) else self._factor
-        whole = np.tril(S) + np.tril(S, -1).T
-        return [whole[np.ix_(place, place)] for place in self._place]
+        symmetric = np.tril(S) + np.tril(S, -1).T
+        return [symmetric[np.ix_(place, place)] for place in self._place]
 
 
 def _column_starts(n: int) -> list[int]:
@@ -129,7 +129,7 @@ class OthersByMessages:
     def _asked(self, message: Any) -> Any:
         answer = self._exchange(message)
         if isinstance(answer, Failed):
-            raise NotInParts(answer.why)
+            raise NotInParts(answer.reason)
         return answer
 
     def joined(self, equations: SharedEquations) -> JointSolution:

@@ -144,13 +144,13 @@ def sigma0_note(test: GlobalTest, what: str = "") -> Note:
         return Note("note", text)
     if test.verdict == "outside":
         return Note("note", f"{text}: outside, but near 1")
-    why = "gross errors, an effect not modelled, or standard deviations that are too small"
+    cause = "gross errors, an effect not modelled, or standard deviations that are too small"
     if test.sigma0 < test.low:
-        why = "standard deviations that are too large"
+        cause = "standard deviations that are too large"
     what_of_it = "the standard deviations of the result are as wrong"
     if test.verdict == "far":
         what_of_it = "far off, the standard deviations of the result say nothing"
-    return Note("warning", f"{text}: {why}; {what_of_it}")
+    return Note("warning", f"{text}: {cause}; {what_of_it}")
 
 
 def refuse_misfit(test: GlobalTest, max_sigma0: float = MAX_SIGMA0, what: str = "") -> None:

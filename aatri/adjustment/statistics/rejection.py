@@ -180,8 +180,8 @@ def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> In
     -------
     (g,) int
     """
-    half, whole = np.floor(0.5 * redundancy), np.maximum(np.floor(redundancy + 1e-9), redundancy > TESTED)
-    room = np.minimum(np.maximum(half, SMALL_ROOM), whole).astype(np.int64)
+    half, upper = np.floor(0.5 * redundancy), np.maximum(np.floor(redundancy + 1e-9), redundancy > TESTED)
+    room = np.minimum(np.maximum(half, SMALL_ROOM), upper).astype(np.int64)
     return room if max_share is None else np.ceil(max_share * count).astype(np.int64)
 
 

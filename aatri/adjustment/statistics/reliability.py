@@ -56,8 +56,8 @@ def reliability(residual: Float, covariance: Float, adjusted_covariance: Float) 
         Of their adjusted values, J Q J'; NaN where not known.
     """
     if not len(residual):
-        nothing = np.zeros(residual.shape)
-        return Reliability(nothing, nothing, nothing, nothing)
+        zero = np.zeros(residual.shape)
+        return Reliability(zero, zero, zero, zero)
     weight = np.linalg.inv(covariance)
     Qvv = covariance - adjusted_covariance
     r = np.einsum("nij,nji->ni", Qvv, weight)

@@ -57,8 +57,8 @@ def propose_removal(e: Estimates, alpha: float = 0.05) -> Removal | None:
     share = np.where(np.isfinite(tests.data_share), tests.data_share, -1.0)
     if share.min(initial=1.0) < UNDETERMINED_SHARE:
         i = int(share.argmin())
-        why = "not determined" if share[i] < 0 else f"only {share[i]:.0%} of its value comes from the data"
-        return Removal(e.names[i], why)
+        cause = "not determined" if share[i] < 0 else f"only {share[i]:.0%} of its value comes from the data"
+        return Removal(e.names[i], cause)
     strength = np.where(np.isfinite(tests.t), np.abs(tests.t), -1.0)
     for pair in correlated_pairs(e, INSEPARABLE)[:1]:
         less, more = sorted(

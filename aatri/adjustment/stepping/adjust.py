@@ -108,9 +108,9 @@ def adjust_large(
     problem, factored, more = without_open_parts(problem, start, factorise_constrained(problem, start))
     notes += more
     refuse_unusable(IterationState(problem, dict(start), factored))
-    if not factored.factor.whole:
+    if not factored.factor.is_direct:
         refuse_singular(problem, start)
-    linear = factored.factor.whole and all(r.linear and r.loss is None for r in problem.records)
+    linear = factored.factor.is_direct and all(r.linear and r.loss is None for r in problem.records)
     joint_veto, others = veto, settings.others
     if others is not None:
         linear = others.total(float(not linear)) == 0.0
@@ -167,11 +167,11 @@ def _veto_of_all(veto: Veto | None, others: Others) -> Veto:
 
 
 def _without_observations(problem: IndexedProblem) -> list[Note]:
-    aside, text = taking_no_part(problem), "takes no part, none of its observations is in use"
+    held, text = taking_no_part(problem), "takes no part, none of its observations is in use"
     return [
-        Note("warning", f"{text}: {u.name}", tuple(str(name) for name, out in zip(u.ids, aside[u.name]) if out))
+        Note("warning", f"{text}: {u.name}", tuple(str(name) for name, out in zip(u.ids, held[u.name]) if out))
         for u in problem.unknowns
-        if aside[u.name].any()
+        if held[u.name].any()
     ]
 
 

@@ -83,14 +83,14 @@ def following(
     for bold in (True, False) if damping.value > 0.0 else (True,):
         after = all_steadied(problem, trial) if bold and not problem.constraints else trial
         cost = _cost(here, after, cost_of(problem, after))
-        why = (veto(here.state, after) if veto else "") or _worse(cost, before)
-        if not why:
+        reason = (veto(here.state, after) if veto else "") or _worse(cost, before)
+        if not reason:
             if damping.value > 0.0:
                 predicted = predicted_decrease(problem, factored, step) + predicted_by_constraints(factored)
                 damping = damping.accepted(gain(before, cost, predicted))
             factored = factorise_constrained(problem, after, damping.value)
             return IterationState(problem, after, factored, damping, strayed=True)
-        refused = refused or why
+        refused = refused or reason
     reporter.log(f"step refused: {refused}")
     if curvature_of(problem) > 0:
         problem = more_cautious(problem)

@@ -77,30 +77,30 @@ def layout_of(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> Layou
         if u.joins:
             continue
         mates = [w for w in unknowns if w.joins == u.name]
-        wanted = u.free.any(axis=1) | ((u.name == filler) & (np.arange(len(u.free)) == 0))
+        is_kept = u.free.any(axis=1) | ((u.name == filler) & (np.arange(len(u.free)) == 0))
         for w in mates:
-            wanted = wanted | w.free.any(axis=1)
+            is_kept = is_kept | w.free.any(axis=1)
         if u.eliminated:
             retained = _retained(u, records)
             block = np.where(retained, -1, np.cumsum(~retained) - 1).astype(np.int32)
-            wanted = wanted & retained
-        vertex[u.name] = np.where(wanted, n + np.cumsum(wanted) - 1, -1).astype(np.int32)
+            is_kept = is_kept & retained
+        vertex[u.name] = np.where(is_kept, n + np.cumsum(is_kept) - 1, -1).astype(np.int32)
         within[u.name], first_of[u.name] = 0, n
-        count, width = int(wanted.sum()), u.size
+        count, width = int(is_kept.sum()), u.size
         for w in mates:
             vertex[w.name], within[w.name] = vertex[u.name], width
             width += w.size
         sizes.append(np.full(count, max(width, 2)))
         place = np.full((len(u.free), 2), np.nan) if u.position is None else u.position[:, :2]
-        positions.append(place[wanted])
-        shared.append(np.zeros(count, dtype=bool) if u.shared is None else u.shared[wanted])
+        positions.append(place[is_kept])
+        shared.append(np.zeros(count, dtype=bool) if u.shared is None else u.shared[is_kept])
         n += count
     size = np.concatenate(sizes).astype(np.int64) if sizes else np.zeros(0, dtype=np.int64)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     name = eliminated[0].name if eliminated else ""
-    nothing = np.zeros(int(start[-1]), dtype=bool)
+    none_fixed = np.zeros(int(start[-1]), dtype=bool)
     joint, position = np.concatenate(shared), np.concatenate(positions)
-    return with_fixed(Layout(vertex, within, size, start, nothing, position, name, block, joint), unknowns)
+    return with_fixed(Layout(vertex, within, size, start, none_fixed, position, name, block, joint), unknowns)
 
 
 def _filler(unknowns: Sequence[Unknowns]) -> str:

@@ -67,11 +67,11 @@ def with_records(problem: IndexedProblem, changed: Mapping[int, Records]) -> Ind
 
 def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
     """The problem with those blocks held whose records are all inactive."""
-    aside = _aside(problem.stated.unknowns, problem.records)
+    held = _aside(problem.stated.unknowns, problem.records)
     for name, more in problem.set_aside.items():
-        aside[name] = aside[name] | more
+        held[name] = held[name] | more
     unknowns = tuple(
-        replace(u, free=u.free & ~aside[u.name][:, None]) if aside[u.name].any() else u for u in problem.stated.unknowns
+        replace(u, free=u.free & ~held[u.name][:, None]) if held[u.name].any() else u for u in problem.stated.unknowns
     )
     if all(new is old for new, old in zip(unknowns, problem.unknowns)):
         return problem
@@ -84,9 +84,9 @@ def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
 
 def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> IndexedProblem:
     """The problem with some blocks held, and all records inactive that touch them."""
-    aside = dict(problem.set_aside)
+    held = dict(problem.set_aside)
     for name, is_aside in blocks.items():
-        aside[name] = aside[name] | is_aside if name in aside else is_aside
+        held[name] = held[name] | is_aside if name in held else is_aside
     changed = {}
     for r in problem.records:
         touching = np.zeros(len(r.active), dtype=bool)
@@ -95,7 +95,7 @@ def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> Index
                 touching |= blocks[group][number]
         if (touching & r.active).any():
             changed[id(r)] = replace(r, active=r.active & ~touching)
-    return with_parts_taken(replace(with_records(problem, changed), set_aside=aside))
+    return with_parts_taken(replace(with_records(problem, changed), set_aside=held))
 
 
 def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:

@@ -41,8 +41,8 @@ def error_budget(block: Block, result: BundleResult) -> list[Finding]:
             continue
         text = f"in {part} control has a standard deviation of {m_c:.2g} m, new points {m:.2g} m: "
         if m_c < m:
-            alone = float(np.sqrt(m**2 - m_c**2))
-            text += f"without its errors {alone:.2g} m, and control is to be better than a third of that"
+            without_control = float(np.sqrt(m**2 - m_c**2))
+            text += f"without its errors {without_control:.2g} m, and control is to be better than a third of that"
         else:
             text += "they are as good by the mean of many only"
         findings.append(Finding("error_budget", "note", text, "", statistic=m_c / m))

@@ -68,10 +68,14 @@ def hanging_parts(neighbours: list[Int], own: Float) -> Iterator[tuple[int, Int]
         for hinge, parts in of_hinge.items():
             rest = np.setdiff1d(order, np.concatenate([[hinge], *parts]))
             parts = [*parts, rest] if len(rest) else parts
-            whole, control = len(order) - 1, own[order].sum() - own[hinge]
+            images_beside, control = len(order) - 1, own[order].sum() - own[hinge]
             for part in parts if len(parts) > 1 else ():
                 datum = own[part].sum()
-                if len(part) > 1 and datum < OWN_DATUM and (2 * len(part) <= whole or control - datum >= OWN_DATUM):
+                if (
+                    len(part) > 1
+                    and datum < OWN_DATUM
+                    and (2 * len(part) <= images_beside or control - datum >= OWN_DATUM)
+                ):
                     yield hinge, part
 
 

@@ -62,8 +62,8 @@ def _unused(adjusted: AdjustedObservations, tied: Bool, n_rays: int) -> list[Fin
         return []
     image, point = o.names(rows)
     ids = tuple(a or b for a, b in zip(image.tolist(), point.tolist()))
-    alone = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
-    if alone and not tied[o.records.touches[0][1][rows]].any():
+    of_one_point = len(o.records.touches) == 1 and o.records.touches[0][0] == POINT
+    if of_one_point and not tied[o.records.touches[0][1][rows]].any():
         return [Finding("left_out", "note", f"{o.kind}: nothing else is measured at {len(rows)} of {len(o)}", ids=ids)]
     text = f"{o.kind}: {len(rows)} of {len(o)} are not used, what they touch is left out"
     return [Finding("left_out", "warning", text, ids=ids)]

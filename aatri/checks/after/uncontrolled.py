@@ -24,10 +24,13 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
         return findings
     film, table = table.take(table.kind == FILM_PRIOR), table.take(table.kind != FILM_PRIOR)
     apart = np.asarray((table.kind == IMAGE_POINT) & np.isnan(table.direction).all(axis=1))
-    alone, table = table.take(apart), table.take(~apart)
-    if len(alone):
-        points = np.unique(alone.point)
-        rays, of = f"{len(alone)} ray{'s' * (len(alone) > 1)}", f"{len(points)} point{'s' * (len(points) > 1)}"
+    in_no_model, table = table.take(apart), table.take(~apart)
+    if len(in_no_model):
+        points = np.unique(in_no_model.point)
+        rays, of = (
+            f"{len(in_no_model)} ray{'s' * (len(in_no_model) > 1)}",
+            f"{len(points)} point{'s' * (len(points) > 1)}",
+        )
         text = f"{rays} to {of} in no model: the bundle is the first to check them"
         findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
     for kind in np.unique(table.kind).tolist():

@@ -45,13 +45,13 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     )
     if not reasons:
         return block, []
-    rows, why = np.array(list(reasons)), list(reasons.values())
+    rows, reasons_of_rows = np.array(list(reasons)), list(reasons.values())
     names = block.images.id[exterior.image[rows]].tolist()
     total = int(np.isfinite(exterior.position_m).all(axis=1).sum())
-    if len(rows) > max(1.0, max_share * total) and not why[0].startswith(THE_SAME):
+    if len(rows) > max(1.0, max_share * total) and not reasons_of_rows[0].startswith(THE_SAME):
         places = [read_at(block, exterior, int(row)) for row in rows]
         text = f"{len(rows)} of {total} positions cannot be right; at most {max_share:.0%} may be set aside: "
-        text += listed([f"{name}, {reason}" for name, reason in zip(names, why)], places)
+        text += listed([f"{name}, {reason}" for name, reason in zip(names, reasons_of_rows)], places)
         return block, [Finding("positions", "error", text, REMEDY, where=places[0])]
     position, covariance = exterior.position_m.copy(), exterior.position_covariance_m2.copy()
     use, group = exterior.position_use.copy(), exterior.drift_group.copy()
@@ -59,7 +59,7 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     kept = replace(
         exterior, position_m=position, position_covariance_m2=covariance, position_use=use, drift_group=group
     )
-    return replace(rejected(block, "exterior", exterior, rows.tolist(), names, why), exterior=kept), []
+    return replace(rejected(block, "exterior", exterior, rows.tolist(), names, reasons_of_rows), exterior=kept), []
 
 
 def impossible_positions(position_m: Float, control_height_m: float) -> dict[int, str]:

@@ -60,7 +60,7 @@ class Rows:
 
     def of_reason(self, reason: str) -> list[int]:
         """The rows that a reason has set aside."""
-        return sorted(row for row, why in self.reasons.items() if why == reason)
+        return sorted(row for row, other in self.reasons.items() if other == reason)
 
 
 def screened(

@@ -23,7 +23,7 @@ def without_unusable_sights(block: Block) -> Block:
     rows = block.geodetic
     itself = (rows.start == rows.end) & (rows.start_kind == rows.end_kind)
     short = np.isin(rows.type, DISTANCES) & (rows.value <= 0)
-    aside = np.flatnonzero((itself | short) & rows.active).tolist()
-    reasons = [TO_ITSELF if itself[k] else NOT_POSITIVE for k in aside]
-    block = rejected(block, "geodetic", rows, aside, [sight_name(rows, k) for k in aside], reasons)
+    unusable = np.flatnonzero((itself | short) & rows.active).tolist()
+    reasons = [TO_ITSELF if itself[k] else NOT_POSITIVE for k in unusable]
+    block = rejected(block, "geodetic", rows, unusable, [sight_name(rows, k) for k in unusable], reasons)
     return replace(block, geodetic=replace(rows, active=rows.active & ~itself & ~short))

@@ -115,9 +115,9 @@ def _faults_of_points(block: Block) -> Iterator[Finding]:
     """Covariances of single positions."""
     for name, column in (("ground_points", "covariance_m2"), ("exterior", "position_covariance_m2")):
         matrix = getattr(getattr(block, name), column)
-        whole = np.isfinite(matrix).all(axis=(1, 2))
+        complete = np.isfinite(matrix).all(axis=(1, 2))
         wrong = np.zeros(len(matrix), dtype=bool)
-        wrong[whole] = ~_definite(matrix[whole])
+        wrong[complete] = ~_definite(matrix[complete])
         sigma = np.sqrt(np.maximum(np.nan_to_num(matrix[:, range(3), range(3)]), 0.0))
         odd = _no_sigma(sigma)
         yield from _of_rows(block, name, "sigma", sigma, odd, NO_SIGMA, OF_SIGMAS)

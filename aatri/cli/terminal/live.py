@@ -42,13 +42,13 @@ class Live:
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24, complete_style=BAR, finished_style=BAR, pulse_style=BAR),
-            TextColumn("{task.fields[said]}", markup=False),
+            TextColumn("{task.fields[status]}", markup=False),
             console=self.console,
             transient=True,
             refresh_per_second=5,
             expand=False,
         )
-        self._run = self._progress.add_task("run", total=None, said="")
+        self._run = self._progress.add_task("run", total=None, status="")
         self._stages: dict[str, tuple[TaskID, float, float]] = {}
         self._steps: dict[str, str] = {}
         self._weights: dict[str, float] = {}
@@ -77,7 +77,7 @@ class Live:
 
     def started(self, stage: str, head: str, expected_s: float) -> None:
         """Take that a stage begins."""
-        task = self._progress.add_task(head, total=None, said="")
+        task = self._progress.add_task(head, total=None, status="")
         self._stages[stage] = (task, time.monotonic(), expected_s)
         self.tick()
 
@@ -111,15 +111,15 @@ class Live:
             step = self._steps.get(stage, "")
             at = self._progress.tasks[self._progress.task_ids.index(task)]
             share = at.completed / at.total if at.total else (now - began) / expected if expected >= 1 else None
-            said = f"{_percent(share)}{now - began:.0f} s{about}  {step}"
-            self._progress.update(task, said=said.rstrip())
+            status = f"{_percent(share)}{now - began:.0f} s{about}  {step}"
+            self._progress.update(task, status=status.rstrip())
             under_way += min(now - began, MOST_SHARE * self._weights.get(stage, UNKNOWN_S))
         left = sum(self._weights.values()) - self._done_weight - under_way
         about = f", about {left:.0f} s left" if self._known and left >= 1 else ""
         share = (self._done_weight + under_way) / max(sum(self._weights.values()), 1e-9)
         head = f"{_percent(share if self._known else None)}{self._done}/{self._count} stages"
-        said = f"{head}  {now - self._began:.0f} s{about}  {note}".rstrip()
-        self._progress.update(self._run, completed=self._done_weight + under_way, said=said)
+        status = f"{head}  {now - self._began:.0f} s{about}  {note}".rstrip()
+        self._progress.update(self._run, completed=self._done_weight + under_way, status=status)
 
 
 def _percent(share: float | None) -> str:

@@ -153,11 +153,11 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
             remedy="unpack it if it is compressed; give a BAL problem",
         )
     cameras, points, observations = (int(v) for v in head)
-    wanted = 3 + 4 * observations + 9 * cameras + 3 * points
-    if len(values) != wanted:
+    expected = 3 + 4 * observations + 9 * cameras + 3 * points
+    if len(values) != expected:
         what = f"{len(values)} numbers where {cameras} cameras, {points} points and {observations} observations need"
         raise InputError(
-            f"{what} {wanted}",
+            f"{what} {expected}",
             where=f"{path}:{line[-1] if len(line) else 1}",
             remedy="the file is incomplete: get it again",
         )

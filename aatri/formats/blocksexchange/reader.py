@@ -173,8 +173,10 @@ def _convert(parts: BlockParts, rows: list[int], frame: Frame, reporter: Reporte
         variance = np.asarray(columns.pop("sigma_m"), dtype=np.float64) ** 2
         columns["covariance_m2"] = np.where(np.eye(3, dtype=bool), variance[:, :, None], 0.0)
     moved = {key: np.array(columns[key], dtype=np.float64) for key in ("xyz_m", "covariance_m2")}
-    some = {**{key: values[rows] for key, values in moved.items()}, "role": CONTROL}
-    in_block = in_frame(BlockParts(parts.format, parts.files, frame=frame, ground_points=some), parts.frame, reporter)
+    control = {**{key: values[rows] for key, values in moved.items()}, "role": CONTROL}
+    in_block = in_frame(
+        BlockParts(parts.format, parts.files, frame=frame, ground_points=control), parts.frame, reporter
+    )
     for key, values in moved.items():
         values[rows] = in_block.ground_points[key]
     parts.ground_points = {**columns, **moved}

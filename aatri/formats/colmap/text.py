@@ -99,8 +99,8 @@ class _Row:
 
     def integers(self) -> Int:
         """All words as whole numbers."""
-        whole = "".join(self.words).replace("-", "")
-        if self.words and whole.isascii() and whole.isdigit() and max(map(len, self.words)) <= FEW_DIGITS:
+        digits = "".join(self.words).replace("-", "")
+        if self.words and digits.isascii() and digits.isdigit() and max(map(len, self.words)) <= FEW_DIGITS:
             try:
                 return np.array(list(map(int, self.words)), dtype=np.int64)
             except ValueError:

@@ -81,17 +81,17 @@ def as_ground_from_image(
     InputError
         If neither the user nor the flight says it.
     """
-    sense, why = maps, "as `maps` says"
+    sense, reason = maps, "as `maps` says"
     if sense is None:
         known = np.isfinite(stated).all(axis=(1, 2)) & np.isfinite(position_m).all(axis=1)
         shown = sense_of(stated[known], position_m[known], usual)
-        sense, why = shown.sense, "as the lines of the flight show"
+        sense, reason = shown.sense, "as the lines of the flight show"
         if sense is not None and not shown.decided:
-            why = "as usual: with lines along the axes of the ground system both senses are alike"
+            reason = "as usual: with lines along the axes of the ground system both senses are alike"
     if sense is None:
         what = "nothing says which way the rotation matrices map, and the positions are no lines that would show it"
         raise InputError(
             what, where=where, remedy=f"say which, `--set maps=...` or in a pipeline `maps`: {' or '.join(SENSES)}"
         )
     R = stated if sense == "ground_from_image" else stated.swapaxes(1, 2)
-    return R, f"matrices are read as {sense.replace('_', ' ')}, {why}"
+    return R, f"matrices are read as {sense.replace('_', ' ')}, {reason}"

@@ -88,17 +88,17 @@ def matched(names: Iterable[str], targets: Collection[str], steps: tuple[Step, .
     for step, key in steps:
         left, right = _by_key(open_names, key), _by_key(free, key)
         for text in left.keys() & right.keys():
-            mine, theirs = left[text], right[text]
-            if len(mine) == len(theirs) == 1:
-                of[mine[0]] = theirs[0]
+            own, theirs = left[text], right[text]
+            if len(own) == len(theirs) == 1:
+                of[own[0]] = theirs[0]
                 by_step[step] = by_step.get(step, 0) + 1
             else:
-                conflicts.setdefault((*sorted(mine), *sorted(set(theirs) - set(mine))), step)
+                conflicts.setdefault((*sorted(own), *sorted(set(theirs) - set(own))), step)
         for name in [name for name in open_names if name in of]:
             del open_names[name]
             free.pop(of[name], None)
-    told = tuple(sorted((step, names) for names, step in conflicts.items() if not all(n in of for n in names)))
-    return Matching(of, by_step, tuple(open_names), told)
+    ambiguous = tuple(sorted((step, names) for names, step in conflicts.items() if not all(n in of for n in names)))
+    return Matching(of, by_step, tuple(open_names), ambiguous)
 
 
 def _by_key(names: Iterable[str], key: Callable[[str], str]) -> dict[str, list[str]]:

@@ -242,4 +242,4 @@ class _Reader:
         return e.parsed(self._text(e, name), name)
 
     def _count(self, e: XmlElement, name: str) -> int:
-        return abs(e.whole(self._text(e, name), name))
+        return abs(e.integer(self._text(e, name), name))

@@ -98,5 +98,5 @@ def in_stated_units(columns: ListColumns, lines: list[str], path: Path) -> ListC
 def stated_crs(lines: list[str]) -> str:
     """The coordinate system that Metashape writes above its lists."""
     stated = (re.match(r"#\s*CoordinateSystem:\s*(\S.*)", text) for text in lines[:5])
-    text = next((found.group(1).strip() for found in stated if found), "")
+    text = next((heading.group(1).strip() for heading in stated if heading), "")
     return "" if text.lower().startswith("local") else text

@@ -253,8 +253,8 @@ class _Rows:
             return
         stated = self.numbers(*ROTATION).reshape(-1, 3, 3)
         apart = np.stack([np.abs(stated - R).max(axis=(1, 2)), np.abs(stated - R.swapaxes(1, 2)).max(axis=(1, 2))])
-        whole = np.nan_to_num(apart, nan=0.0).max(axis=1)
-        if whole.min() > LEAST_ORTHOGONAL:
-            k = int(np.nan_to_num(apart[int(whole.argmin())], nan=0.0).argmax())
-            what = f"r11 ... r33 is neither the matrix of the angles nor its transpose: {whole.min():.3g} beside it"
+        misfit = np.nan_to_num(apart, nan=0.0).max(axis=1)
+        if misfit.min() > LEAST_ORTHOGONAL:
+            k = int(np.nan_to_num(apart[int(misfit.argmin())], nan=0.0).argmax())
+            what = f"r11 ... r33 is neither the matrix of the angles nor its transpose: {misfit.min():.3g} beside it"
             raise self.rows[k].error(what, "say `rotation` and `angle`, or leave the matrix out of `columns`")

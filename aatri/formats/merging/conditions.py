@@ -6,15 +6,15 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
+from aatri.formats.merging.reconciliation import Reconciliation
 from aatri.formats.merging.rows import SAME, appended
-from aatri.formats.merging.settlement import Settlement
 from aatri.ids import shown
 
 Key = tuple[str, str, tuple[tuple[str, str], ...]]
 """Type, axis and members of a condition."""
 
 
-def merged_conditions(a: Block, b: Block, settlement: Settlement) -> tuple[RelativeControl, RelativeControlMembers]:
+def merged_conditions(a: Block, b: Block, rules: Reconciliation) -> tuple[RelativeControl, RelativeControlMembers]:
     """The conditions of both blocks, in canonical order."""
     first = {key: k for k, key in enumerate(conditions_of(a))}
     fresh, keys = [], conditions_of(b)
@@ -26,7 +26,7 @@ def merged_conditions(a: Block, b: Block, settlement: Settlement) -> tuple[Relat
         values = [(float(r.value[i]), float(r.sigma[i])) for r, i in zip(rows, (first[key], k))]
         if not np.allclose(values[0], values[1], rtol=SAME, atol=0.0, equal_nan=True):
             called = f"{key[0]} of {shown([name for _, name in key[2]])}: value and sigma"
-            settlement.conflict(called, [np.array(v) for v in values], read_at(b, b.relative_control, k))
+            rules.conflict(called, [np.array(v) for v in values], read_at(b, b.relative_control, k))
     other = b.relative_control.take(np.array(fresh, dtype=np.intp))
     other = RelativeControl.of(
         **{

@@ -18,8 +18,8 @@ from aatri.artifacts.block import (
     Images,
     MeasuredPoints,
 )
+from aatri.formats.merging.reconciliation import Reconciliation, apart, mean_of_two
 from aatri.formats.merging.rows import stated, values_equal, with_rows
-from aatri.formats.merging.settlement import Settlement, apart, mean_of_two
 from aatri.ids import printable
 from aatri.tables.schema import Table, columns_of
 
@@ -48,7 +48,13 @@ AXES = ("X", "Y", "Z")
 
 
 def excluded(
-    first: T, second: T, rows: DifferingRows, settlement: Settlement, beside: Sequence[str] = (), *, fill: bool = False
+    first: T,
+    second: T,
+    rows: DifferingRows,
+    rules: Reconciliation,
+    beside: Sequence[str] = (),
+    *,
+    fill: bool = False,
 ) -> T:
     """Values that exclude each other: every column that differs is told; with `fill` only where both are given."""
     for name, declared in columns_of(type(first)).items():
@@ -60,13 +66,13 @@ def excluded(
             different &= stated(first, name)[rows.first] & stated(second, name)[rows.second]
         for k in np.flatnonzero(different).tolist():
             j = int(rows.second[k])
-            settlement.conflict(f"{rows.named(j)}: {name}", (a[k], b[k]), rows.where(j))
+            rules.conflict(f"{rows.named(j)}: {name}", (a[k], b[k]), rows.where(j))
     return first
 
 
-def images(first: Images, second: Images, rows: DifferingRows, settlement: Settlement) -> Images:
+def images(first: Images, second: Images, rows: DifferingRows, rules: Reconciliation) -> Images:
     """What one block has not been given of an image is taken from the other; an image that one uses is used."""
-    excluded(first, second, rows, settlement, ("id", "active"), fill=True)
+    excluded(first, second, rows, rules, ("id", "active"), fill=True)
     for name in ("strip", "sequence", "time_s", "flight", "session", "rig", "member"):
         lacking = ~stated(first, name)[rows.first]
         if lacking.any():
@@ -75,7 +81,12 @@ def images(first: Images, second: Images, rows: DifferingRows, settlement: Settl
 
 
 def measured(
-    first: Measured, second: Measured, rows: DifferingRows, settlement: Settlement, kind: str, mm_per_unit: Float
+    first: Measured,
+    second: Measured,
+    rows: DifferingRows,
+    rules: Reconciliation,
+    kind: str,
+    mm_per_unit: Float,
 ) -> Measured:
     """Image points and fiducials that both blocks have measured, in units of so many mm, by image."""
     sigma = np.hypot(first.sigma_mm[rows.first], second.sigma_mm[rows.second])
@@ -87,20 +98,18 @@ def measured(
         if isinstance(table, MeasuredPoints):
             weight[~table.active[own]] = 0.0
         weights.append(weight)
-    some = np.zeros(len(worst), dtype=bool)
+    merged = np.zeros(len(worst), dtype=bool)
     for k, j in enumerate(rows.second.tolist()):
         used = [bool(weight[k].all()) for weight in weights]
-        some[k] = any(used) and (
-            not all(used) or settlement.measured(kind, rows.named(j), float(worst[k]), rows.where(j))
-        )
-    i, j = rows.first[some], rows.second[some]
-    p, q = (w[some] for w in weights)
+        merged[k] = any(used) and (not all(used) or rules.measured(kind, rows.named(j), float(worst[k]), rows.where(j)))
+    i, j = rows.first[merged], rows.second[merged]
+    p, q = (w[merged] for w in weights)
     xy = (p * first.xy[i] + q * second.xy[j]) / (p + q)
     first = with_rows(first, i, xy=xy, sigma_mm=1.0 / np.sqrt(p + q))
     return with_rows(first, i, active=True) if isinstance(first, MeasuredPoints) else first
 
 
-def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, settlement: Settlement) -> GroundPoints:
+def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, rules: Reconciliation) -> GroundPoints:
     """Given coordinates of a point in both blocks."""
     for i, j in zip(rows.first.tolist(), rows.second.tolist()):
         name, where = rows.named(j), rows.where(j)
@@ -110,13 +119,13 @@ def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, settl
         both = firm[0] & firm[1]
         if (both & (roles[0] != roles[1])).any():
             words = [("control" if (r[both] == CONTROL).all() else "check") for r in roles]
-            settlement.conflict(f"role of ground point {printable(name)}", words, where)
+            rules.conflict(f"role of ground point {printable(name)}", words, where)
             continue
         # Start values give way to coordinates with a role, and to the first where there are none.
         used = [firm[k] | (given[k] & ~firm[1 - k] & ((k == 0) | ~given[0])) for k in (0, 1)]
         values = first.xyz_m[i], first.covariance_m2[i], used[0]
         other = second.xyz_m[j], second.covariance_m2[j], used[1]
-        if not _agree(values, other, ("ground point", name, AXES), where, settlement):
+        if not _agree(values, other, ("ground point", name, AXES), where, rules):
             continue
         x, C = mean_of_two(*values, other) if both.any() else _either(values, other)
         role = np.where(used[1] & ~used[0], roles[1], roles[0])
@@ -125,7 +134,7 @@ def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, settl
     return first
 
 
-def exterior(first: Exterior, second: Exterior, rows: DifferingRows, settlement: Settlement) -> Exterior:
+def exterior(first: Exterior, second: Exterior, rows: DifferingRows, rules: Reconciliation) -> Exterior:
     """Given positions and attitudes of an image in both blocks."""
     for i, j in zip(rows.first.tolist(), rows.second.tolist()):
         name, where = rows.named(j), rows.where(j)
@@ -139,8 +148,8 @@ def exterior(first: Exterior, second: Exterior, rows: DifferingRows, settlement:
                 for key in ("refers_to", "drift_group") if what == "position" else ():
                     if getattr(first, key)[i] != getattr(second, key)[j]:
                         pair = getattr(first, key)[i], getattr(second, key)[j]
-                        settlement.conflict(f"position of image {printable(name)}: {key}", pair, where)
-                if not _agree(values, other, (f"{what} of image", name, labels), where, settlement):
+                        rules.conflict(f"position of image {printable(name)}: {key}", pair, where)
+                if not _agree(values, other, (f"{what} of image", name, labels), where, rules):
                     continue
                 x, C = mean_of_two(*values, other)
             elif observed[1] or not values[2].any():
@@ -171,20 +180,20 @@ def _agree(
     other: tuple[Float, Float, Bool],
     what: tuple[str, str, Sequence[str]],
     where: str,
-    settlement: Settlement,
+    rules: Reconciliation,
 ) -> bool:
     """Whether two sets of coordinates are to be one; what excludes each other is told."""
     (kind, name, labels), (x, _, used), (y, _, also) = what, values, other
     sigmas, exact = apart(*values, other)
     different = (used & also) & ~values_equal(x, y)
     worst = float(sigmas[different].max(initial=0.0))
-    for k in np.flatnonzero(different & (exact | (sigmas > settlement.sigmas))).tolist():
+    for k in np.flatnonzero(different & (exact | (sigmas > rules.sigmas))).tolist():
         more = f": {x[k] - y[k]:+.4g} apart"
         more += ", exact" if exact[k] else f", {sigmas[k]:.1f} standard deviations of the difference"
-        settlement.conflict(f"{kind} {printable(name)}: {labels[k]}", (float(x[k]), float(y[k])), where, more)
-    if (different & (exact | (sigmas > settlement.sigmas))).any():
+        rules.conflict(f"{kind} {printable(name)}: {labels[k]}", (float(x[k]), float(y[k])), where, more)
+    if (different & (exact | (sigmas > rules.sigmas))).any():
         return False
-    return not different.any() or settlement.measured(kind, name, worst, where)
+    return not different.any() or rules.measured(kind, name, worst, where)
 
 
 def _either(values: tuple[Float, Float, Bool], other: tuple[Float, Float, Bool]) -> tuple[Float, Float]:

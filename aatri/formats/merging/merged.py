@@ -2,8 +2,8 @@
 
 Table by table the rows of a block are looked for among those of the blocks before it, by what identifies them: images,
 points, cameras and strips by their ids, image points by image and point, given coordinates by their point, positions by
-their image. Equal rows count once. Measurements of one thing that agree are averaged, see `settlement`; sights on the
-ground that differ are further sights. What identifies nothing new but says other things is a conflict. Frame, earth
+their image. Equal rows count once. Measurements of one thing that agree are averaged, see `reconciliation`; sights on
+the ground that differ are further sights. What identifies nothing new but says other things is a conflict. Frame, earth
 curvature and system of rotations have to be the same.
 """
 
@@ -19,8 +19,8 @@ from aatri.artifacts.block import CONTROL, Block
 from aatri.errors import InputError, raise_all
 from aatri.formats.merging.conditions import merged_conditions
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
+from aatri.formats.merging.reconciliation import Conflicts, Duplicates, Reconciliation
 from aatri.formats.merging.rows import Joined, appended, joined_by, with_rows
-from aatri.formats.merging.settlement import Conflicts, Duplicates, Settlement
 from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
 from aatri.ids import printable, shown
 from aatri.progress import Reporter
@@ -110,15 +110,15 @@ def merged(
     """
     block, called = blocks[0], names[0]
     for other, second in zip(blocks[1:], names[1:]):
-        settlement = Settlement(called, second, duplicates, conflicts, sigmas)
-        block = _merged_pair(block, other, settlement, reporter, unconnected=unconnected)
+        rules = Reconciliation(called, second, duplicates, conflicts, sigmas)
+        block = _merged_pair(block, other, rules, reporter, unconnected=unconnected)
         called = f"{called}, {second}"
     name = name or "+".join(dict.fromkeys(b.name for b in blocks))
     return replace(in_canonical_order(block), name=name)
 
 
-def _merged_pair(a: Block, b: Block, settlement: Settlement, reporter: Reporter, *, unconnected: bool) -> Block:
-    _check_frames(a, b, settlement)
+def _merged_pair(a: Block, b: Block, rules: Reconciliation, reporter: Reporter, *, unconnected: bool) -> Block:
+    _check_frames(a, b, rules)
     place: dict[str, Int] = {"files": np.append(len(a.files) + np.arange(len(b.files)), -1)}
     tables: dict[str, Any] = {"files": appended(a.files, b.files)}
     count: dict[str, tuple[int, int]] = {}
@@ -130,22 +130,22 @@ def _merged_pair(a: Block, b: Block, settlement: Settlement, reporter: Reporter,
         fresh = ~joined.equal if name == "geodetic" else joined.fresh  # one sight more is no contradiction
         if name != "geodetic" and len(joined.differing):
             pairs = DifferingRows(joined.row[joined.differing], joined.differing, _namer(b, name), _reader(b, name))
-            first = _settled(a, name, first, second, pairs, settlement)
+            first = _reconciled(a, name, first, second, pairs, rules)
         if name in WHOLE:
-            _check_whole(a, name, (first, second), joined, settlement)
+            _check_whole(a, name, (first, second), joined, rules)
         if name in ("images", "image_points"):
             again = joined.equal & second.active
             first = with_rows(first, joined.row[again], active=True)
         place[name] = np.append(np.where(fresh, len(first) + np.cumsum(fresh) - 1, joined.row), -1)
         tables[name] = appended(first, second.take(fresh))
         count[name] = int((~fresh).sum()), int(fresh.sum())
-    conditions = merged_conditions(a, b, settlement)
-    if settlement.faults and (fault := _datum_fault(a, b, settlement)):
-        settlement.faults.insert(0, fault)
-    raise_all(settlement.faults)
+    conditions = merged_conditions(a, b, rules)
+    if rules.faults and (fault := _datum_fault(a, b, rules)):
+        rules.faults.insert(0, fault)
+    raise_all(rules.faults)
     count["relative_control"] = 0, len(conditions[0]) - len(a.relative_control)
-    _check_common(count, settlement, unconnected=unconnected)
-    _tell(count, settlement, reporter)
+    _check_common(count, rules, unconnected=unconnected)
+    _tell(count, rules, reporter)
     heights = [h for h in (a.terrain_height_m, b.terrain_height_m) if np.isfinite(h)]
     return replace(
         a,
@@ -170,15 +170,15 @@ def _both(a: Block, b: Block, name: str, place: dict[str, Int]) -> tuple[Any, An
     return first, replace(second, **moved)
 
 
-def _settled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRows, settlement: Settlement) -> Any:
+def _reconciled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRows, rules: Reconciliation) -> Any:
     """The rows of the first table, after what the second says otherwise."""
     if name in ("image_points", "fiducial_points"):
         kind = "image point" if name == "image_points" else "fiducial"
         pixel = (a.cameras.image_coordinates == "pixel")[:, None]
         mm_per_unit = np.where(pixel, a.cameras.pixel_size_mm, 1.0)[a.images.camera]
-        return measured(first, second, pairs, settlement, kind, mm_per_unit)
+        return measured(first, second, pairs, rules, kind, mm_per_unit)
     settle: dict[str, Any] = {"images": images, "ground_points": ground, "exterior": exterior}
-    return settle.get(name, excluded)(first, second, pairs, settlement)
+    return settle.get(name, excluded)(first, second, pairs, rules)
 
 
 def _reader(b: Block, name: str) -> Callable[[int], str]:
@@ -213,36 +213,36 @@ def _namer(b: Block, name: str) -> Callable[[int], str]:
     return named
 
 
-def _check_frames(a: Block, b: Block, settlement: Settlement) -> None:
+def _check_frames(a: Block, b: Block, rules: Reconciliation) -> None:
     """Frame, earth curvature and rotations have to be the same: values of one block mean the same in the other."""
     frames = [(f.axes[0], f.crs[0], f.vertical[0]) for f in (a.frames, b.frames)]
     if frames[0] != frames[1]:
         words = [" ".join(filter(None, (crs, vertical, f"({axes})"))) for axes, crs, vertical in frames]
         raise InputError(
-            f"{settlement.first} is in the frame {words[0]}, {settlement.second} in {words[1]}",
+            f"{rules.first} is in the frame {words[0]}, {rules.second} in {words[1]}",
             remedy="bring one into the frame of the other: `block/combined` with `crs` and `vertical`",
         )
     for name in SAME_IN_ALL:
         values = getattr(a, name), getattr(b, name)
         if values[0] != values[1] and not all(isinstance(v, float) and np.isnan(v) for v in values):
-            settlement.faults.add(
-                f"{name} is {values[0]} in {settlement.first}, {values[1]} in {settlement.second}",
+            rules.faults.add(
+                f"{name} is {values[0]} in {rules.first}, {values[1]} in {rules.second}",
                 remedy="state the same in both blocks (block.yaml)",
             )
-    raise_all(settlement.faults)
+    raise_all(rules.faults)
 
 
-def _check_whole(a: Block, name: str, tables: tuple[Any, Any], joined: Joined, settlement: Settlement) -> None:
+def _check_whole(a: Block, name: str, tables: tuple[Any, Any], joined: Joined, rules: Reconciliation) -> None:
     """What belongs to a camera of both blocks has to be in both: a parameter in one alone is another camera."""
     first, second = tables
     for camera in np.intersect1d(second.camera, np.arange(len(a.cameras))).tolist():
         own = second.camera == camera
         counts = int((first.camera == camera).sum()), int(own.sum())
         if counts[0] != counts[1] or (own & joined.fresh).any():
-            settlement.conflict(f"camera {printable(str(a.cameras.id[camera]))}: rows of {name}", counts)
+            rules.conflict(f"camera {printable(str(a.cameras.id[camera]))}: rows of {name}", counts)
 
 
-def _datum_fault(a: Block, b: Block, settlement: Settlement) -> InputError | None:
+def _datum_fault(a: Block, b: Block, rules: Reconciliation) -> InputError | None:
     """An error where all common control differs by one shift: another datum, not errors of points."""
     rows, xyz, covariance = [], [], []
     _, i, j = np.intersect1d(
@@ -255,38 +255,36 @@ def _datum_fault(a: Block, b: Block, settlement: Settlement) -> InputError | Non
         covariance.append(np.diagonal(ground.covariance_m2, axis1=1, axis2=2))
     both = rows[0] & rows[1]
     shift, sigma = (xyz[1] - xyz[0])[both], np.sqrt(covariance[0] + covariance[1])[both]
-    if len(shift) < FEWEST_SHIFTED or not (np.abs(shift) > settlement.sigmas * sigma).any(axis=1).all():
+    if len(shift) < FEWEST_SHIFTED or not (np.abs(shift) > rules.sigmas * sigma).any(axis=1).all():
         return None
     common = np.median(shift, axis=0)
-    if (np.abs(shift - common) > np.maximum(settlement.sigmas * sigma, SAME_SHIFT * np.abs(common).max())).any():
+    if (np.abs(shift - common) > np.maximum(rules.sigmas * sigma, SAME_SHIFT * np.abs(common).max())).any():
         return None
     return InputError(
-        f"all {len(shift)} common control points of {settlement.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
-        f"{common[2]:.3f}) m from those of {settlement.first}: another datum",
-        remedy=f"bring {settlement.second} into the datum of {settlement.first} before they are merged",
+        f"all {len(shift)} common control points of {rules.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
+        f"{common[2]:.3f}) m from those of {rules.first}: another datum",
+        remedy=f"bring {rules.second} into the datum of {rules.first} before they are merged",
     )
 
 
-def _check_common(count: dict[str, tuple[int, int]], settlement: Settlement, *, unconnected: bool) -> None:
+def _check_common(count: dict[str, tuple[int, int]], rules: Reconciliation, *, unconnected: bool) -> None:
     if not (count["images"][0] or count["points"][0] or unconnected):
         raise InputError(
-            f"{settlement.first} and {settlement.second} have neither an image nor a point in common",
+            f"{rules.first} and {rules.second} have neither an image nor a point in common",
             remedy="give common points the same id (`rename`), or set `unconnected: true` to adjust them side by side",
         )
     if not any(count[name][1] for name in OBSERVATIONS if name in count):
-        first, second = settlement.first, settlement.second
+        first, second = rules.first, rules.second
         raise InputError(
             f"{second} holds nothing that {first} does not hold: the same block twice, or a part of it",
             remedy="leave it out, or give its ids a prefix if it is another block",
         )
 
 
-def _tell(count: dict[str, tuple[int, int]], settlement: Settlement, reporter: Reporter) -> None:
-    for text in settlement.warnings:
+def _tell(count: dict[str, tuple[int, int]], rules: Reconciliation, reporter: Reporter) -> None:
+    for text in rules.warnings:
         reporter.warn(text)
-    for kind, averaged in settlement.means.items():
-        reporter.log(
-            f"{kind}: {len(averaged)} averaged over {settlement.first} and {settlement.second}: {shown(averaged)}"
-        )
+    for kind, averaged in rules.means.items():
+        reporter.log(f"{kind}: {len(averaged)} averaged over {rules.first} and {rules.second}: {shown(averaged)}")
     common = [f"{n[0]} {name.replace('_', ' ')}" for name, n in count.items() if n[0] and name != "rejects"]
-    reporter.log(f"common to {settlement.first} and {settlement.second}: {', '.join(common) or 'nothing'}")
+    reporter.log(f"common to {rules.first} and {rules.second}: {', '.join(common) or 'nothing'}")

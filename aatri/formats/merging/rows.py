@@ -99,10 +99,10 @@ def appended(first: T, second: T) -> T:
 def with_rows(table: T, rows: Int, **values: npt.ArrayLike) -> T:
     """The table with other values in some rows of some columns."""
     columns: dict[str, Any] = {name: getattr(table, name).copy() for name in columns_of(type(table))}
-    for name, some in values.items():
+    for name, new_values in values.items():
         if columns[name].dtype.kind == "U":  # which a longer text would not fit
-            columns[name] = columns[name].astype(np.result_type(columns[name], np.asarray(some)))
-        columns[name][rows] = some
+            columns[name] = columns[name].astype(np.result_type(columns[name], np.asarray(new_values)))
+        columns[name][rows] = new_values
     return type(table)(**columns)
 
 

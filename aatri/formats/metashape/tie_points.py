@@ -79,7 +79,7 @@ def _name(number: int) -> str:
     return f"tie {number}"
 
 
-def _vertices(archive: Archive, name: str, wanted: tuple[str, ...]) -> npt.NDArray[Any]:
+def _vertices(archive: Archive, name: str, properties: tuple[str, ...]) -> npt.NDArray[Any]:
     """The vertices of a PLY file of the archive, by the names of their properties."""
     data, where = archive.bytes_of(name), archive.at(name)
     head, mark, body = data.partition(b"end_header\n")
@@ -99,8 +99,8 @@ def _vertices(archive: Archive, name: str, wanted: tuple[str, ...]) -> npt.NDArr
                 raise _error(where, f"a property {' '.join(words[1:])}")
             fields.append((words[2], order + PLY_TYPES[words[1]]))
     names = [field for field, _ in fields]
-    if element != "vertex" or not order or not {*wanted} <= {*names} or len({*names}) < len(names):
-        raise _error(where, f"no binary vertices with {', '.join(wanted)}")
+    if element != "vertex" or not order or not {*properties} <= {*names} or len({*names}) < len(names):
+        raise _error(where, f"no binary vertices with {', '.join(properties)}")
     dtype = np.dtype(fields)
     if count < 0 or len(body) < count * dtype.itemsize:
         raise _error(where, f"{len(body)} bytes, where {count} vertices need {count * dtype.itemsize}")

@@ -111,10 +111,10 @@ def read_photograph(path: Path) -> Photograph:
             finally:
                 Image.MAX_IMAGE_PIXELS = limit
     except (OSError, SyntaxError, ValueError) as error:
-        why = printable(str(error))[:200]
+        reason = printable(str(error))[:200]
         if isinstance(error, Image.UnidentifiedImageError):  # its text names the open file, not its path
-            why = "its beginning is that of no format that is read" if path.stat().st_size else "the file is empty"
-        what = f"cannot be read as a picture: {why}"
+            reason = "its beginning is that of no format that is read" if path.stat().st_size else "the file is empty"
+        what = f"cannot be read as a picture: {reason}"
         raise InputError(what, where=str(path), remedy=ANEW) from error
     _check_end(path)
     f_mm, f35 = _positive(exif.get(FOCAL)), _positive(exif.get(FOCAL_35))

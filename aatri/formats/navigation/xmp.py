@@ -64,26 +64,26 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     if not path.exists():
         raise missing(path)
     listed = sorted(p for p in path.iterdir() if p.suffix.lower() in PHOTOGRAPHS) if path.is_dir() else [path]
-    found = [(p, packet) for p in listed if (packet := drone_packet(p)) is not None]
-    if not found:
+    packets = [(p, packet) for p in listed if (packet := drone_packet(p)) is not None]
+    if not packets:
         what = f"no XMP packet of a drone in {'any of its files' if path.is_dir() else 'it'}"
         raise InputError(what, where=str(path), remedy="give the photographs as the drone wrote them")
-    files = [p for p, _ in found]
-    stated = [_with_position(packet) for _, packet in found]
+    files = [p for p, _ in packets]
+    stated = [_with_position(packet) for _, packet in packets]
     names = _names(files)
     sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in stated])
     flags = np.array([t.get("RtkFlag", np.nan) for t in stated])
     sigma[(sigma == 0).all(axis=1) & (flags == 0)] = np.nan  # no solution: nothing is known
     if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
         what = f"RTK standard deviations {sigma[bad[0]].tolist()}"
-        raise found[int(bad[0])][1].error(what, "they are positive, in m: without a solution they are not there")
+        raise packets[int(bad[0])][1].error(what, "they are positive, in m: without a solution they are not there")
     observed = np.isfinite(sigma).all(axis=1)
     place = np.array([[t["GpsLongitude"], t["GpsLatitude"], t["AbsoluteAltitude"]] for t in stated])
     angles = np.radians([[t.get(f"Gimbal{of}Degree", np.nan) for of in ("Roll", "Pitch", "Yaw")] for t in stated])
     parts = BlockParts("dji_xmp", files, name=path.stem, frame=GEOGRAPHIC)
     at = {
         "file": list(range(len(files))),
-        "line": [packet.line if p.suffix.lower() == ".xmp" else -1 for p, packet in found],
+        "line": [packet.line if p.suffix.lower() == ".xmp" else -1 for p, packet in packets],
     }
     parts.images = {"id": names, **at}
     parts.exterior = {
@@ -95,12 +95,12 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         **at,
     }
     parts.notes = _notes(names, [t.get("RtkFlag") for t in stated], observed.tolist())
-    if len(found) < len(listed):
+    if len(packets) < len(listed):
         parts.notes.append(
-            f"{len(listed) - len(found)} files have no packet of a drone: "
+            f"{len(listed) - len(packets)} files have no packet of a drone: "
             f"{shown([p.name for p in listed if p not in files])}"
         )
-    reporter.log(f"{path}: {len(found)} packets")
+    reporter.log(f"{path}: {len(packets)} packets")
     return parts
 
 

@@ -141,10 +141,12 @@ def _resource(item: str, format: str) -> str:
     return "buffer" if "buffer" in format else format.removeprefix("application/opf-").removesuffix("+json")
 
 
-def _check_format(document: JsonText, wanted: str) -> None:
+def _check_format(document: JsonText, expected: str) -> None:
     stated, version = document.get(str, "format"), document.get(str, "version")
-    if stated != wanted:
-        raise document.fault(("format",), f"the format is {clipped(stated)!r}, not {wanted!r}", f"give {SPECIFICATION}")
+    if stated != expected:
+        raise document.fault(
+            ("format",), f"the format is {clipped(stated)!r}, not {expected!r}", f"give {SPECIFICATION}"
+        )
     if version.partition(".")[0] != "1":
         raise document.fault(("version",), f"version {clipped(version)!r}", "versions 1.x are read")
 

@@ -182,11 +182,11 @@ def _count_from_camera(tables: JoinedParts) -> None:
             if cameras["image_coordinates"][k] != "pixel":
                 what = f"camera {name} has {cameras['image_coordinates'][k]} coordinates, and a source gives {axes}"
                 raise InputError(what, where=str(tables.files[0]), remedy="give the image points of one program")
-            some = (camera == k) & (points["pixel_axes"] == axes)
+            of_axes = (camera == k) & (points["pixel_axes"] == axes)
             if axes == PHOTO_MM.name:
-                _check_pixel_size(points["xy"][some], cameras, k, str(tables.files[0]))
-            points["xy"][some] = converted(
-                points["xy"][some], named(axes), own, cameras["format"][k], cameras["pixel_size_mm"][k]
+                _check_pixel_size(points["xy"][of_axes], cameras, k, str(tables.files[0]))
+            points["xy"][of_axes] = converted(
+                points["xy"][of_axes], named(axes), own, cameras["format"][k], cameras["pixel_size_mm"][k]
             )
 
 

@@ -235,9 +235,15 @@ def _exterior(tables: list[dict[str, Rows]], files: Sequence[Path], reporter: Re
     with_position, with_attitude = np.flatnonzero(has_position), np.flatnonzero(has_attitude)
     position, attitude = (
         _chosen(
-            rows["image"][some], rows[use][some] == OBSERVED_VALUE, taken(rows, some), column, what, files, reporter
+            rows["image"][k],
+            rows[use][k] == OBSERVED_VALUE,
+            taken(rows, k),
+            column,
+            what,
+            files,
+            reporter,
         )
-        for some, use, column, what in (
+        for rows_of_use, use, column, what in (
             (with_position, "position_use", "position_m", "position of image"),
             (with_attitude, "angle_use", "ground_from_image", "attitude of image"),
         )

@@ -77,12 +77,12 @@ def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]
     """
     if not path.exists():
         raise missing(path)
-    whole = _as_source(path)
+    source_of_all = _as_source(path)
     if not path.is_dir():
-        if whole is None:
+        if source_of_all is None:
             raise unrecognised(path)
-        return [whole]
-    sources = [] if whole is None else [whole]
+        return [source_of_all]
+    sources = [] if source_of_all is None else [source_of_all]
     read = {file for r in sources for file in r.format.files_of(FileView(path))}
     sources += _within(path, read, MOST_LEVELS, [] if unread is None else unread)
     if not sources:

@@ -114,8 +114,8 @@ def sources_of(
     left_out = {end: [r.path for r in sources if Setting(end, "", "").is_of(r.path)] for end in without}
     for end, of_end in left_out.items():
         _one(end, of_end, [r.path for r in sources], f"--without {end}")
-    gone = {path for of_end in left_out.values() for path in of_end}
-    sources = [r for r in sources if r.path not in gone]
+    dropped = {path for of_end in left_out.values() for path in of_end}
+    sources = [r for r in sources if r.path not in dropped]
     for path in [*named, *unread]:
         if any(s.is_of(path) for s in formats):
             name = next((str(s.value) for s in formats if s.is_of(path) and s.key == "format"), "table")

@@ -38,7 +38,7 @@ def interior_columns(solution: Solution, block: Block) -> Mapping[str, npt.NDArr
 def interior_covariances(solution: Solution) -> Float:
     """Covariances of c, x0, y0 of each camera, (n, 3, 3) mm^2; zero where held, NaN where not adjusted or not known."""
     p, pairs, cameras = solution.parameters, solution.parameter_covariances, solution.cameras.id
-    found = np.full((len(cameras), 3, 3), np.nan)
+    of_cameras = np.full((len(cameras), 3, 3), np.nan)
     place = {
         (str(p.object[row]), name): row
         for names in NAMES.values()
@@ -56,8 +56,8 @@ def interior_covariances(solution: Solution) -> Float:
                     continue
                 held = p.sigma[a] == 0 or p.sigma[b] == 0
                 missing = p.sigma[a] ** 2 if a == b else 0.0 if held else np.nan
-                found[k, i, j] = known.get((min(a, b), max(a, b)), missing)
-    return _of_changed_distance(solution, found, place)
+                of_cameras[k, i, j] = known.get((min(a, b), max(a, b)), missing)
+    return _of_changed_distance(solution, of_cameras, place)
 
 
 def _of_changed_distance(solution: Solution, covariance: Float, place: Mapping[tuple[str, str], int]) -> Float:

@@ -32,5 +32,5 @@ def parameter_units(solution: Solution) -> list[str]:
 def _units_of_set(name: str, solution: Solution) -> dict[str, str]:
     if name.partition(" ")[0] not in SETS:  # a user's: its parameters are lengths at the border
         return {str(n): "mm" for n, g in zip(solution.parameters.name, solution.parameters.group) if g == "additional"}
-    found: ParameterSet = parameter_set(name)
-    return dict(zip(found.parameters, found.units))
+    chosen: ParameterSet = parameter_set(name)
+    return dict(zip(chosen.parameters, chosen.units))

@@ -73,15 +73,15 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
         what = f"no values of {name!r}" if name in known else f"no table {name!r}{did_you_mean(name, known)}"
         remedy = _HOW.get(name, "")
         raise SpecError(f"{artifact.kind}: {what}; it has {', '.join(there)}", remedy=remedy)
-    found = _columns(artifact, rows)
+    by_name = _columns(artifact, rows)
     if isinstance(artifact, Solution) and name == "tests":
         shared = _columns(artifact, artifact.residuals)
-        found = {k: shared[k] for k in ("kind", "image", "point")} | found | {"unit": shared["unit"]}
+        by_name = {k: shared[k] for k in ("kind", "image", "point")} | by_name | {"unit": shared["unit"]}
     if isinstance(artifact, Solution) and name == "parameters":
-        found["unit"] = ("", parameter_units(artifact))
+        by_name["unit"] = ("", parameter_units(artifact))
     order = _order(rows)
     taken = order if most is None else order[:most]
-    columns = {key: (unit, [values[k] for k in taken.tolist()]) for key, (unit, values) in found.items()}
+    columns = {key: (unit, [values[k] for k in taken.tolist()]) for key, (unit, values) in by_name.items()}
     columns = {
         key: column for key, column in columns.items() if key == "kind" or any(v not in (None, "") for v in column[1])
     }
@@ -95,11 +95,11 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
 
 def _columns(artifact: Artifact, rows: Table) -> dict[str, tuple[str, list[Any]]]:
     """Unit and values by name."""
-    found: dict[str, tuple[str, list[Any]]] = {}
+    by_name: dict[str, tuple[str, list[Any]]] = {}
     for name, declared in columns_of(type(rows)).items():
         if name not in _HIDDEN:
-            found |= _column(artifact, rows, name, declared, getattr(rows, name))
-    return found
+            by_name |= _column(artifact, rows, name, declared, getattr(rows, name))
+    return by_name
 
 
 def _column(

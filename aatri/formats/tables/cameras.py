@@ -33,7 +33,7 @@ def camera_tables(source: Source) -> CameraTables:
 
 
 def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> Cameras:
-    nothing = [np.nan, np.nan]
+    unknown = [np.nan, np.nan]
     for name, camera in zip(ids, cameras):
         if any(camera.boresight) or _has_unit(camera.sigmas.get("boresight", 0.0)):
             ask_for_angle_unit(source, "a boresight is given", "cameras", name)
@@ -41,10 +41,10 @@ def _cameras(source: Source, ids: list[str], cameras: list[CameraSettings]) -> C
         id=ids,
         kind=[c.kind for c in cameras],
         image_coordinates=[c.image_coordinates for c in cameras],
-        pixel_size_mm=[c.pixel.size if c.pixel else nothing for c in cameras],
+        pixel_size_mm=[c.pixel.size if c.pixel else unknown for c in cameras],
         pixel_origin=[(c.pixel.origin or "") if c.pixel else "" for c in cameras],
         pixel_y=[(c.pixel.y or "") if c.pixel else "" for c in cameras],
-        format=[c.format or nothing for c in cameras],
+        format=[c.format or unknown for c in cameras],
         principal_distance_mm=[c.principal_distance for c in cameras],
         principal_point_mm=[c.principal_point for c in cameras],
         symmetry_point_mm=[c.symmetry_point for c in cameras],

@@ -124,11 +124,11 @@ TABLES: dict[str, dict[str, Stated]] = {
 
 def components(columns: Mapping[str, Stated], values: Mapping[str, Any]) -> dict[str, Any]:
     """Columns of the Block from those of a table, components side by side."""
-    whole: dict[str, Any] = {}
+    by_field: dict[str, Any] = {}
     for name, column in columns.items():
         if column.part is None:
-            whole[column.field] = values[name]
+            by_field[column.field] = values[name]
         elif column.part == 0:
             parts = [other for other, one in columns.items() if one.field == column.field]
-            whole[column.field] = np.stack([values[part] for part in parts], axis=1)
-    return whole
+            by_field[column.field] = np.stack([values[part] for part in parts], axis=1)
+    return by_field

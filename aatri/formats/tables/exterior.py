@@ -48,8 +48,8 @@ def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
 def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float, key: str) -> Int:
     """1 where the values are observed: said so, or with a standard deviation in the row."""
     has_position = np.isfinite(values).any(axis=1)
-    said = np.array(use, dtype=np.str_).reshape(-1)
-    observed = has_position & ((said == "observed") | ((said == "") & np.isfinite(sigma).any(axis=1)))
+    stated_use = np.array(use, dtype=np.str_).reshape(-1)
+    observed = has_position & ((stated_use == "observed") | ((stated_use == "") & np.isfinite(sigma).any(axis=1)))
     lacking = observed[:, None] & np.isfinite(values) & np.isnan(sigma)
     default = getattr(source.settings.sigma, key)
     unit = "ground" if key == "position" else "angle"

@@ -68,8 +68,8 @@ def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: F
     if np.isin(role, (CONTROL, CHECK)).any() or not (role == APPROXIMATE).any() or any(table.text["datum"]):
         return
     in_rows = bool(np.isfinite(sigma).any())
-    alone = len(table) >= MIN_CONTROL and not (source.folder / "exterior.csv").exists()
-    if in_rows or (alone and source.settings.sigma.control is not None):
+    only_control = len(table) >= MIN_CONTROL and not (source.folder / "exterior.csv").exists()
+    if in_rows or (only_control and source.settings.sigma.control is not None):
         place = "its rows have" if in_rows else "sigma.control in block.yaml gives"
         what = f"no ground point is control or check, all are approximate, but {place} standard deviations of control"
         source.problems.add(

@@ -30,13 +30,13 @@ class Bodies(NamedTuple):
 def without_bodies(source: Source, table: CsvTable | None) -> tuple[CsvTable | None, Bodies]:
     """The other rows of ground_points.csv, and what its portable frames say."""
     frames = list(source.settings.frames.items())
-    nothing = Bodies({}, {}, ())
+    no_bodies = Bodies({}, {}, ())
     if table is None or not any(f.crs == "local" for _, f in frames[1:]):
-        return table, nothing
+        return table, no_bodies
     of = frames_of(source, table)
     local = [k for k, (_, f) in enumerate(frames) if f.crs == "local" and k not in (0, source.default_frame)]
     read = [_body(source, table, np.flatnonzero(of == k), frames[k][0]) for k in local if (of == k).any()]
-    bodies = nothing
+    bodies = no_bodies
     for body in read:
         bodies = bodies if body is None else joined(bodies, body)
     return table.taken(np.flatnonzero(~np.isin(of, local)).tolist()), bodies

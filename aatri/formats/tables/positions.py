@@ -87,10 +87,10 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
         rows = np.flatnonzero((frame == number) & np.isfinite(xyz).any(axis=1))
         partial = rows[~np.isfinite(xyz[rows]).all(axis=1)]
         if number == source.default_frame:
-            whole, of_axes = _as_whole(xyz, frames[number].axes, rows)
+            complete, of_axes = _as_whole(xyz, frames[number].axes, rows)
             partial = rows[~of_axes]
         else:
-            whole = xyz
+            complete = xyz
         table.complain(
             partial, "frame", "frame {} needs all three coordinates", "only whole positions can be converted"
         )
@@ -102,7 +102,9 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
             "check the order of `axes`: X, Y, Z of the tables follow it",
         )
         rows = np.setdiff1d(rows, np.union1d(partial, wrong))
-        places = whole[rows] * np.array([1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes])
+        places = complete[rows] * np.array(
+            [1.0 if a in ("latitude", "longitude") else unit for a in frames[number].axes]
+        )
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
             undulation = None if number == source.default_frame else source.settings.undulation

@@ -91,11 +91,11 @@ def columns_of_lines(
     malformed : list of Malformed
     """
     texts = [source[line - 1] for line in lines]
-    whole = "\n".join(texts)
-    if '"' in whole or set(map(str.count, texts, repeat(","))) != {width - 1}:
+    joined = "\n".join(texts)
+    if '"' in joined or set(map(str.count, texts, repeat(","))) != {width - 1}:
         return _one_by_one(texts, lines, width)
     cells = ",".join(texts).split(",")
-    if " " in whole or "\t" in whole:
+    if " " in joined or "\t" in joined:
         cells = [cell.strip(" \t") for cell in cells]
     return [cells[k::width] for k in range(width)], lines, []
 

@@ -28,7 +28,7 @@ class JsonText:
     Parameters
     ----------
     path : Path
-    wanted : str
+    expected : str
         What is to be given instead where it is no JSON.
 
     Raises
@@ -37,8 +37,8 @@ class JsonText:
         If it is no strict JSON; the message names line and character.
     """
 
-    def __init__(self, path: Path, wanted: str) -> None:
-        self.path, self._wanted = path, wanted
+    def __init__(self, path: Path, expected: str) -> None:
+        self.path, self._expected = path, expected
         data = read_bytes(path)
         try:
             self.text = data.decode("utf-8-sig")
@@ -57,9 +57,9 @@ class JsonText:
             raise
         except json.JSONDecodeError as error:
             where = f"{path}:{error.lineno}:{error.colno}"
-            raise InputError(f"no JSON: {error.msg}", where=where, remedy=f"give {wanted}") from error
+            raise InputError(f"no JSON: {error.msg}", where=where, remedy=f"give {expected}") from error
         except (RecursionError, ValueError) as error:
-            raise InputError(f"no JSON: {clipped(str(error))}", where=str(path), remedy=f"give {wanted}") from error
+            raise InputError(f"no JSON: {clipped(str(error))}", where=str(path), remedy=f"give {expected}") from error
 
     def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         made = dict(pairs)
@@ -136,12 +136,12 @@ class JsonText:
             if inside is None:
                 if default is not ... and depth == len(keys) - 1:
                     return default
-                raise self.fault(keys[:depth], f"{clipped(str(key))!r} is missing", f"give {self._wanted}, whole")
+                raise self.fault(keys[:depth], f"{clipped(str(key))!r} is missing", f"give {self._expected}, whole")
             value = inside
         allowed = (int, float) if kind is float else kind
         if not isinstance(value, allowed) or isinstance(value, bool):
             what = f"{clipped(str(keys[-1])) if keys else 'the document'!r} is not {OF_KIND[kind]}"
-            raise self.fault(keys, what, f"give {self._wanted}")
+            raise self.fault(keys, what, f"give {self._expected}")
         return float(cast(float, value)) if kind is float else value
 
     def numbers(self, *keys: Key, count: int) -> list[float]:

@@ -51,7 +51,7 @@ def decoded_xml(data: bytes, path: Path) -> str:
     except UnicodeError as error:
         line = 1 + data.count(b"\n", 0, getattr(error, "start", 0))
         raise InputError(f"not {encoding}, as it declares", where=f"{path}:{line}", remedy="save as UTF-8") from error
-    bare = _NO_CONTENT.sub(lambda found: "\n" * found.group().count("\n"), text)
+    bare = _NO_CONTENT.sub(lambda comment: "\n" * comment.group().count("\n"), text)
     if entity := _ENTITY.search(bare):
         line = 1 + bare.count("\n", 0, entity.start())
         raise InputError("an entity of its own", where=f"{path}:{line}", remedy="write its text out; & itself is &amp;")

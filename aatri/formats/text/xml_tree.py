@@ -117,7 +117,7 @@ class XmlElement:
         except ValueError as error:
             raise self.error(f"{name or self.tag} is {clipped(text)!r}: {error}", LIKE) from error
 
-    def whole(self, text: str, name: str = "") -> int:
+    def integer(self, text: str, name: str = "") -> int:
         """A text of this element as a whole number."""
         try:
             return whole_number_of(text)

@@ -56,9 +56,9 @@ def _image_residuals(solution: Solution) -> list[str]:
     r, lines = solution.residuals, list[str]()
     rows = np.flatnonzero((r.kind == "image_point") & r.active)
     for image in dict.fromkeys(r.image[rows].tolist()):
-        mine = rows[r.image[rows] == image]
-        lines.append(f"{image} {len(mine)}")
-        lines += [_line(r.point[row], 1e3 * r.residual[row, :2]) for row in mine]
+        of_image = rows[r.image[rows] == image]
+        lines.append(f"{image} {len(of_image)}")
+        lines += [_line(r.point[row], 1e3 * r.residual[row, :2]) for row in of_image]
     return lines
 
 

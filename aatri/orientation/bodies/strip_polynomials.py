@@ -127,17 +127,19 @@ def fall_notes(result: StripPolynomials, names: Sequence[str], level: Level = "w
     fell: dict[tuple[str, str], dict[str, str]] = {}
     for fall in result.falls:
         model = result.basis.model(int(result.degree[fall.strip, PARTS.index(fall.part)]))
-        why = fell.setdefault((fall.part, model), {})
-        before = f"{why[names[fall.strip]]}; " if names[fall.strip] in why else ""
-        why[names[fall.strip]] = f"{before}degree {fall.degree + 1}: {fall.reason}"
+        reasons_of = fell.setdefault((fall.part, model), {})
+        before = f"{reasons_of[names[fall.strip]]}; " if names[fall.strip] in reasons_of else ""
+        reasons_of[names[fall.strip]] = f"{before}degree {fall.degree + 1}: {fall.reason}"
     notes = []
-    for (part, model), why in fell.items():
-        if len(why) <= MOST_NAMED:
-            notes += [Note(level, f"strip {name}, {part}: {model}, as {reasons}") for name, reasons in why.items()]
+    for (part, model), reasons_of in fell.items():
+        if len(reasons_of) <= MOST_NAMED:
+            notes += [
+                Note(level, f"strip {name}, {part}: {model}, as {reasons}") for name, reasons in reasons_of.items()
+            ]
             continue
-        first, reasons = next(iter(why.items()))
-        text = f"{part}: {model} in {len(why)} of {len(names)} strips; in strip {first}, as {reasons}"
-        notes.append(Note(level, text, tuple(why)))
+        first, reasons = next(iter(reasons_of.items()))
+        text = f"{part}: {model} in {len(reasons_of)} of {len(names)} strips; in strip {first}, as {reasons}"
+        notes.append(Note(level, text, tuple(reasons_of)))
     return notes
 
 

@@ -116,7 +116,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
     of = [np.flatnonzero(component == COMPONENT) for component in range(len(COMPONENTS))]
     lasting, summed, single, white = _roots()
     along, across = np.sqrt(models) * half_range_m.T * [[2], [1]]
-    aside, height = np.sqrt(models) * camera_m.T
+    lateral, height = np.sqrt(models) * camera_m.T
     # Functions: P_2 and above; v P_1 and above; P_1 and above.
     sums, walks, flat = np.arange(2, HIGHEST + 1), np.arange(_N) + HIGHEST + 2, np.arange(1, HIGHEST + 1)
     # The integral of P_a is the difference of its neighbours over 2 a + 1.
@@ -137,7 +137,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
     ):
         rows = flat[: len(root)]  # a lever of V less that of the cameras
         variances[:, axis, walks[:, None], of[component]] = (share * across)[:, None, None] * root[:_N]
-        variances[:, axis, rows[:, None], of[component]] = -(share * aside)[:, None, None] * root[:HIGHEST]
+        variances[:, axis, rows[:, None], of[component]] = -(share * lateral)[:, None, None] * root[:HIGHEST]
     variances[:, 2, flat[:, None], of[SCALE]] = -height[:, None, None] * lasting[:HIGHEST]
     return variances
 

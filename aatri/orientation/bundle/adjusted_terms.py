@@ -149,7 +149,8 @@ def _with_parameters(block: BundleInput, parameters: tuple[ParameterRows, ...]) 
 
     def of(unchanged: Observed) -> Observed:
         records = replace(rays.records, whitener=unchanged.records.whitener, active=unchanged.records.active)
-        return replace(unchanged, records=records, whole=None if unchanged.whole is None else of(unchanged.whole))
+        unreduced = None if unchanged.unreduced is None else of(unchanged.unreduced)
+        return replace(unchanged, records=records, unreduced=unreduced)
 
     return replace(
         block, observed=tuple(of(other) if other is o else other for other in block.observed), parameters=parameters

@@ -128,10 +128,10 @@ def with_factor(o: Observed, number: Int, factor: Float) -> Observed:
     if o.exact:
         return o
     inverse = np.where(number >= 0, 1.0 / np.append(factor, 1.0)[number], 1.0)
-    whole = None if o.whole is None else with_factor(o.whole, number, factor)
+    unreduced = None if o.unreduced is None else with_factor(o.unreduced, number, factor)
     L = o.records.whitener
     scaled = L * inverse if L.ndim == 2 else L * inverse[:, None, :]
-    return replace(o, records=replace(o.records, whitener=scaled), whole=whole)
+    return replace(o, records=replace(o.records, whitener=scaled), unreduced=unreduced)
 
 
 def grouped(observed: Sequence[Observed], labels: Sequence[Sequence[str]], parts: Sequence[Int]) -> VarianceGroups:

@@ -55,7 +55,7 @@ class FiducialFit:
     """(n, m, 2). Transformed minus calibrated, also of marks not used; NaN where there is no mark."""
     test: Float
     """(n, m). Test statistic of the marks used, in standard deviations; NaN where uncontrolled."""
-    alone: Bool
+    separable: Bool
     """(n, m). No other mark explains the residuals as well as this one."""
     used: Bool
     """(n, m)."""
@@ -115,7 +115,7 @@ def fit_fiducials(
     at_centre = plane_jacobian(model, matrix, terms, (centre / size)[:, None])[:, 0] / size[:, None, :]
     linear = np.where(determined[:, None, None], at_centre, np.eye(2))
     K = open_basis(model, xy, linear[:, None])[..., :k]
-    test, alone = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
+    test, separable = tests_of_marks(K, residual, np.sqrt(weight), used, redundancy, determined)
     covariance = np.zeros((len(xy), 8, 8))
     covariance[:, :k, :k] = np.linalg.inv(_safe(_normal(K, weight), determined))
     covariance[~determined] = np.nan
@@ -130,7 +130,7 @@ def fit_fiducials(
         redundancy,
         residual,
         test,
-        alone,
+        separable,
         used,
         determined,
     )
@@ -163,7 +163,7 @@ def snooped_fiducials(
     use = used.copy()
     fit = fit_fiducials(model, measured, calibrated_mm, sigma_mm, use, nominal)
     while True:
-        worst = located(fit.test, fit.alone, fit.redundancy, limit)
+        worst = located(fit.test, fit.separable, fit.redundancy, limit)
         images = np.flatnonzero(worst >= 0)
         if not len(images):
             break

@@ -37,7 +37,7 @@ def tests_of_marks(
     Returns
     -------
     test : (n, m) float64
-    alone : (n, m) bool
+    separable : (n, m) bool
         No other mark explains the residuals as well.
     """
     n, m = used.shape
@@ -58,14 +58,14 @@ def tests_of_marks(
     between = np.einsum("nmab,nmkbc,nkcd->nmkad", root, blocks, root)
     correlation = np.linalg.svd(between, compute_uv=False)[..., 0]
     both = controlled[:, :, None] & controlled[:, None, :] & ~np.eye(m, dtype=bool)
-    alone = np.asarray(~(both & (correlation > ALIKE)).any(axis=2))
-    return np.where(controlled, test, np.nan), alone
+    separable = np.asarray(~(both & (correlation > ALIKE)).any(axis=2))
+    return np.where(controlled, test, np.nan), separable
 
 
-def located(test: Float, alone: Bool, redundancy: Int, limit: float) -> Int:
+def located(test: Float, separable: Bool, redundancy: Int, limit: float) -> Int:
     """Per image the mark to reject, or -1: the largest test statistic, if no other mark explains it as well."""
     size = np.where(np.isnan(test), -1.0, test)
     worst = size.argmax(axis=1) if size.shape[1] else np.zeros(len(size), dtype=np.int64)
     rows = np.arange(len(size))
-    good = (size[rows, worst] > limit) & (redundancy >= 4) & alone[rows, worst]
+    good = (size[rows, worst] > limit) & (redundancy >= 4) & separable[rows, worst]
     return np.where(good, worst, -1)

@@ -172,9 +172,9 @@ def _common(models: ModelTable, first: Int, second: Int) -> tuple[Int, Int, Int]
     span = int(models.point.max(initial=0)) + 1
     key = models.of_row().astype(np.int64) * span + models.point
     joint, row = _rows_of(models.start, first)
-    wanted = np.asarray(second, dtype=np.int64)[joint] * span + models.point[row]
-    there = np.minimum(np.searchsorted(key, wanted), max(len(key) - 1, 0))
-    common = key[there] == wanted if len(key) else np.zeros(0, dtype=bool)
+    key_of_row = np.asarray(second, dtype=np.int64)[joint] * span + models.point[row]
+    there = np.minimum(np.searchsorted(key, key_of_row), max(len(key) - 1, 0))
+    common = key[there] == key_of_row if len(key) else np.zeros(0, dtype=bool)
     start = np.concatenate([[0], np.cumsum(np.bincount(joint[common], minlength=len(first)))])
     return start, row[common], there[common]
 

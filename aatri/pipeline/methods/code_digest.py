@@ -91,9 +91,9 @@ class CodeReader:
                 at_once.add(name)
                 waiting += self._imports(name, file, root, roots, kind="at_once")
         lines = "".join(f"{name} {digests[name]}\n" for name in sorted(files))
-        whole = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
+        of_all = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
         short = {name: digests[name][:SHORT] for name in sorted(files)}
-        return Code(whole, dict(sorted(files.items())), short, frozenset(at_once))
+        return Code(of_all, dict(sorted(files.items())), short, frozenset(at_once))
 
     def _file(self, file: str) -> dict[str, Any]:
         if file not in self._files:

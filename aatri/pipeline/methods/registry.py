@@ -149,14 +149,14 @@ def _role_loader(declaration: Declaration, names: Iterable[str]) -> Callable[[],
 
 def _variant_loader(declaration: Declaration) -> Callable[[], Callable[..., Any]]:
     def load() -> Callable[..., Any]:
-        wanted = declaration.origin.attribute
+        function_name = declaration.origin.attribute
         module = _imported(declaration.origin)
-        function: Callable[..., Any] | None = getattr(module, wanted, None)
+        function: Callable[..., Any] | None = getattr(module, function_name, None)
         if not inspect.isroutine(function):
             stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
             has = f"; it has {', '.join(stages)}" if stages else ""
             raise PluginError(
-                f"has no function {wanted}{has}",
+                f"has no function {function_name}{has}",
                 where=declaration.origin.where,
                 remedy="the stage function is named like its file",
             )
@@ -230,5 +230,5 @@ def _check(card: StageCard, name: str, role: Role) -> None:
             hint = did_you_mean(port.name, role.ports) or f"; the role has {', '.join(role.ports) or 'no ports'}"
             raise PluginError(f"{name} asks for port {port.name!r}{hint}")
         if port.kind is not role.ports[port.name]:
-            wanted = role.ports[port.name].kind
-            raise PluginError(f"{name} takes {port.kind.kind} at port {port.name}; its role gives {wanted}")
+            kind_of_role = role.ports[port.name].kind
+            raise PluginError(f"{name} takes {port.kind.kind} at port {port.name}; its role gives {kind_of_role}")

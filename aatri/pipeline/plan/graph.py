@@ -92,9 +92,9 @@ def downstream(nodes: tuple[StageNode, ...], name: str) -> tuple[str, ...]:
 
 
 def _node(stage: StageSpec, prepared: Prepared) -> StageNode:
-    wanted = {port.name for port in prepared.method.ports}
-    used = {port: source for port, source in stage.inputs.items() if port in wanted}
-    unused = {port: source for port, source in stage.inputs.items() if port not in wanted}
+    own_ports = {port.name for port in prepared.method.ports}
+    used = {port: source for port, source in stage.inputs.items() if port in own_ports}
+    unused = {port: source for port, source in stage.inputs.items() if port not in own_ports}
     return StageNode(**vars(prepared), name=stage.name, inputs=used, unused=unused, written=stage.options)
 
 
@@ -152,9 +152,9 @@ def _check_inputs(spec: Spec, stage: StageSpec, roles: Mapping[str, _Role], erro
                 _candidates(spec, stage.name, port, ports, roles),
             )
         elif source in roles and roles[source].kind != ports[port]:
-            wanted, gives = ports[port], roles[source].kind
+            takes, gives = ports[port], roles[source].kind
             errors.add(
-                f"{stage.name}.{port} wants a {wanted}, but {source} gives {gives}",
+                f"{stage.name}.{port} wants a {takes}, but {source} gives {gives}",
                 spec.where(stage.name, "from", port),
                 _candidates(spec, stage.name, port, ports, roles),
             )

@@ -102,12 +102,12 @@ def _error(offer: Offer) -> InputError:
 
 def _warning(offer: Offer, ignored: bool, silent: list[str]) -> str:
     prefix = f"{offer.where}: " if offer.where else ""
-    why = "not used by any stage of this pipeline"
+    reason = "not used by any stage of this pipeline"
     if ignored:
-        why = f"without effect, as pipeline.yaml says by ignore: {offer.name}"
+        reason = f"without effect, as pipeline.yaml says by ignore: {offer.name}"
     elif silent and offer.nature not in MILD:
-        why = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
-    return f"{prefix}{offer.what}: {why}"
+        reason = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
+    return f"{prefix}{offer.what}: {reason}"
 
 
 def _of_nothing(name: str) -> str:

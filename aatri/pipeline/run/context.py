@@ -99,10 +99,10 @@ class FileCheckpoint:
         """The arrays kept by an earlier attempt at the same result; None if there are none that are whole."""
         at = self._at(name)
         try:
-            whole = inside.file_path(self._base, *at).read_bytes()
+            content = inside.file_path(self._base, *at).read_bytes()
         except OSError:
             return None
-        digest, data = whole[:_DIGEST_BYTES], whole[_DIGEST_BYTES:]
+        digest, data = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
         if hashlib.sha256(data).digest() != digest:
             self._context.log(f"checkpoint {name} is damaged and not used")
             return None

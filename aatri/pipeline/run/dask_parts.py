@@ -141,8 +141,8 @@ def _finished(tasks: Sequence[Any], fetching: Mapping[int, Any]) -> list[int]:
     """Tasks whose results are there and not yet asked for: a result may be lost on its way, and is made again."""
     for k, task in enumerate(tasks):
         if task.status in ("error", "cancelled", "lost"):
-            why = task.exception() if task.status == "error" else task.status
-            raise ResourceError(f"part {k + 1} cannot be made: {why}", remedy="more workers, or more parts")
+            failure = task.exception() if task.status == "error" else task.status
+            raise ResourceError(f"part {k + 1} cannot be made: {failure}", remedy="more workers, or more parts")
     return [k for k, task in enumerate(tasks) if task.status == "finished" and k not in fetching]
 
 

@@ -133,9 +133,9 @@ def check_inputs(nodes: tuple[StageNode, ...], planned: Plan) -> None:
         for source in dict.fromkeys(node.inputs.values()):
             above = by_name[source]
             if by_name[node.name].selected and not above.selected and above.state is not State.fresh:
-                why = "; ".join(str(reason) for reason in above.reasons)
+                reasons = "; ".join(str(reason) for reason in above.reasons)
                 errors.append(ArtifactError(f"{node.name} needs {source}, which is not selected and not up to date "
-                                            f"({why})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
+                                            f"({reasons})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
     raise_all(errors)
 
 
@@ -255,8 +255,8 @@ class _Run:
                 return
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                 self._end(under_way.pop(future), future.result())
-            wanted = {s for n in waiting for s in n.inputs.values()} & set(self.records)
-            workers.forget({self.records[s]["output"]["content_digest"] for s in wanted})
+            sources = {s for n in waiting for s in n.inputs.values()} & set(self.records)
+            workers.forget({self.records[s]["output"]["content_digest"] for s in sources})
 
     def _goes_on(self) -> bool:
         return self.settings.keep_going or not self.problems

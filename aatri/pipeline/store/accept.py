@@ -25,8 +25,8 @@ _ACCEPTABLE = ("code", "version")
 def accepted_key(run: Path, stage: str, key: str) -> str | None:
     """The key of the result that serves for a key by the user's word; None if there is none."""
     with contextlib.suppress(ArtifactError):
-        said = read_json(base_of(run), *_at(stage, key))
-        return str(said.get("old")) if said is not None and said.get("new") == key else None
+        entry = read_json(base_of(run), *_at(stage, key))
+        return str(entry.get("old")) if entry is not None and entry.get("new") == key else None
     return None
 
 
@@ -61,10 +61,10 @@ def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[st
             remedy="a new result is needed: aatri run",
         )
     base = base_of(run)
-    said = {"stage": stage, "old": old["key"], "new": key, "why": why, "by": getpass.getuser(), "time": now()}
+    entry = {"stage": stage, "old": old["key"], "new": key, "why": why, "by": getpass.getuser(), "time": now()}
     with on_disk(base / "accepted"):
         inside.make_folder(base, "accepted", stage)
-        write_json(said, base, *_at(stage, key))
+        write_json(entry, base, *_at(stage, key))
     return inside.path_of(base, *_at(stage, key))
 
 

@@ -62,21 +62,21 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
         for one in sorted(others, key=lambda g: (g.ended, g.key), reverse=True)[keep:]:
             if older_days is None or _age_days(one, now) > older_days:
                 removable.append(one)
-    gone = {one.folder for one in removable}
+    removed = {one.folder for one in removable}
     for stage in inside.names_in(base, ITEMS):
         if inside.kind(base, ITEMS, stage) == "folder":
-            items = _unused_items(base, stage, gone, now if older_days is not None else None)
+            items = _unused_items(base, stage, removed, now if older_days is not None else None)
             removable += [one for one in items if older_days is None or _age_days(one, now) > older_days]
     return removable
 
 
 def _unused_items(
-    base: Path, stage: str, gone: Collection[Path], else_before: datetime.datetime | None
+    base: Path, stage: str, removed: Collection[Path], else_before: datetime.datetime | None
 ) -> list[Garbage]:
     """Items not used since the oldest result of their stage that does not go was begun; without any, since a time."""
     begun = []
     for key in inside.names_in(base, OBJECTS, stage):
-        if inside.path_of(base, OBJECTS, stage, key) not in gone:
+        if inside.path_of(base, OBJECTS, stage, key) not in removed:
             with contextlib.suppress(ArtifactError):
                 record = read_record(base, OBJECTS, stage, key, RECORD)
                 begun += [datetime.datetime.fromisoformat(record["started"])] if record is not None else []

@@ -25,19 +25,19 @@ def standalone(picture: Picture) -> str:
                 x, y = 8.0, y + ROW_PX
             entries += [sample(m, x, y), text(x + 20.0, y + 10.0, m.name)]
             x += room
-    whole = y + ROW_PX if entries else y
+    height_px = y + ROW_PX if entries else y
     return element(
         "svg",
         element("title", picture.title),
         element("style", Markup(_rules())),  # ours
-        element("rect", width=picture.width, height=whole, class_="paper"),
+        element("rect", width=picture.width, height=height_px, class_="paper"),
         *(text(8.0, ROW_PX * (k + 1), words, "title") for k, words in enumerate(title)),
         element("g", *marks, *furniture, transform=f"translate(0 {top:g})"),
         *entries,
         xmlns="http://www.w3.org/2000/svg",
-        viewBox=f"0 0 {picture.width:g} {whole:g}",
+        viewBox=f"0 0 {picture.width:g} {height_px:g}",
         width=picture.width,
-        height=whole,
+        height=height_px,
         role="img",
     )
 

@@ -79,19 +79,19 @@ def _film(solution: Solution) -> PageTable | None:
     units = np.array(parameter_units(solution))
     rows = []
     for name in np.unique(p.name[film]):
-        mine = np.flatnonzero(film & (p.name == name))
-        sigma = p.sigma[mine][np.isfinite(p.sigma[mine])]  # none where the bundle gave no standard deviations
-        worst = mine[int(np.argmax(np.abs(p.value[mine])))]
+        same = np.flatnonzero(film & (p.name == name))
+        sigma = p.sigma[same][np.isfinite(p.sigma[same])]  # none where the bundle gave no standard deviations
+        worst = same[int(np.argmax(np.abs(p.value[same])))]
         factor, unit = in_trade_unit(str(units[worst]))
         rms_sigma = float(np.sqrt((sigma**2).mean())) if len(sigma) else np.nan
-        sizes = (float(np.sqrt((p.value[mine] ** 2).mean())), rms_sigma, float(np.abs(p.value[worst])))
+        sizes = (float(np.sqrt((p.value[same] ** 2).mean())), rms_sigma, float(np.abs(p.value[worst])))
         form = digits(decimals(factor * rms_sigma)) if rms_sigma > 0 else number
         rows.append(
             (
                 str(name),
                 unit,
                 str(p.object[worst]),
-                number(len(mine)),
+                number(len(same)),
                 *(form(factor * size) for size in sizes),
             )
         )

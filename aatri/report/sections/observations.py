@@ -25,10 +25,10 @@ def of_the_network(solution: Solution) -> PageTable | None:
     return listed(solution, rows, "between", "Geodetic observations and relative control")
 
 
-def listed(solution: Solution, mine: Bool, names: str, caption: str) -> PageTable | None:
+def listed(solution: Solution, chosen: Bool, names: str, caption: str) -> PageTable | None:
     """Some observations, the largest residuals first; `names` is the head of the column of ids."""
     residuals, tests = solution.residuals, solution.tests
-    rows = np.flatnonzero(mine & ~np.isin(residuals.kind, OF_POINTS) & np.isfinite(residuals.residual).any(axis=1))
+    rows = np.flatnonzero(chosen & ~np.isin(residuals.kind, OF_POINTS) & np.isfinite(residuals.residual).any(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(residuals.residual) / np.where(residuals.sigma > 0, residuals.sigma, np.nan)
     rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size[rows], axis=1)), kind="stable")]

@@ -68,14 +68,14 @@ def _by_kind(solution: Solution) -> PageTable | None:
     assert tests is not None
     rows = []
     for kind in np.unique(residuals.kind):
-        mine = (residuals.kind == kind) & residuals.active
-        r, w, size = tests.redundancy[mine], tests.test[mine], tests.detectable[mine]
+        of_kind = (residuals.kind == kind) & residuals.active
+        r, w, size = tests.redundancy[of_kind], tests.test[of_kind], tests.detectable[of_kind]
         finite = np.isfinite(r)
         if not finite.any():
             continue
-        unit = str(residuals.unit[np.flatnonzero(mine)[0]])
-        detectable, effect = size[np.isfinite(size)], tests.external[mine]
-        moved = tests.point_moved_m[mine]
+        unit = str(residuals.unit[np.flatnonzero(of_kind)[0]])
+        detectable, effect = size[np.isfinite(size)], tests.external[of_kind]
+        moved = tests.point_moved_m[of_kind]
         rows.append(
             (
                 spoken(str(kind)),

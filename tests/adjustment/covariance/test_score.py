@@ -28,24 +28,24 @@ def test_value_and_standard_deviation_are_those_of_an_adjustment_that_carries_th
     found = score(result, rays, rows, effect)
     J, v = dense_jacobian(unknowns, records, result.state)
     H = np.where(rays.active[:, None, None], rays.whitener @ effect, 0.0).reshape(-1, 2)
-    whole = np.zeros((len(J), 2))
-    whole[: len(H)] = H
+    total = np.zeros((len(J), 2))
+    total[: len(H)] = H
     assert np.allclose(v[: len(H)], whitened(rays, result.state, rows)[0].ravel())  # the rays come first
     columns = free_columns(unknowns)
     for k in range(2):
-        A = np.column_stack([J, whole[:, k]])
+        A = np.column_stack([J, total[:, k]])
         Q = np.linalg.inv(A.T @ A)
         x = -Q @ A.T @ v
         one = found.joint(0, [k])
         assert one.value[0] == pytest.approx(x[-1], rel=1e-5)
         assert one.covariance[0, 0] == pytest.approx(Q[-1, -1], rel=1e-9)
         assert one.gain == pytest.approx(v @ v - ((v + A @ x) ** 2).sum(), rel=1e-5)
-        assert found.seen[0, k] == pytest.approx(1 / (Q[-1, -1] * (whole[:, k] @ whole[:, k])), rel=1e-9)
+        assert found.seen[0, k] == pytest.approx(1 / (Q[-1, -1] * (total[:, k] @ total[:, k])), rel=1e-9)
         change = moved(result, rays, rows, effect[:, :, k])
         for group in ("a", "p"):
             expected = np.append(Q[:-1, -1] / Q[-1, -1], 0.0)[columns[group]]
             assert np.allclose(change[group], expected, atol=1e-9)
-    A = np.column_stack([J, whole])
+    A = np.column_stack([J, total])
     both = found.joint(0, [0, 1])
     assert both.rank == 2
     assert both.gain == pytest.approx(v @ v - ((v - A @ np.linalg.lstsq(A, v)[0]) ** 2).sum(), rel=1e-5)
@@ -76,7 +76,7 @@ def test_rays_that_belong_to_several_units_count_in_each(monkeypatch: pytest.Mon
     reference = score(result, records[0], rows, effect, unit)
     assert np.allclose(found.information, reference.information, rtol=1e-9)
     assert np.allclose(found.gradient, reference.gradient, atol=1e-9)
-    assert np.allclose(found.whole, reference.whole, rtol=1e-9)
+    assert np.allclose(found.total, reference.total, rtol=1e-9)
 
 
 def test_units_whose_gain_is_small_with_the_kept_unknowns_held_get_no_more_than_the_true_one() -> None:

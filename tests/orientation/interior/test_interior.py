@@ -153,7 +153,7 @@ def test_a_blunder_among_eight_marks_is_rejected_with_its_size() -> None:
 
 def test_opposite_corners_of_five_marks_cannot_be_told_apart() -> None:
     five = np.concatenate([100.0 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]), [[0.0, 0.0]]])
-    assert fit(five + 0.01 * np.sin(np.arange(10.0)).reshape(5, 2), five).alone[0].tolist() == [False] * 4 + [True]
+    assert fit(five + 0.01 * np.sin(np.arange(10.0)).reshape(5, 2), five).separable[0].tolist() == [False] * 4 + [True]
     measured = five.copy()
     measured[0, 0] += 0.1
     assert fit(measured, five, 0.003, snooped=True).used.all()

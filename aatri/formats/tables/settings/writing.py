@@ -99,8 +99,8 @@ def _distortion(block: Block, k: int) -> dict[str, Any]:
 def _thousandfold(value: float) -> float:
     """The number that gives `value` when multiplied by 0.001, if there is one; else the nearest."""
     near = value * 1e3
-    tried = [near, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)]
-    return min(tried, key=lambda v: abs(v * 1e-3 - value))
+    candidates = [near, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)]
+    return min(candidates, key=lambda v: abs(v * 1e-3 - value))
 
 
 def _sigmas(block: Block, k: int) -> dict[str, Any]:

@@ -37,7 +37,7 @@ MEDIAN = 1.26
 """Median of the largest of three normal errors, of either sign."""
 
 
-Snooped = tuple[TestedBlock, Bool, tuple[Swap, ...]]
+SearchEnd = tuple[TestedBlock, Bool, tuple[Swap, ...]]
 """What a search ends with: the block, what is active, exchanged numbers."""
 
 
@@ -45,15 +45,15 @@ class ExactCoordinates(RobustStart):
     """A search that knows exact coordinates."""
 
     def without_wrong_exact(
-        self, snooped: Snooped, search: Callable[[TestedBlock, Bool], Snooped]
-    ) -> tuple[Snooped, Bool]:
+        self, searched: SearchEnd, search: Callable[[TestedBlock, Bool], SearchEnd]
+    ) -> tuple[SearchEnd, Bool]:
         """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
 
         One after the other goes, the worst first. What then is not clear of the others comes back: they are not exact.
         """
-        limit, rejected, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(snooped[1])
-        while snooped[0].result.adjusted.has_factor:
-            tested, use, swapped = snooped
+        limit, rejected, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(searched[1])
+        while searched[0].result.adjusted.has_factor:
+            tested, use, swapped = searched
             test = tests_of_exact(tested, self.all, self.adjust)
             wrong = test > limit
             largest = int(np.nanargmax(test)) if wrong.any() else -1
@@ -62,18 +62,18 @@ class ExactCoordinates(RobustStart):
                 if len(unclear):
                     use = use.copy()
                     use[unclear], wrong[unclear] = True, True
-                    snooped = self.solve(tested, use), use, swapped
+                    searched = self.solve(tested, use), use, swapped
                 break
             reduced_use = use.copy()
             reduced_use[largest] = False
             try:
-                snooped = search(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
+                searched = search(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
             except (GeometryError, ConvergenceError):
                 break
-            if snooped[1][largest]:
+            if searched[1][largest]:
                 break
             rejected = np.append(rejected, largest)
-        return snooped, wrong & snooped[1]
+        return searched, wrong & searched[1]
 
 
 def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> Float:

@@ -33,10 +33,10 @@ from aatri.notes import Note
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind
-from aatri.orientation.bundle.blunders.exact_coordinates import ExactCoordinates, Snooped, exact_notes
+from aatri.orientation.bundle.blunders.exact_coordinates import ExactCoordinates, SearchEnd, exact_notes
 from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS
-from aatri.orientation.bundle.blunders.other_numbers import other_numbers
 from aatri.orientation.bundle.blunders.points import well_intersected
+from aatri.orientation.bundle.blunders.renumbered_rays import renumbered_rays
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import SearchOutcome, findings
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
@@ -110,19 +110,20 @@ class _Search(ExactCoordinates):
             start, active = self._without_errors_of_lost_points(start, active)
         assert start is not None
         start = replace(start, tails=self._tails(start.result))
-        return self._concluded(*self.without_wrong_exact(self.snooped(start, active), self.snooped))
+        return self._concluded(*self.without_wrong_exact(self.data_snooping(start, active), self.data_snooping))
 
-    def _concluded(self, snooped: Snooped, wrong: Bool) -> AdjustedBlock:
+    def _concluded(self, searched: SearchEnd, wrong: Bool) -> AdjustedBlock:
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""
-        tested, use, swapped = snooped
+        tested, use, swapped = searched
         exchanged = self._rows_of(swapped)
         attribution = attributed_in_kind(tested, self.undecided & ~use, exchanged, self.all, self.adjust)
         tested, use = attribution.tested, attribution.tested.active
         rejected = self.all.native & ~use
         undecided = rejected & (self.undecided | attribution.undecided | self._undecidable(tested.result, rejected))
         rejected_by_kind = self.all.split(rejected)
-        renumbered = tuple(other_numbers(tested.result, self.block.rays, rejected_by_kind, self.options.limit, swapped))
-        above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > self.options.limit)
+        limit = self.options.limit
+        renumbered = tuple(renumbered_rays(tested.result, self.block.rays, rejected_by_kind, limit, swapped))
+        above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > limit)
         doubtful = above_limit & self.at_doubtful_points
         kept_ambiguous = use & self.kept & self.at_points_of(np.unique(self.all.point[doubtful]))
         above_limit &= ~attribution.kept & ~doubtful
@@ -173,7 +174,7 @@ class _Search(ExactCoordinates):
         """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
         return self.all.native & ~active & (self._smallest_factors(self.scaling.factor) > 1.0)
 
-    def snooped(self, start: TestedBlock, active: Bool) -> Snooped:
+    def data_snooping(self, start: TestedBlock, active: Bool) -> SearchEnd:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
         initial = start
 
@@ -181,8 +182,8 @@ class _Search(ExactCoordinates):
             return self.solve(previous or initial, use)
 
         while True:
-            snooped = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
-            tested, use = snooped.solved, snooped.active
+            searched = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
+            tested, use = searched.solved, searched.active
             rejected = self.all.split(self.all.native & ~use)
             swapped = tuple(swaps(tested.result, self.block.rays, rejected, self.options.limit))
             explained = self._rows_of(swapped) & self.pool.counted

@@ -83,7 +83,7 @@ def _carrying(o: Observed, unknowns: Unknowns, H: Float, start: Float) -> Observ
         records=_with_term(o.records, unknowns.name, H),
         unknowns=(*o.unknowns, unknowns),
         start={**o.start, unknowns.name: start[:1]},
-        whole=None if o.whole is None else _carrying(o.whole, unknowns, H, start),
+        unreduced=None if o.unreduced is None else _carrying(o.unreduced, unknowns, H, start),
     )
 
 

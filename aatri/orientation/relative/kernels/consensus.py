@@ -174,8 +174,8 @@ def consensus(first, last, start, chosen, all_rays, most_samples, poses, costs, 
                     count += abs(v[k]) < bound and front[k]
                 failing = 1.0 - min((count / n) ** 5, 1.0 - 1e-12)
                 if failing < 1.0:
-                    wanted = max(np.log(MISSED) / np.log(failing), 1.0 * FEWEST)
-                    needed = most_samples if wanted > most_samples else int(wanted) + 1
+                    sample_count = max(np.log(MISSED) / np.log(failing), 1.0 * FEWEST)
+                    needed = most_samples if sample_count > most_samples else int(sample_count) + 1
         for h in range(LISTED):
             if not listed_cost[h] < 2.0 * listed_cost[0] + HOPELESS * n:
                 break

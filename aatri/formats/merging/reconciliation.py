@@ -22,33 +22,22 @@ Conflicts = Literal["refuse", "first"]
 
 
 @dataclass
-class Settlement:
-    """What becomes of what two blocks say of one thing with other values, and what was told of it.
-
-    Attributes
-    ----------
-    first, second : str
-        What the two blocks are called.
-    duplicates : str
-        What becomes of two measurements that agree: their mean, the first, or an error.
-    conflicts : str
-        What becomes of values that exclude each other: an error, or the first goes on with a warning.
-    sigmas : float
-        Up to so many standard deviations of their difference two measurements agree.
-    faults : Faults
-    warnings : list of str
-    means : dict of str to list of str
-        What was averaged, by kind.
-    """
+class Reconciliation:
+    """What becomes of values in which two blocks differ, and what was told of it."""
 
     first: str
     second: str
+    """What the two blocks are called."""
     duplicates: Duplicates
+    """What becomes of two measurements that agree: their mean, the first, or an error."""
     conflicts: Conflicts
+    """What becomes of values that exclude each other: an error, or the first goes on with a warning."""
     sigmas: float
+    """Up to so many standard deviations of their difference two measurements agree."""
     faults: Faults = field(default_factory=Faults)
     warnings: list[str] = field(default_factory=list)
     means: dict[str, list[str]] = field(default_factory=dict)
+    """What was averaged, by kind."""
 
     def conflict(self, what: str, values: Sequence[Any], where: str = "", more: str = "") -> None:
         """Two values that exclude each other."""

@@ -32,7 +32,7 @@ COARSE = 0.01
 """Share of the principal distance within which a point is looked at: lens and film are left out at first."""
 
 
-def other_numbers(
+def renumbered_rays(
     result: BundleResult,
     rays: ImagePointRows | None,
     rejected: tuple[Bool, ...],
