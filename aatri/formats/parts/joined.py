@@ -243,7 +243,7 @@ def _exterior(tables: list[dict[str, Rows]], files: Sequence[Path], reporter: Re
             files,
             reporter,
         )
-        for rows_of_use, use, column, what in (
+        for k, use, column, what in (
             (with_position, "position_use", "position_m", "position of image"),
             (with_attitude, "angle_use", "ground_from_image", "attitude of image"),
         )

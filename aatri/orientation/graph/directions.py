@@ -119,8 +119,8 @@ def _prior(centre: Float) -> Records:
     extent = float(np.abs(centre - centre.mean(axis=0)).max(initial=0.0)) or 1.0
     rows = np.arange(len(centre))
 
-    def evaluate(state: State, some: Int) -> tuple[Float, tuple[Float, ...]]:
-        return state[CENTRE][some] - centre[some], (np.tile(np.eye(3), (len(some), 1, 1)),)
+    def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:
+        return state[CENTRE][chosen] - centre[chosen], (np.tile(np.eye(3), (len(chosen), 1, 1)),)
 
     whitener = np.full((len(centre), 3), 1.0 / (PRIOR * extent))
     return Records("start", ((CENTRE, rows),), evaluate, whitener, np.ones(len(centre), dtype=bool), linear=True)
