@@ -234,15 +234,7 @@ def _exterior(tables: list[dict[str, Rows]], files: Sequence[Path], reporter: Re
     has_attitude = np.isfinite(rows["angles_rad"]).any(axis=1) | np.isfinite(rows["ground_from_image"]).all(axis=(1, 2))
     with_position, with_attitude = np.flatnonzero(has_position), np.flatnonzero(has_attitude)
     position, attitude = (
-        _chosen(
-            rows["image"][k],
-            rows[use][k] == OBSERVED_VALUE,
-            taken(rows, k),
-            column,
-            what,
-            files,
-            reporter,
-        )
+        _chosen(rows["image"][k], rows[use][k] == OBSERVED_VALUE, taken(rows, k), column, what, files, reporter)
         for k, use, column, what in (
             (with_position, "position_use", "position_m", "position of image"),
             (with_attitude, "angle_use", "ground_from_image", "attitude of image"),
