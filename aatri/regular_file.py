@@ -22,7 +22,6 @@ def open_regular(path: Path, flags: int = 0) -> BufferedReader:
 
     Parameters
     ----------
-    path : Path
     flags : int
         More flags of `os.open`.
 

@@ -85,7 +85,6 @@ def load(path: Path, error: type[AatriError] = SpecError) -> Document:
 
     Parameters
     ----------
-    path : Path
     error : type of AatriError
         Class of every error raised; its exit code is that of the file's role.
     """

@@ -34,7 +34,6 @@ def film_errors(block: Block, image_points: ImagePoints) -> FilmErrors | None:
 
     Parameters
     ----------
-    block : Block
     image_points : ImagePoints
         With their interior orientation.
     """

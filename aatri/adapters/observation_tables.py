@@ -101,8 +101,6 @@ def suspect_table(stage: str, o: Observed, rows: Int, error: Float, test: Float,
 
     Parameters
     ----------
-    stage : str
-    o : Observed
     rows : (k,) int
     error : (k, m) float64
         Estimated gross errors in units of the observations; NaN not known.
@@ -134,7 +132,6 @@ def uncontrolled_table(
 
     Parameters
     ----------
-    o : Observed
     rows : (k,) int
     least : (k,) float64
         Redundancy number in the direction.

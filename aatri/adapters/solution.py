@@ -25,7 +25,6 @@ def check_same_block(block: Block, **ports: ImagePoints | Models | Strips | Solu
 
     Parameters
     ----------
-    block : Block
     ports : artifacts by the name of their port
         None where a port has none.
 
@@ -48,7 +47,6 @@ def oriented_images(
 
     Parameters
     ----------
-    block : Block
     position_m : (n, 3) float64, m
     ground_from_image : (n, 3, 3) float64
     used : (n,) int
@@ -94,7 +92,6 @@ def residuals(
 
     Parameters
     ----------
-    kind : str
     row : (n,) int
     image, point : (n,) str
     value, sigma : (n, m) float64

@@ -41,7 +41,6 @@ def whitener_beside(o: Observed, covariance: Float, typical_m2: float) -> Float:
 
     Parameters
     ----------
-    o : Observed
     covariance : (n, m, m) float64
         A priori, zero where exact.
     typical_m2 : float, m^2
@@ -65,7 +64,6 @@ def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -
     T : (n, 3, 3) float64, 1/m
         Whitener of each.
     use : (n,) bool
-    n_points : int
 
     Returns
     -------

@@ -43,7 +43,6 @@ def classes_of(o: Observed, labels: Sequence[str] = ("",), label: Int | None = N
 
     Parameters
     ----------
-    o : Observed
     labels : sequence of str
         What tells its rows apart.
     label : (n,) int, optional

@@ -103,8 +103,6 @@ def adjust_tied(
 
     Parameters
     ----------
-    problem : TiedProblem
-    snooping : Snooping
     active : (n,) bool, optional
         Observations to begin with; the others are tested for re-admission.
     deformed : bool

@@ -226,7 +226,6 @@ def uncontrolled_observations(solved: TiedSolution, among: Bool) -> tuple[Int, F
 
     Parameters
     ----------
-    solved : TiedSolution
     among : (n,) bool
         Active observations to be looked at: ties, and coordinates of the ground.
 

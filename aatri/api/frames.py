@@ -16,7 +16,6 @@ def to_dataframe(artifact: Artifact, table: str) -> Any:
 
     Parameters
     ----------
-    artifact : Artifact
     table : str
         Name of one of its tables: points, images, residuals ...
 

@@ -202,7 +202,6 @@ def run_pipeline(
         Folder of the results instead of `run:`.
     set, use : sequence of str
         `STAGE.OPTION=VALUE`, `STAGE=ROLE/VARIANT`.
-    variant : str
     local_plugins : bool
         Run the project's own stages too.
     cluster : str or distributed.Client

@@ -81,7 +81,6 @@ def block_of(
 
     Parameters
     ----------
-    name : str
     files : sequence of Path
         The columns `file` count in it.
     cameras ... model_coordinates : mapping of str to array

@@ -99,7 +99,6 @@ def block_templates(folder: Path, images: str = "digital") -> dict[Path, str]:
 
     Parameters
     ----------
-    folder : Path
     images : {'digital', 'film', 'reduced'}
         What was measured; fiducials.csv is there for film alone.
     """

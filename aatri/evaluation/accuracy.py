@@ -50,7 +50,6 @@ def evaluate(
     ----------
     block : Block
         With control and check points, and the truth if it is simulated.
-    solution : Solution
     confidence : float
         Probability of the chi-square intervals.
     enough : int

@@ -31,8 +31,6 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
 
     Parameters
     ----------
-    evaluation : Evaluation
-    block : Block
     solution : Solution
         That was evaluated.
     """

@@ -60,7 +60,6 @@ def compared(
 
     Parameters
     ----------
-    earlier, later : EpochPoints
     datum : {'none', 'shift', 'rigid', 'similarity'}
         How the datum of one may have moved against that of the other.
     level : float

@@ -33,7 +33,6 @@ def free_strip_errors(strips: Strips, position_m: Float, ground_from_image: Floa
 
     Parameters
     ----------
-    strips : Strips
     position_m : (n_images, 3) float64, m
         True projection centres, Cartesian.
     ground_from_image : (n_images, 3, 3) float64

@@ -40,10 +40,8 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
 
     Parameters
     ----------
-    block : Block
     solution : Solution
         With `point_covariances`.
-    goal : Goal
 
     Raises
     ------

@@ -41,8 +41,6 @@ def leave_one_out(block: Block, solution: Solution, control: PointDifferences) -
 
     Parameters
     ----------
-    block : Block
-    solution : Solution
     control : PointDifferences
         Solution minus given at control points in use.
     """

@@ -48,7 +48,6 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> M
 
     Parameters
     ----------
-    block : Block
     solution : Solution
         With residuals of its image points.
     poses : Poses

@@ -29,7 +29,6 @@ def set_ups(block: Block, poses: Poses, rays: ModelRays, xyz_m: Float) -> tuple[
     ----------
     poses : Poses
         In the Cartesian frame of the adjustment.
-    rays : ModelRays
     xyz_m : (n_points, 3) float64, m
         Adjusted coordinates in the same frame.
     """

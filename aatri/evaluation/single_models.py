@@ -42,8 +42,6 @@ def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, F
 
     Parameters
     ----------
-    poses : Poses
-    rays : ModelRays
     start_m : (m, 3) float64, m
 
     Returns
@@ -111,8 +109,6 @@ def single_models(
 
     Parameters
     ----------
-    block : Block
-    solution : Solution
     poses : Poses
         In the frame of the adjustment.
     xyz_m : (n_points, 3) float64, m

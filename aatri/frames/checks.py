@@ -86,7 +86,6 @@ def place_outside(frame: Frame, xyz: Float) -> str:
 
     Parameters
     ----------
-    frame : Frame
     xyz : (n, 3) float64, m
         East, north, up; NaN where not known.
     """

@@ -88,7 +88,6 @@ def intersect_rays(X0: Float, directions: Float, point_row: Int, n_points: int) 
         Direction of each ray, any length.
     point_row : (n,) int
         Point of each ray, 0 to n_points - 1.
-    n_points : int
 
     Returns
     -------

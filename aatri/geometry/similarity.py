@@ -45,7 +45,6 @@ def transform(similarity: Similarity, x: Float) -> Float:
 
     Parameters
     ----------
-    similarity : Similarity
     x : (n, 3) float64, source unit
 
     Returns

@@ -72,7 +72,6 @@ def intersect_uncertain(
         NaN where not oriented.
     covariance : (n_images, 6, 6) float64, m and rad
         Of X0 and the rotation d, R <- exp([d]x) R.
-    n_points : int
     """
     oriented = finite_rows(position_m) & finite_rows(ground_from_image) & np.isfinite(covariance).all(axis=(1, 2))
     use = np.flatnonzero(active & oriented[image] & finite_rows(xy_mm))

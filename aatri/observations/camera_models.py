@@ -49,7 +49,6 @@ def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePo
 
     Parameters
     ----------
-    rows : ImagePointRows
     cameras : CameraRows
         With `known`.
     """

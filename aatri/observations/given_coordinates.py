@@ -87,7 +87,6 @@ def given_coordinates(source: ObservationSource, xyz_m: Float, used: Bool) -> Gi
 
     Parameters
     ----------
-    source : ObservationSource
     xyz_m : (n, 3) float64, m
         In the frame of the block.
     used : (n, 3) bool

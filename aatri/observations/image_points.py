@@ -101,7 +101,6 @@ def renumbered_records(rays: ImagePointRows, parameters: Sequence[ParameterRows]
 
     Parameters
     ----------
-    rays : ImagePointRows
     parameters : sequence of ParameterRows
         As all rays were observed with.
     rows : (k,) int

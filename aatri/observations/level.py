@@ -60,7 +60,6 @@ def tangent_level(frame: TangentFrame, origin_m: Float) -> Level:
 
     Parameters
     ----------
-    frame : TangentFrame
     origin_m : (3,) float64, m
         Origin of the adjustment in the tangent frame.
     """

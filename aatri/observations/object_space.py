@@ -25,7 +25,6 @@ def object_space_records(rays: ImagePointRows, distance_m: float, factor: float)
 
     Parameters
     ----------
-    rays : ImagePointRows
     distance_m : float, m
         D, as of the median ray.
     factor : float

@@ -83,7 +83,6 @@ class Ties(Generic[S]):
 
         Parameters
         ----------
-        kind : str
         body, block : (n,) str
             What messages call the bodies, and the points or images.
         start : S

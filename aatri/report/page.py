@@ -131,7 +131,6 @@ def render(
 
     Parameters
     ----------
-    run, around
     page : mapping
         What `first_page` says.
     printed : bool

@@ -32,7 +32,6 @@ def plotted(picture: Picture, form: str) -> bytes:
 
     Parameters
     ----------
-    picture : Picture
     form : str
         svg, png or pdf.
 

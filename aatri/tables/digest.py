@@ -19,7 +19,6 @@ def content_digest(artifact: Artifact, *, without: frozenset[str] = frozenset())
 
     Parameters
     ----------
-    artifact : Artifact
     without : frozenset of str
         Tables to leave out.
     """

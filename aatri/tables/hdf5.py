@@ -59,8 +59,6 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
 
     Parameters
     ----------
-    artifact : Artifact
-    path : Path
     warnings : sequence of str
         What the stage warned of; kept beside the content.
 
@@ -130,7 +128,6 @@ def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:
 
     Parameters
     ----------
-    path : Path
     cls : type
     only : collection of str, optional
         Tables that are wanted, with those they refer to; the others are without rows.

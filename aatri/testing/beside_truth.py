@@ -50,7 +50,6 @@ def properties(block: Block | None, inputs: Mapping[str, Artifact], made: Artifa
     block : Block, optional
         The example; without truth, or a Block, only what the result says of itself is judged.
     inputs : mapping of port to Artifact
-    made : Artifact
     """
     yield from _matrices(made)
     if block is None:

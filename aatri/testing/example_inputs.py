@@ -69,8 +69,6 @@ def example_inputs(role: str, declared: Role, example: str = "film") -> dict[str
 
     Parameters
     ----------
-    role : str
-    declared : Role
     example : {'film', 'digital'}
 
     Raises

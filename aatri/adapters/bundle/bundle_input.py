@@ -43,7 +43,6 @@ def observation_source(
 
     Parameters
     ----------
-    block : Block
     image_points : ImagePoints or None
     initial : Solution or None
         Start values.
@@ -92,8 +91,6 @@ def bundle_input(source: ObservationSource, options: KindOptions, suspects: Susp
 
     Parameters
     ----------
-    source : ObservationSource
-    options : KindOptions
     suspects : Suspects, optional
         Of earlier stages.
     """
@@ -131,8 +128,6 @@ def with_parameters(
 
     Parameters
     ----------
-    source : ObservationSource
-    inputs : BundleInput
     parameters : tuple of ParameterRows
         The groups of `inputs` with other terms, or with others free; those that are not free begin anew.
     """
@@ -204,7 +199,6 @@ def with_row_times(source: ObservationSource, sigma: float | None) -> Observatio
 
     Parameters
     ----------
-    source : ObservationSource
     sigma : float, optional
         Standard deviation of the readout of a camera as a share of that of the row times: 0 as they say, None free.
 

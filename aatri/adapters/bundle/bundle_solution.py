@@ -50,12 +50,8 @@ def bundle_solution(
 
     Parameters
     ----------
-    source : ObservationSource
-    done : AdjustedBlock
-    suspects : Suspects
     uncontrolled : Uncontrolled or None
         Corrections of the film among them are not listed.
-    of_cameras : ParameterTables
     variant : str
         Of the role.
     tests : bool

@@ -30,7 +30,6 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
 
     Parameters
     ----------
-    block : Block
     result : BundleResult
         In the frame of the adjustment.
     tests : bool

@@ -202,9 +202,6 @@ def with_information(
 
     Parameters
     ----------
-    inputs : BundleInput
-    information : Information
-    share : InformationShare
     twice : tuple of (n,) bool
         For each of its observations which rows stand in the Information.
     """

@@ -53,8 +53,6 @@ def information_of(
 
     Parameters
     ----------
-    source : ObservationSource
-    done : AdjustedBlock
     equations : EquationsOfShared
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
     sets : CalibratedSets or None

@@ -14,7 +14,6 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
 
     Parameters
     ----------
-    block : Block
     xyz_m : (n_points, 3) float64, m
         NaN where unknown.
     """

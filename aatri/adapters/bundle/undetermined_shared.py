@@ -42,7 +42,6 @@ def shared_equations(
 
     Parameters
     ----------
-    done : AdjustedBlock
     determinable : mapping of group to (n,) bool
         Images and points that other blocks have too.
     at : Poses and (n_points, 3) float64, optional

@@ -162,7 +162,6 @@ def calibrated_cameras(block: Block, rows: ParameterRows, solution: Solution) ->
 
     Parameters
     ----------
-    block : Block
     rows : ParameterRows
         Of the cameras as the block has them.
     solution : Solution

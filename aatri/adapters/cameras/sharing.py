@@ -81,7 +81,6 @@ def parts_of_set(parameters: ParameterSet, per: Per) -> tuple[SetPart, ...]:
 
     Parameters
     ----------
-    parameters : ParameterSet
     per : str or mapping
         What shares all parameters, or what shares which of them; parameters that are not named are left out.
 

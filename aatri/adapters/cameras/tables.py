@@ -57,8 +57,6 @@ def parameter_tables(
 
     Parameters
     ----------
-    block : Block
-    result : BundleResult
     parts : sequence of SetPart
         Of a self-calibration.
     name, interior
@@ -143,7 +141,6 @@ def parameter_covariances(
 
     Parameters
     ----------
-    result : BundleResult
     groups : sequence of TabledGroup
         All that the table has, in its order.
     """

@@ -85,8 +85,6 @@ def camera_parameters(block: Block, image_points: ImagePoints, *, calibrated: bo
 
     Parameters
     ----------
-    block : Block
-    image_points : ImagePoints
     calibrated : bool
         Another block will tell the parameters: they are unknown here too.
 

@@ -34,7 +34,6 @@ def frame_of(block: Block, origin: Float | None = None) -> TangentFrame | None:
 
     Parameters
     ----------
-    block : Block
     origin : (3,) float64, optional
         Coordinates of its origin in the block's frame; default the middle of the block.
 

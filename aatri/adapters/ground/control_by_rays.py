@@ -64,7 +64,6 @@ def control_by_rays(
 
     Parameters
     ----------
-    component : Component
     body : FreeBody
         The same as a body.
     control_point : (n,) int

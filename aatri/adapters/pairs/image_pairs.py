@@ -93,8 +93,6 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs
 
     Parameters
     ----------
-    block : Block
-    image_points : ImagePoints
     images : (m, 2) int
         Rows in images.
     """

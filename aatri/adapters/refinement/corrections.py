@@ -58,8 +58,6 @@ def systematically_corrected(
 
     Parameters
     ----------
-    block : Block
-    image_points : ImagePoints
     requested : sequence of str
     poses : Solution, optional
         Orientations: every ray is corrected in its own vertical plane.

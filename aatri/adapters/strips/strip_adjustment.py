@@ -224,7 +224,6 @@ def rays_of_ties(image_points: ImagePoints, body: Int, image: Int, tied_body: In
 
     Parameters
     ----------
-    image_points : ImagePoints
     body, image : (k,) int
         Bodies, and the images they are made of.
     tied_body, tied_point : (m,) int

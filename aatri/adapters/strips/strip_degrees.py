@@ -21,7 +21,6 @@ def degrees_of_strips(names: Text, degree: int, single: Mapping[str, int]) -> In
     ----------
     names : (n_strips,) str
         Ids of free strips: those of the block, with .1 .2 ... where a strip is broken.
-    degree : int
     single : mapping
         Degrees by the id of a free strip, or of a strip of the block for all its parts.
 

@@ -85,7 +85,6 @@ def residuals_of(result: TiedResult, state: State | None = None) -> Residuals:
 
     Parameters
     ----------
-    result : TiedResult
     state : mapping, optional
         Other values of the unknowns, such as points that are held against control.
     """
@@ -132,8 +131,6 @@ def suspects_of(result: TiedResult, stage: str, began: Bool, to: Similarity | No
 
     Parameters
     ----------
-    result : TiedResult
-    stage : str
     began : (n,) bool
         Observations used before the test.
     to : Similarity, optional
@@ -208,7 +205,6 @@ def solution_of_bodies(
     ----------
     placed : Placed
         Images and points on the ground.
-    tied : TiedResult
     method : str
         ROLE/VARIANT.
     names : (n,) str

@@ -29,7 +29,6 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
 
     Parameters
     ----------
-    adjusted : Adjusted
     pairs : sequence of ((group, block), (group, block))
         A solve for each block that is second in one of them.
 
@@ -57,8 +56,6 @@ def joint_covariance(adjusted: Adjusted, group: str, blocks: Int, free_datum: ST
 
     Parameters
     ----------
-    adjusted : Adjusted
-    group : str
     blocks : (m,) int
         Numbers of blocks, each once.
     free_datum : STransformation, optional

@@ -36,7 +36,6 @@ def independent_errors(adjusted: Adjusted, group: str, members: Bool, variance: 
     ----------
     adjusted : Adjusted
         Solved by its factor.
-    group : str
     members : (n, k) bool
         Which scalars of which blocks.
     variance : (n, k) float64
@@ -73,7 +72,6 @@ def independent_predictions(adjusted: Adjusted, group: str, block: Int, J: Float
     ----------
     adjusted : Adjusted
         Solved by its factor.
-    group : str
     block : (n,) int
         Block of each record, none twice.
     J : (n, m, k) float64

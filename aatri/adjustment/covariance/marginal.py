@@ -61,7 +61,6 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: C
 
     Parameters
     ----------
-    adjusted : Adjusted
     blocks : bool
         Also those of the eliminated blocks and of the rays.
     gains_of : collection of str

@@ -67,7 +67,6 @@ def cholesky_panel(F: Float, m: int) -> int:
     ----------
     F : (n, n) float64, column-major
         Lower triangle; overwritten by L11, L21 and the updated F22.
-    m : int
 
     Returns
     -------

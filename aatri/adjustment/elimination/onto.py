@@ -24,7 +24,6 @@ def reduced_onto(problem: IndexedProblem, state: State, chosen: Int) -> tuple[Fl
     ----------
     problem : IndexedProblem
         Ordered by nested dissection, the chosen unknowns without a position: they lie in the last front.
-    state : State
     chosen : (n,) int
         Kept columns, none of them held.
 

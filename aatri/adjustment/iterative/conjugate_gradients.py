@@ -64,7 +64,6 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
     problem : IndexedProblem
         With the subtrees to factorise.
     state : mapping
-    damping : float
 
     Returns
     -------

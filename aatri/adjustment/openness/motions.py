@@ -53,8 +53,6 @@ def open_motions(
 
     Parameters
     ----------
-    problem : IndexedProblem
-    state : State
     vectors : (n_kept, k) float64
         Open directions in unknowns times sqrt(diagonal).
     diagonal : (n_kept,) float64

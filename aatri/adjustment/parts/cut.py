@@ -53,7 +53,6 @@ def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) ->
     ----------
     problem : IndexedProblem
         Ordered by nested dissection.
-    count : int
     vetoes : sequence of callables
         Of all records, or None.
     """
@@ -127,7 +126,6 @@ def nodes_of_parts(tree: Tree, n_rays: Int, count: int) -> tuple[Int, Bool]:
 
     Parameters
     ----------
-    tree : Tree
     n_rays : (n_nodes,) int
     count : int
         Parts that are wanted.

@@ -77,7 +77,6 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
 
     Parameters
     ----------
-    records : BlockRecords
     suspected : (n,) bool
         Blocks in which at least one record is wrong, as a stricter test has shown.
     """

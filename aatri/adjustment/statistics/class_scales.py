@@ -83,7 +83,6 @@ def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> Clas
         Their redundancy numbers.
     group : (n,) int
         -1: none.
-    n_groups : int
     """
     usable = (group >= 0) & np.isfinite(v) & (redundancy > LEAST_SHARE)
     scale, total, tight = np.ones(n_groups), np.zeros(n_groups), np.zeros(n_groups, dtype=bool)

@@ -55,7 +55,6 @@ def global_test(sigma0: float, redundancy: int) -> GlobalTest:
     ----------
     sigma0 : float
         NaN counts as not determined.
-    redundancy : int
     """
     if redundancy < 1 or not np.isfinite(sigma0):
         return GlobalTest(float("nan"), max(redundancy, 0), float("nan"), float("nan"), "untested")
@@ -132,7 +131,6 @@ def sigma0_note(test: GlobalTest, what: str = "") -> Note:
 
     Parameters
     ----------
-    test : GlobalTest
     what : str
         What was adjusted, where it is not clear from the stage: `of 240 models`.
     """

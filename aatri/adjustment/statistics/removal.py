@@ -101,7 +101,6 @@ def size_of_idle(chi_square: float, count: int) -> tuple[float, float]:
 
     Parameters
     ----------
-    chi_square : float
     count : int
         Of the parameters.
 

@@ -19,7 +19,6 @@ def tau_limit(limit: float, redundancy: int) -> float:
     ----------
     limit : float
         In standard deviations.
-    redundancy : int
     """
     if redundancy < 2:
         return float("inf")

@@ -128,7 +128,6 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
         (Qvv P)_ii.
     group : (n,) int
         -1: none.
-    n_groups : int
     """
     usable = (group >= 0) & np.isfinite(squares) & np.isfinite(redundancy)
     squares, redundancy, group = squares[usable], redundancy[usable], group[usable]

@@ -28,7 +28,6 @@ def after_step(problem: IndexedProblem, old: State, new: State, step: dict[str, 
 
     Parameters
     ----------
-    problem : IndexedProblem
     old, new : mapping
         States before and after the step.
     step : dict of str to (n, k) float64

@@ -42,7 +42,6 @@ def ordering_figures(
 
     Parameters
     ----------
-    problem : IndexedProblem
     used : str
         Name of the problem's own order.
     others : sequence of str
@@ -62,7 +61,6 @@ def half_bandwidth(graph: Graph, place: Int, size: Int, border: Bool) -> tuple[i
 
     Parameters
     ----------
-    graph : Graph
     place : (n,) int
         Place of each vertex in the order of elimination.
     size : (n,) int

@@ -63,10 +63,8 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
 
     Parameters
     ----------
-    graph : Graph
     position : (n, d) float64
         NaN where unknown: such vertices go to the border.
-    leaf : int
     """
     last = border_vertices(graph) | ~np.isfinite(position).all(axis=1)
     nodes: list[OrderedNode] = []
@@ -150,7 +148,6 @@ def chain(graph: Graph, order: Int) -> list[OrderedNode]:
 
     Parameters
     ----------
-    graph : Graph
     order : (n,) int
         All vertices in the order of their elimination.
     """

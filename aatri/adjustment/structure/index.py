@@ -123,7 +123,6 @@ def index_rays(
 
     Parameters
     ----------
-    records
     rows, of_block : (n,) int
         Rows of the rays, and the number of the eliminated block of each.
     parts : Parts

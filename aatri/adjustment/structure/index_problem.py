@@ -35,7 +35,6 @@ def prepare(unknowns: Sequence[Unknowns], records: Sequence[Records], **settings
 
     Parameters
     ----------
-    unknowns, records
     **settings
         Of `SolverSettings`.
     """
@@ -47,8 +46,6 @@ def indexed(problem: Problem, settings: SolverSettings, support: Sequence[Record
 
     Parameters
     ----------
-    problem : Problem
-    settings : SolverSettings
     support : sequence of Records
         Its constraints as records of a weight, see `constraints`.
     """

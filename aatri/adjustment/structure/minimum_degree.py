@@ -31,7 +31,6 @@ def minimum_degree(graph: Graph, size: Int, leaf: int = LEAF) -> list[OrderedNod
 
     Parameters
     ----------
-    graph : Graph
     size : (n,) int
         Unknowns of each vertex.
     leaf : int

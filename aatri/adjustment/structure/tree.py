@@ -78,7 +78,6 @@ def build_tree(graph: Graph, order: list[OrderedNode], size: Int, start: Int) ->
 
     Parameters
     ----------
-    graph : Graph
     order : list of OrderedNode
         Every vertex in one node, children before parents.
     size : (n,) int

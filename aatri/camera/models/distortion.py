@@ -49,7 +49,6 @@ def corrected(distortion: Distortion, xy_mm: Float) -> Float:
 
     Parameters
     ----------
-    distortion : Distortion
     xy_mm : (n, 2) float64, mm, from the principal point
         Measured.
 

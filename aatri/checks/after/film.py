@@ -27,9 +27,6 @@ def film(block: Block, marks: FilmMarks, fit: FiducialFit, unusable: Mapping[int
 
     Parameters
     ----------
-    block : Block
-    marks : FilmMarks
-    fit : FiducialFit
     unusable : mapping of int to str
         Rows of the marks, and why their images have no interior orientation.
     """

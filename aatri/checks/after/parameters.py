@@ -37,7 +37,6 @@ def parameter_findings(inputs: BundleInput, result: BundleResult) -> list[Findin
 
     Parameters
     ----------
-    inputs : BundleInput
     result : BundleResult
         With covariances; without there is nothing to say.
     """

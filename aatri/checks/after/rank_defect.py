@@ -48,7 +48,6 @@ def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str
 
     Parameters
     ----------
-    error : GeometryError
     names : tuple of str
         Names of additional and camera parameters.
     kinds : mapping

@@ -24,7 +24,6 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
 
     Parameters
     ----------
-    suspects : Suspects
     stage : str
         Role of the stage.
     """

@@ -34,7 +34,6 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
 
     Parameters
     ----------
-    block : Block
     max_share : float
         Largest share of the positions that may be set aside; one may always.
     """

@@ -39,7 +39,6 @@ def attitude_conventions(
     ----------
     source : ObservationSource
         What the attitudes were taken from.
-    inputs : BundleInput
     state : mapping
         Orientations: those that an earlier stage has made, or the adjusted ones.
     before : bool

@@ -25,7 +25,6 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     ----------
     source : ObservationSource
         What the observations of the block were taken from.
-    inputs : BundleInput
     of_the_block : bool
         The start comes from the block itself, not from an earlier stage.
     """

@@ -24,7 +24,6 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
 
     Parameters
     ----------
-    block : Block
     position_m, ground_from_image : (n, 3), (n, 3, 3) float64, m
         Of the block's images, in its first frame; NaN where not oriented.
     xyz_m : (p, 3) float64, m

@@ -22,7 +22,6 @@ def sharp_conditions(block: Block, position_m: Float, xyz_m: Float) -> list[Find
 
     Parameters
     ----------
-    block : Block
     position_m : (n_images, 3) float64, m
     xyz_m : (n_points, 3) float64, m
         Where the adjustment starts.

@@ -59,12 +59,10 @@ def read_bal(path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
 
     Parameters
     ----------
-    path : Path
     image_sigma_px : float, px
         Standard deviation of image coordinates; the files have none.
     calibrate : bool
         f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
-    reporter : Reporter
 
     Raises
     ------

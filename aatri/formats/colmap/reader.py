@@ -51,7 +51,6 @@ def read_colmap(
 
     Parameters
     ----------
-    folder : Path
     image_sigma_px : float, px
         Standard deviation of image coordinates.
     position_sigma_m : float, m, optional
@@ -60,7 +59,6 @@ def read_colmap(
         A ground_points.csv of the block folder, with the ids of the points of the model.
     calibrate : bool
         c, principal point and the distortion parameters of each model are free. Else they are fixed.
-    reporter : Reporter
 
     Raises
     ------

@@ -45,12 +45,8 @@ def write_colmap_model(
 
     Parameters
     ----------
-    oriented : OrientedBlock
     folder : Path
         Made if it is not there.
-    writing : Writing
-    reporter : Reporter
-    binary : bool
 
     Raises
     ------

@@ -49,7 +49,6 @@ def converted(lens: Lens, form: str) -> ConvertedLens:
 
     Parameters
     ----------
-    lens : Lens
     form : str
         One of `FORMS`.
     """

@@ -70,7 +70,6 @@ def converted(
     Parameters
     ----------
     xy : (n, 2) float64
-    source, target : PixelAxes
     format_px : (2,) float64, px
     pixel_mm : (2,) float64, mm
         Size of a pixel; where one of the systems is in millimetres.

@@ -71,7 +71,6 @@ def read_dbat(
 
     Parameters
     ----------
-    export : Path
     control : Path, optional
         None: no point is control, the datum is free.
     camera_model : str
@@ -82,7 +81,6 @@ def read_dbat(
         Standard deviation of image coordinates; None: that of each mark.
     set_aside : bool
         Points that cannot be determined are set aside. Else they are refused, as DBAT does.
-    reporter : Reporter
 
     Raises
     ------

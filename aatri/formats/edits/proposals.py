@@ -21,7 +21,6 @@ def proposals(block: Block, solution: Solution, stage: str) -> tuple[tuple[Edit,
     ----------
     block : Block
         That the solution was made of.
-    solution : Solution
     stage : str
         Its stage, for the reasons.
     """

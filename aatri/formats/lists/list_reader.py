@@ -50,10 +50,8 @@ def read_list(
 
     Parameters
     ----------
-    path : Path
     reading : Reading
         Its `columns`, `angle`, `rotation` and `crs` come before what the file says.
-    reporter : Reporter
     preset : str, optional
         One of `PRESETS`, for formats that are a list of one program.
     observed : bool

@@ -91,7 +91,6 @@ def merged(
     blocks : sequence of Block
     names : sequence of str
         What messages call them.
-    reporter : Reporter
     name : str
         Of the merged block; empty: those of the blocks.
     duplicates : str

@@ -19,7 +19,6 @@ def part_of(block: Block, images: Bool) -> Block:
 
     Parameters
     ----------
-    block : Block
     images : (n_images,) bool
     """
     rays, models = block.image_points, block.model_coordinates

@@ -22,7 +22,6 @@ def block_from(path: Path, reporter: Reporter, of_screening: frozenset[str] = fr
     ----------
     path : Path
         A folder with block.yaml, or a Block artifact (runs/NAME/current/block.h5).
-    reporter : Reporter
     of_screening : frozenset of str
         Reasons for which rows were set aside that hold for the block as it stood alone: such rows are in use again.
 

@@ -28,7 +28,6 @@ def taken(block: Block, chosen: Mapping[str, Int]) -> Block:
 
     Parameters
     ----------
-    block : Block
     chosen : mapping of table to (n,) int
         Rows in their new order; tables that are not named keep theirs.
     """

@@ -41,8 +41,6 @@ def tie_points_of(archive: Archive, chunk: XmlElement, images: dict[str, str]) -
 
     Parameters
     ----------
-    archive : Archive
-    chunk : XmlElement
     images : mapping of str to str
         Names of the enabled images by their ids.
 

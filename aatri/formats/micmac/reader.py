@@ -36,8 +36,6 @@ def read_micmac(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = 
     path : Path
         A file; or a folder with the files; or a project, whose folders of orientations and of measured points are
         one each.
-    reading : Reading
-    reporter : Reporter
 
     Raises
     ------

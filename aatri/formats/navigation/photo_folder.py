@@ -53,7 +53,6 @@ def read_photographs(
 
     Parameters
     ----------
-    folder : Path
     position_sigma_m : (3,) float, m
         Of positions without their own: east, north, height.
     attitude_sigma_deg : float, degrees

@@ -22,7 +22,6 @@ def read_cameras(document: JsonText, sections: list[tuple[Key, ...]]) -> list[Le
 
     Parameters
     ----------
-    document : JsonText
     sections : list of keys
         Where objects of cameras are.
 

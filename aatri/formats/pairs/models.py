@@ -36,7 +36,6 @@ def read_models(
 
     Parameters
     ----------
-    path : Path
     sigma, centre_sigma : float, unit of the models
         Of a coordinate where its line states none, and of perspective centres; None: the same.
     axes : str
@@ -45,7 +44,6 @@ def read_models(
         Lines `point X Y Z`, m.
     control_sigma_m : float, m
         0: exact.
-    reporter : Reporter
 
     Raises
     ------

@@ -59,7 +59,6 @@ def read_pairs(
     control, check : Path, optional
     control_sigma_m : float, m
         Of control and check points; 0: exact.
-    reporter : Reporter
 
     Raises
     ------

@@ -51,7 +51,6 @@ def rows_of(parts: BlockParts, table: str, first_file: int = 0) -> Rows:
 
     Parameters
     ----------
-    parts : BlockParts
     table : str
         One of `KINDS`.
     first_file : int

@@ -42,11 +42,8 @@ def write_as(declared: Format, oriented: OrientedBlock, folder: Path, writing: W
     ----------
     declared : Format
         One that is written.
-    oriented : OrientedBlock
     folder : Path
         Made if it is not there.
-    writing : Writing
-    reporter : Reporter
 
     Raises
     ------

@@ -66,7 +66,6 @@ def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]
 
     Parameters
     ----------
-    path : Path
     unread : list of Path, optional
         Gets the files of a folder that are of no format; photographs are none of them.
 

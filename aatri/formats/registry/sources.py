@@ -75,7 +75,6 @@ def read_all(
     paths : sequence of Path
     settings : sequence of Setting
         Of a single source, or of every one; those of the block are no concern of this.
-    reporter : Reporter
     without : sequence of str
         Files and folders that are left out, by the ends of their paths.
 

@@ -56,7 +56,6 @@ def column_names(table: type[Table], name: str, declared: Column) -> tuple[str, 
         Its table.
     name : str
         Its name in the artifact.
-    declared : Column
     """
     if not declared.shape:
         return (_IDS.get(table.__name__, name) if name == "id" else "w" if name == "test" else name,)

@@ -15,7 +15,6 @@ def write_crs(block: Block, folder: Path) -> Path | None:
 
     Parameters
     ----------
-    block : Block
     folder : Path
         With the export.
 

@@ -55,7 +55,6 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
 
     Parameters
     ----------
-    artifact : Artifact
     name : str
         Of the table.
     most : int, optional

@@ -58,7 +58,6 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
 
     Parameters
     ----------
-    solution : Solution
     block : Block
         The Block it belongs to: roles of the points.
     folder : Path

@@ -61,7 +61,6 @@ def read_points(
 
     Parameters
     ----------
-    path : Path
     title : str
         Its first line.
     flags : int
@@ -107,10 +106,8 @@ def read_gpf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
 
     Parameters
     ----------
-    path : Path
     reading : Reading
         Its `crs` is the coordinate system of the points, where the file does not say it.
-    reporter : Reporter
 
     Raises
     ------

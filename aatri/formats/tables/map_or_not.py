@@ -17,7 +17,6 @@ def map_or_not(source: Source, ground_points: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    source : Source
     ground_points : mapping
         Columns of the known points.
     """

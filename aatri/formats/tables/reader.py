@@ -46,7 +46,6 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
 
     Parameters
     ----------
-    folder : Path
     reporter : Reporter
         Gets warnings.
 

@@ -38,7 +38,6 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
 
     Parameters
     ----------
-    block : Block
     folder : Path
         Made if it is not there; files of these names in it are replaced.
 

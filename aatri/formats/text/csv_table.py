@@ -98,7 +98,6 @@ def read_csv(path: Path, columns: Mapping[str, CsvColumn], problems: Faults, rep
 
     Parameters
     ----------
-    path : Path
     columns : mapping of str to CsvColumn
         The columns of the contract.
     problems : list of AatriError

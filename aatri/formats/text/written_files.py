@@ -12,7 +12,6 @@ def write_files(folder: Path, texts: Mapping[str, str | bytes]) -> None:
 
     Parameters
     ----------
-    folder : Path
     texts : mapping of str to str or bytes
         Content by path within the folder.
 

@@ -130,7 +130,6 @@ def read_xml(path: Path, roots: Collection[str], what: str, text: str | None = N
 
     Parameters
     ----------
-    path : Path
     roots : collection of str
         Names that the root may have.
     what : str

@@ -28,12 +28,10 @@ def read_wucaps(
 
     Parameters
     ----------
-    folder : Path
     image_sigma_mm : float, mm
         Standard deviation of image coordinates; the files have none.
     control_sigma_m : float, m, optional
         Standard deviation of control and check points; None: exact.
-    reporter : Reporter
 
     Raises
     ------

@@ -46,7 +46,6 @@ def write_wucaps(
 
     Parameters
     ----------
-    block : Block
     folder : Path
         Made if it is not there.
     image_points : ImagePoints, optional

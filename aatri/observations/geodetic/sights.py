@@ -135,9 +135,6 @@ def sight_records(
 
     Parameters
     ----------
-    kind : str
-    sights : Sights
-    level : Level
     measured : callable
     own : Calibrated, optional
     angular : bool

@@ -120,8 +120,6 @@ def orient_body(
     Parameters
     ----------
     observe : callable
-    body : FreeBody
-    settings : OrientationSettings
     what : str
         The body, for messages.
     image_ids, point_ids : (n,) str

@@ -81,7 +81,6 @@ def join_strips(
 
     Parameters
     ----------
-    points : BodyPoints
     names : (n_strips,) sequence of str
         Names of the strips, for messages.
     point_ids : str, optional

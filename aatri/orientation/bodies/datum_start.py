@@ -88,7 +88,6 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similar
     Parameters
     ----------
     observe : callable
-    body : FreeBody
     use : (n,) bool
         Observations that count, kind by kind.
 

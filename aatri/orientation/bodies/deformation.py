@@ -129,10 +129,8 @@ def sigma0_notes(
         Ratio to the a priori standard deviations of all together.
     models : int
         Of the longest strip.
-    misfit : Misfit
     off_m : float, m
         RMS of what does not fit.
-    what : str
 
     Raises
     ------

@@ -88,11 +88,7 @@ def deformed_covariances(
 
     Parameters
     ----------
-    result : StripPolynomials
-    points : BodyPoints
-    n_points : int
     axes : (n_strips,) sequence of StripAxes
-    control : Control
     models : (n_strips,) int
         Of each strip.
     """

@@ -50,7 +50,6 @@ def deformed_ties(
 
     Parameters
     ----------
-    points : BodyPoints
     axes : (n_strips,) sequence of StripAxes
     active : (n,) bool
     whitener : (n, 3, 3) float64, 1/m

@@ -62,7 +62,6 @@ def determined_degrees(
         Observations that count: strip points, then control.
     highest : (n_strips, 2) int
         Degrees of plan and height to begin with.
-    basis : StripBasis
 
     Returns
     -------

@@ -148,7 +148,6 @@ def ties_of(
 
     Parameters
     ----------
-    body : FreeBody
     observed : sequence of Observed
     start : Similarity
         Ground from body.

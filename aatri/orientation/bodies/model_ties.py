@@ -63,7 +63,6 @@ def model_ties(rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, gr
 
     Parameters
     ----------
-    rows : ModelRows
     names : (m,) sequence of str
     latent : bool
         Whether the latent errors are unknowns.

@@ -40,7 +40,6 @@ def polynomial_ties(
     names : (n_strips,) sequence of str
     free : (n_strips, K) bool
         Coefficients that are estimated.
-    basis : StripBasis
     """
     strip, point = points.strip.astype(np.int32), points.point.astype(np.int32)
     G = np.ascontiguousarray(np.stack([a.ground_from_axes for a in axes]))

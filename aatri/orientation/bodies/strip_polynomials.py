@@ -68,7 +68,6 @@ def adjust_strip_polynomials(
     ----------
     points : BodyPoints
         On the ground, approximately; unit m, reduced to an origin near the block.
-    n_points : int
     axes : (n_strips,) sequence of StripAxes
     control : Control
         Points without any strip take no part.
@@ -76,7 +75,6 @@ def adjust_strip_polynomials(
         Of the strips, and of all points; default: their numbers.
     degree : int or (n_strips,) int
         Highest degree, 0 to that of the basis.
-    basis : StripBasis
     begin : callable, optional
         Strip points and control -> which of them to begin with; the others are tested for re-admission.
     limit : float, optional

@@ -82,7 +82,6 @@ def functions(u: Float, v: Float, *, wide: bool) -> Float:
     ----------
     u, v : (n,) float64
         In the axes of the strip, -1 to 1.
-    wide : bool
 
     Returns
     -------

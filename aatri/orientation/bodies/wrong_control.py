@@ -109,7 +109,6 @@ def exchanged_by_all(
     ----------
     observed : sequence of Observed
     observe : callable
-    body : FreeBody
     use : (n,) bool
         Observations that count, kind by kind.
     level : Similarity
@@ -163,7 +162,6 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
 
     Parameters
     ----------
-    places : GivenPlaces
     used : (n,) bool
         Those that are not rejected.
     to : Similarity

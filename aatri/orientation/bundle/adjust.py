@@ -52,8 +52,6 @@ def adjust_bundle(
 
     Parameters
     ----------
-    inputs : BundleInput
-    settings : BundleSettings
     reporter : Reporter
         Of the progress.
 

@@ -43,7 +43,6 @@ def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> 
 
     Parameters
     ----------
-    block : BundleInput
     adjust : callable
         With the terms as they are.
     roughly : callable

@@ -29,7 +29,6 @@ def complete_start(
 
     Parameters
     ----------
-    rays : ImagePointRows
     poses : Poses
         NaN where unknown.
     xyz_m : (n_points, 3) float64, m

@@ -42,10 +42,8 @@ def adjust_bundle_from_afar(
 
     Parameters
     ----------
-    inputs : BundleInput
     settings : BundleSettings
         Blocks without a given datum are adjusted from their start alone.
-    reporter : Reporter
 
     Raises
     ------

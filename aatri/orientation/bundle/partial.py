@@ -58,7 +58,6 @@ def with_known_points(inputs: BundleInput, known: Bool, covariance_m2: Float | N
 
     Parameters
     ----------
-    inputs : BundleInput
     known : (n_points,) bool
     covariance_m2 : (n_points, 3, 3) float64, m^2, or None
         None: held.
@@ -77,7 +76,6 @@ def with_known_images(inputs: BundleInput, known: Bool, covariance: Float | None
 
     Parameters
     ----------
-    inputs : BundleInput
     known : (n_images,) bool
     covariance : (n_images, 6, 6) float64, m and rad, or None
         Of position and rotation increment. None: held.

@@ -83,7 +83,6 @@ def readmitted(adjusted: AdjustedObservations, state: State, limit: float = 3.0)
 
     Parameters
     ----------
-    adjusted : AdjustedObservations
     state : mapping
         The adjusted block.
     limit : float

@@ -46,8 +46,6 @@ def on_their_rays(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: Bool
 
     Parameters
     ----------
-    rays : ImagePointRows
-    poses : Poses
     xyz_m : (n_points, 3) float64, m
     points : (n_points,) bool
         Which points are moved there; without such a ray they stay.

@@ -44,11 +44,9 @@ def variance_components(
 
     Parameters
     ----------
-    inputs : BundleInput
     result : BundleResult
         Of it, with covariances.
     adjust : callable
-    groups : VarianceGroups
 
     Returns
     -------

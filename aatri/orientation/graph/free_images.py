@@ -59,10 +59,8 @@ def orient_free(
 
     Parameters
     ----------
-    graph : PairGraph
     turns : RotationPairs
         They help the rotations.
-    rays : ImagePointRows
     image_ids, point_ids : str
     start : {'bases', 'gnss', 'random'}
         Of the projection centres.
@@ -70,7 +68,6 @@ def orient_free(
         Positions, for the start by GNSS; NaN unknown.
     rng : Generator, optional
         Of the random start.
-    reporter : Reporter
 
     Raises
     ------

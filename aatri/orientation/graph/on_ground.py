@@ -40,7 +40,6 @@ def fits_bent(
     ----------
     component : ImageComponent
         On the ground, reduced to the origin.
-    rays : ImagePointRows
     observed : sequence of Observed
         Of the ground, with the priors of their own unknowns.
     image_ids, point_ids : (n,) str

@@ -33,8 +33,6 @@ def with_bends(
 
     Parameters
     ----------
-    component : ImageComponent
-    rays : ImagePointRows
     shares : sequence of (n,) float64
         Of each ray the standard deviation of its principal distance over this, of principal distances that are wrong by
         themselves; 0 where it is known.

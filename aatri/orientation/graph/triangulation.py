@@ -30,7 +30,6 @@ def intersected(
 
     Parameters
     ----------
-    rays : ImagePointRows
     poses : Poses
         NaN where unknown.
     limit_mm : float, mm

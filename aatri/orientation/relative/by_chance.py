@@ -24,7 +24,6 @@ def fit_by_chance(rays: RayPairs, start: Int, used: Int, limit: float) -> Bool:
 
     Parameters
     ----------
-    rays : RayPairs
     start : (m + 1,) int
         First point of each pair.
     used : (m,) int

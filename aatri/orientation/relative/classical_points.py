@@ -29,7 +29,6 @@ def classical_points(left_from_right: Float, base: Float, rays: RayPairs) -> Flo
     ----------
     left_from_right : (3, 3) float64
     base : (3,) float64
-    rays : RayPairs
 
     Returns
     -------
@@ -53,7 +52,6 @@ def connection_points(left_from_right: Float, base: Float, rays: RayPairs, heigh
     ----------
     left_from_right : (3, 3) float64
     base : (3,) float64
-    rays : RayPairs
     height : (n,) float64, unit of the base
         Z in the frame of the left image.
 

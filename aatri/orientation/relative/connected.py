@@ -88,7 +88,6 @@ def connected_orientation(
         Those used in Q.
     R, base : (3, 3), (3,) float64
         Start: the dependent orientation.
-    before : Before
     limit : float
         A connection point with a larger test statistic is rejected in P.
 

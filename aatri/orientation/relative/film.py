@@ -26,8 +26,6 @@ def film_in_orientations(
 
     Parameters
     ----------
-    pairs : ImagePairs
-    orientations : RelativeOrientations
     basis : (n, 2, s) float64
         K of every measurement.
     film_covariance : (n_images, s, s) float64

@@ -31,7 +31,6 @@ def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: R
     ----------
     orient : callable
         Orients all pairs.
-    rays : RayPairs
     """
     orientations, scale = orient(rays), 1.0
     for _ in range(ROUNDS):

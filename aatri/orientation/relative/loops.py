@@ -100,7 +100,6 @@ def oriented_from(
         As of `pairs.relative_orientations`.
     starts : sequence of (callable, float)
         How pairs begin, and the share of the points that has to fit for the solution to be a good one.
-    settings : PairSettings
     """
     m, count, fewest = len(start) - 1, np.diff(start), max(settings.min_points, 5)
     reasons = degenerate_pairs(rays, start, fewest)

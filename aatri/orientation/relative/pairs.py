@@ -57,7 +57,6 @@ def relative_orientations(
     snooping_limit : float, optional
         Points whose y-parallax is wrong by more than this many standard deviations are rejected, the worst first;
         default: by the number of points.
-    max_iterations : int
     min_points : int
         Fewer points, or fewer left after snooping, make no model. At least 5.
     reporter : Reporter
@@ -85,7 +84,6 @@ def oriented_by(
 
     Parameters
     ----------
-    pairs : ImagePairs
     orients : (n,) bool
         Points that orient.
     limit : float

@@ -35,7 +35,6 @@ def rotations_by_planes(
         Images of the pairs.
     rays, start
         As of `essential_orientations`.
-    essential : EssentialOrientations
     """
     first = np.concatenate([essential.orientations.left_from_right, essential.orientations.base[:, :, None]], axis=2)
     both = np.stack([first, essential.second], axis=1)

@@ -51,8 +51,6 @@ def form_strips(
 
     Parameters
     ----------
-    models : ModelTable
-    joints : JointTable
     chains : sequence of (models, joints)
         Rows of the models of each strip in order, the right image of one being the left image of the next, and of the
         joints between them. Points rejected at a joint are left out of both its models.

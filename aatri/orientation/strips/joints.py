@@ -107,7 +107,6 @@ def scale_transfers(models: ModelTable, first: Int, second: Int, *, snooping_lim
 
     Parameters
     ----------
-    models : ModelTable
     first, second : (j,) int
         The right image of the first model is the left one of the second.
     snooping_limit : float

@@ -39,7 +39,6 @@ def strips_by_overlap(image: Int, point: Int, xy_mm: Float, n_images: int) -> li
     image, point : (n,) int
     xy_mm : (n, 2) float64, mm
         From the principal point.
-    n_images : int
     """
     pairs, shared = _candidates(image, point, n_images)
     places = _places(image, point, xy_mm, n_images, pairs)

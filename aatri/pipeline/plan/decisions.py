@@ -148,11 +148,8 @@ def decide(
 
     Parameters
     ----------
-    node : StageNode
     digests : mapping
         Stage -> content digest of its result; None where it is still to be made.
-    view : StoreView
-    seed : int
     selection : Selection, optional
     """
     inputs = {port: digests[source] for port, source in node.inputs.items()}

@@ -30,7 +30,6 @@ def key_parts(node: StageNode, inputs: Mapping[str, str | None], files: Mapping[
 
     Parameters
     ----------
-    node : StageNode
     inputs : mapping
         Content digest of the artifact at each port; None where it is not known yet.
     files : mapping
@@ -68,8 +67,6 @@ def file_digests(option: str, path: Path, of_one: Callable[[Path], str]) -> dict
 
     Parameters
     ----------
-    option : str
-    path : Path
     of_one : callable
         Digest of the content of one file.
     """

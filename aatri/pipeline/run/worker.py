@@ -45,7 +45,6 @@ def perform(
 
     Parameters
     ----------
-    task : Task
     tell : callable
         Takes the events of the stage.
     memory : dict, optional

@@ -91,7 +91,6 @@ def judge(
 
     Parameters
     ----------
-    spec : Spec
     records : iterable of mapping
         Of the stages that are up to date.
     stages : collection of str, optional

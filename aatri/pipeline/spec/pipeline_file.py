@@ -93,7 +93,6 @@ def load_spec(path: Path, into: Path | None = None) -> Spec:
 
     Parameters
     ----------
-    path : Path
     into : Path, optional
         Folder of the results instead of `run:`.
 

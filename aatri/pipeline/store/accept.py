@@ -35,8 +35,6 @@ def accept(run: Path, stage: str, old: Mapping[str, Any] | None, new: Mapping[st
 
     Parameters
     ----------
-    run : Path
-    stage : str
     old : mapping or None
         Record of the result that is to serve.
     new : mapping

@@ -44,7 +44,6 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
 
     Parameters
     ----------
-    run : Path
     keep : int
         So many of the latest results of each stage stay, beside those referred to.
     older_days : float, optional

@@ -23,7 +23,6 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
 
     Parameters
     ----------
-    block : Block
     solution : Solution or None
         The best there is.
     """

@@ -95,7 +95,6 @@ def image_vectors(camera: str, xy_mm: Float, residual_mm: Float) -> Picture | No
 
     Parameters
     ----------
-    camera : str
     xy_mm : (n, 2) float64, mm
         Photo coordinates.
     residual_mm : (n, 2) float64, mm

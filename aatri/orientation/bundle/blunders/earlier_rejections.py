@@ -33,7 +33,6 @@ def with_datum_again(block: BundleInput, adjust: Callable[[BundleInput], T]) -> 
 
     Parameters
     ----------
-    block : BundleInput
     adjust : callable
         BundleInput -> the block adjusted.
 

@@ -43,7 +43,6 @@ def renumbered_rays(
 
     Parameters
     ----------
-    result : BundleResult
     rays : ImagePointRows, optional
         The image points.
     rejected : tuple of (n,) bool

@@ -61,9 +61,7 @@ def robust(
 
     Parameters
     ----------
-    block : BundleInput
     adjust : callable
-    options : SearchOptions
     least_squares : BundleResult or None
         The adjustment by least squares with its covariances, for the redundancy numbers that Li's function asks for;
         without it they count as 1.

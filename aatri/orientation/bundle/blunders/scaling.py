@@ -71,7 +71,6 @@ class Classes:
 
         Parameters
         ----------
-        result : BundleResult
         least_squares : BundleResult, optional
             The adjustment whose covariances are known, where `result` has none.
         """

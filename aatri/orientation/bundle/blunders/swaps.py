@@ -43,7 +43,6 @@ def swaps(result: BundleResult, rays: ImagePointRows | None, rejected: tuple[Boo
 
     Parameters
     ----------
-    result : BundleResult
     rays : ImagePointRows, optional
         The image points.
     rejected : tuple of (n,) bool

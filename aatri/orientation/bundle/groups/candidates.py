@@ -73,8 +73,6 @@ def dispersion_of(gains: Float, degrees: int, variance: float = 1.0) -> float:
     ----------
     gains : (n,) float64
         Of units of the whole block, chosen without regard to their residuals.
-    degrees : int
-    variance : float
     """
     chance = variance * float(chdtri(degrees, 0.5)) if len(gains) >= ENOUGH and degrees > 0 else 0.0
     return max(1.0, float(np.median(gains)) / chance) if chance > 0 else 1.0

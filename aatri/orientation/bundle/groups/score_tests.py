@@ -64,7 +64,6 @@ def significant_groups(
 
     Parameters
     ----------
-    block : BundleInput
     result : BundleResult
         Of least squares.
     candidates_of : callable
