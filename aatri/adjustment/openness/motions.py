@@ -137,8 +137,8 @@ def _vertices_of(problem: IndexedProblem, part: Bool) -> Bool:
 def _common(moves: Float, vectors: Float, going_along: Bool, least: float) -> tuple[Float, Float]:
     """Motions in the span of orthonormal vectors: coefficients in echelon form (m, 7), and the directions they are.
 
-    What goes along with a motion (a boresight, a shift of all positions) need not be moved by it. Of no more unknowns
-    than independent motions there are, every direction would be one: it says nothing.
+    Unknowns that take up a motion without being moved by it (a boresight, a shift of all positions) are not compared.
+    Where no more unknowns move than there are independent motions, any direction is in their span: none is reported.
     """
     none = np.zeros((0, 7)), np.zeros((len(moves), 0))
     size = np.linalg.norm(moves, axis=0)
@@ -221,9 +221,10 @@ def of_motions(
 
 
 def named(row: Float, extent: Float) -> Motion:
-    """A motion: a change of scale, a rotation or both are about a place that stays, whatever shift goes with them.
+    """The name of a motion: its scale and its rotation; its shift only where it has neither.
 
-    `extent` is by how much each generator moves all unknowns together.
+    With a change of scale or a rotation the shift depends on the centre, which is arbitrary. `extent` is by how much
+    each generator moves all unknowns together.
     """
     size = np.abs(row * extent) / np.linalg.norm(row * extent)
     axis = row[1:4] / max(float(np.linalg.norm(row[1:4])), 1e-300)
@@ -238,7 +239,7 @@ def named(row: Float, extent: Float) -> Motion:
 
 
 def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str:
-    """The whole, if all that such a motion can move is open, else the members of the part."""
+    """`WHOLE_BLOCK` if the vectors are open for nearly all that the motion moves, else the names of the part."""
     part = _taking_part(vectors)
     energy = (moves**2).sum(axis=1)
     if energy[part].sum() > WHOLE * energy.sum():

@@ -1,4 +1,4 @@
-"""One line per camera of what its figures say, and figures that no camera and no flight has.
+"""Field of view, scale and ground sampling distance of each camera; values that no camera and no flight has.
 
     field of view    2 atan(d / 2c), d the diagonal of the format
     scale            distance / c, from positions to the control they see, else c |X_i - X_j| / |x_i - x_j| of two

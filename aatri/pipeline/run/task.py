@@ -94,5 +94,5 @@ def failed(error: AatriError) -> TaskOutcome:
 
 
 def _of_tree(error: AatriError) -> str:
-    """The class of the error tree that an error is of: rooms have narrower ones, which need more than words."""
+    """The class of `aatri.errors` that an error belongs to: it can be made again from its texts, its subclasses not."""
     return next(str(of.__name__) for of in type(error).__mro__ if vars(errors).get(of.__name__) is of)

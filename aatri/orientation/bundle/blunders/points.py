@@ -63,9 +63,10 @@ class AtPoints:
     """(n, 3), m, reduced."""
 
     def decided_by_block(self, gain: Float) -> AtPoints:
-        """Decided by the whole block where one record of a point is wrong, and its other unknowns held do not tell.
+        """The same, with ambiguous points decided by an adjustment of the whole block.
 
-        A control point bends the images around it until its rays disagree as much as it does.
+        With all other unknowns held it may be open which record of a point is wrong: wrong control bends the images
+        around it until its rays disagree as much as the control does.
 
         Parameters
         ----------
