@@ -15,59 +15,23 @@ from aatri.arrays import Bool, Float, Int
 
 
 def counts(differences: Float) -> Int:
-    """Number of values in each column.
-
-    Parameters
-    ----------
-    differences : (n, k) float64
-
-    Returns
-    -------
-    (k,) int64
-    """
+    """Number of values in each column, (k,) int64, of (n, k)."""
     return np.asarray(np.isfinite(differences).sum(axis=0))
 
 
 def rmse(differences: Float) -> Float:
-    """Root mean square of each column.
-
-    Parameters
-    ----------
-    differences : (n, k) float64
-
-    Returns
-    -------
-    (k,) float64
-    """
+    """Root mean square of each column, (k,) float64, of (n, k)."""
     return np.sqrt(bias(differences**2))
 
 
 def bias(differences: Float) -> Float:
-    """Mean of each column.
-
-    Parameters
-    ----------
-    differences : (n, k) float64
-
-    Returns
-    -------
-    (k,) float64
-    """
+    """Mean of each column, (k,) float64, of (n, k)."""
     n = counts(differences)
     return np.where(n > 0, np.nansum(differences, axis=0) / np.maximum(n, 1), np.nan)
 
 
 def largest(differences: Float) -> Float:
-    """Largest absolute value of each column.
-
-    Parameters
-    ----------
-    differences : (n, k) float64
-
-    Returns
-    -------
-    (k,) float64
-    """
+    """Largest absolute value of each column, (k,) float64, of (n, k)."""
     size = np.where(np.isfinite(differences), np.abs(differences), -1.0)
     top = size.max(axis=0, initial=-1.0)
     return np.where(top < 0, np.nan, top)

@@ -38,21 +38,24 @@ WEAKEST = 1e-4
 
 @dataclass(frozen=True)
 class ModelsAsBodies:
-    """Oriented models with their rows; `model` are rows in the orientations of Models, of a double model the first.
-
-    `points` are their points, `centres` their perspective centres; `start` are the models, `poses` and `points` of all
-    images and points of the block. `ground` is control, and observed positions. All is reduced to `origin`.
-    """
+    """Oriented models as bodies; coordinates on the ground are reduced to `origin`."""
 
     model: Int
+    """(n,). Rows in the orientations of Models, of a double model the first."""
     names: Text
     points: ModelRows
     centres: ModelRows
+    """Model points, and perspective centres."""
     start: ModelPoses
+    """Of the models."""
     poses: Poses
+    """Of all images of the block."""
     origin: Float
+    """(3,), m."""
     ground: tuple[Observed, ...]
+    """Control and observed positions."""
     latent: bool
+    """Errors that the points of a model have in common are unknowns of it (`latent_errors`)."""
 
     def problem(self, block: Block) -> TiedProblem:
         """Points and perspective centres of the models as observations, with what is observed of the ground."""
