@@ -134,12 +134,8 @@ def check_inputs(nodes: tuple[StageNode, ...], planned: Plan) -> None:
             above = by_name[source]
             if by_name[node.name].selected and not above.selected and above.state is not State.fresh:
                 reasons = "; ".join(str(reason) for reason in above.reasons)
-                errors.append(
-                    ArtifactError(
-                        f"{node.name} needs {source}, which is not selected and not up to date ({reasons})",
-                        remedy=f"aatri run --until {node.name}",
-                    )
-                )
+                errors.append(ArtifactError(f"{node.name} needs {source}, which is not selected and not up to date "
+                                            f"({reasons})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
     raise_all(errors)
 
 
@@ -277,9 +273,8 @@ class _Run:
 
     def _start(self, node: StageNode, decision: Decision, workers: WorkerPool) -> Future[TaskOutcome]:
         self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
-        self.events.add(
-            "stage started", stage=node.name, key=decision.key, reasons=[reason.plain() for reason in decision.reasons]
-        )
+        self.events.add("stage started", stage=node.name, key=decision.key,
+                        reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
         if self.settings.compiled is not None:
             self.settings.compiled(node.code.modules)
         return workers.submit(task_of(self.spec, node, decision, self.records, self.settings.source))
@@ -287,12 +282,8 @@ class _Run:
     def _end(self, node: StageNode, outcome: TaskOutcome) -> None:
         if outcome.record is not None:
             self._settle(node.name, outcome.record)
-            self.events.add(
-                "stage done",
-                stage=node.name,
-                key=outcome.record["key"],
-                content_digest=outcome.record["output"]["content_digest"],
-            )
+            self.events.add("stage done", stage=node.name, key=outcome.record["key"],
+                            content_digest=outcome.record["output"]["content_digest"])  # fmt: skip
             self.listener.finished(outcome.record)
             return
         self.lost.add(node.name)

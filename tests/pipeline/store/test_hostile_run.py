@@ -199,8 +199,9 @@ NOT_JSON = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["run.json", "current/s.json", "running/s.json", "objects", "failed/s/error.json",
-                                  "accepted"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", ["run.json", "current/s.json", "running/s.json", "objects", "failed/s/error.json", "accepted"]
+)
 @pytest.mark.parametrize("what", NOT_JSON)
 def test_json_that_is_no_record_is_mended_by_the_next_run(path: Path, name: str, what: str) -> None:
     _, first = run(path)
