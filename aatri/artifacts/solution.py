@@ -128,9 +128,8 @@ class Residuals(Table):
     row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
     image: Text = column("str", doc="id of the image or strip, empty if none")
     point: Text = column("str", doc="id of the point, empty if none")
-    residual: Float = column(
-        "f8", 3, unit="see unit", doc="residual per coordinate; NaN where there is none", optional=True
-    )
+    residual: Float = column("f8", 3, unit="see unit", doc="residual per coordinate; NaN where there is none",
+                             optional=True)  # fmt: skip
     sigma: Float = column("f8", 3, unit="see unit", doc="a priori standard deviation; 0 exact", optional=True)
     active: Bool = column("bool", doc="False if rejected: then the residual is that of a predicted value")
     unit: Text = column("str", doc="unit of residual and sigma; empty: that of the parameter")
@@ -141,17 +140,15 @@ class Tests(Table):
     """Reliability of the observations, row by row as in residuals."""
 
     redundancy: Float = column("f8", 3, doc="redundancy number; NaN where there is no observation", optional=True)
-    test: Float = column(
-        "f8", 3, doc="standardised residual w, N(0, 1) without gross error; NaN where uncontrolled", optional=True
-    )
+    test: Float = column("f8", 3, doc="standardised residual w, N(0, 1) without gross error; NaN where uncontrolled",
+                         optional=True)  # fmt: skip
     detectable: Float = column("f8", 3, unit="mm (image) or m", doc="gross error found with 80 % at a level of 0.1 %; "
                                "NaN where uncontrolled", optional=True)  # fmt: skip
     external: Float = column(
         "f8", 3, doc="largest effect of it on a function of the unknowns, in sigmas", optional=True
     )
-    point_moved_m: Float = column(
-        "f8", 3, unit="m", doc="how far a detectable error moves its ground point", optional=True
-    )
+    point_moved_m: Float = column("f8", 3, unit="m", doc="how far a detectable error moves its ground point",
+                                  optional=True)  # fmt: skip
     image_moved_m: Float = column(
         "f8", 3, unit="m", doc="the same of the projection centre of its image", optional=True
     )
@@ -299,7 +296,5 @@ def _image_errors(fields: ErrorFields | None) -> dict[str, float]:
         return {}
     length = np.linalg.norm(fields.error_um, axis=1)
     lengths = [length[fields.object == name] for name in np.unique(fields.object)]
-    return {
-        "image_error_rms_um": max(float(np.sqrt((e**2).mean())) for e in lengths),
-        "image_error_max_um": float(length.max()),
-    }
+    return {"image_error_rms_um": max(float(np.sqrt((e**2).mean())) for e in lengths),
+            "image_error_max_um": float(length.max())}  # fmt: skip
