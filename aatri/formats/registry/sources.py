@@ -132,10 +132,10 @@ def _with_companions(
         if len(beside) == 1:
             m, companion = beside[0]
             option = Setting(source.path.name, dict(source.format.beside)[companion.format.name], str(companion.path))
-            whole = replace(source, settings=(*source.settings, option))
+            combined = replace(source, settings=(*source.settings, option))
             reporter.log(f"{companion.path}: {option.key} of {source.path.name}")
             pairs = zip(
-                [*sources[:k], whole, *sources[k + 1 :]], [*parts[:k], _read(whole, reporter)[1], *parts[k + 1 :]]
+                [*sources[:k], combined, *sources[k + 1 :]], [*parts[:k], _read(combined, reporter)[1], *parts[k + 1 :]]
             )
             kept = [pair for n, pair in enumerate(pairs) if n != m]
             return [s for s, _ in kept], [p for _, p in kept]
