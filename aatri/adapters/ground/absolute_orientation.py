@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import OrientedPart, levelled_part, oriented_part, pooled
-from aatri.adapters.ground.control_fit import height_notes
+from aatri.adapters.ground.control_fit import CHECK_DISTANCE, height_notes, stretched
 from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
 from aatri.adapters.strips import oriented_strips as pieces
@@ -103,11 +103,14 @@ def orient_strips(of: StripsOfBlock, joining: Joining, *, max_sigma0: float | No
         return level
     try:
         fitting = oriented.with_notes(fit_notes(of.strips, oriented.parts, max_sigma0))
-    except ConvergenceError:
+    except ConvergenceError as error:
         without = None if max_sigma0 is not None else _without_misfits(of, joining, oriented)
-        if without is None:
+        if without is not None:
+            return without
+        texts = filter(None, (stretched(of.ground.block, part.result) for part in oriented.parts))
+        if (text := next(texts, "")) == "":
             raise
-        return without
+        raise ConvergenceError(f"{error.what}; {text}", where=error.where, remedy=CHECK_DISTANCE) from error
     if oriented.strips < len(of.strips.strips) and (level := _levelled(of, joining)) is not None:
         return level if level.strips > oriented.strips else fitting
     return fitting

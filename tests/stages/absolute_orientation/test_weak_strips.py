@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -101,9 +102,24 @@ def test_a_bent_strip_is_left_out_by_name() -> None:
         similarity(block, strips, points, options=SimilarityOptions(max_sigma0=20.0))
 
 
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_a_principal_distance_that_is_a_tenth_off_is_named_with_the_right_one(factor: float) -> None:
+    """Positions and control lie on two levels, which the models hold apart by the wrong share."""
+    flight = {"strips": 2, "images_per_strip": 4, "cross_strips": 0}
+    block = simulated(5, preset="rc30", flight=flight, ties={"new_points": 80}, known={"full": 6})
+    c_mm = block.cameras.principal_distance_mm
+    block = replace(block, cameras=replace(block.cameras, principal_distance_mm=c_mm * factor))
+    points = affine(block)
+    with pytest.raises(ConvergenceError) as refused:
+        similarity(block, scale_transfer(block, dependent(block, points)), points)
+    named = re.search(r"a principal distance of ([0-9.]+) mm instead of", refused.value.what)
+    assert named is not None
+    assert abs(float(named[1]) / c_mm[0] - 1) < 0.002
+
+
 def test_where_many_strips_do_not_fit_it_is_another_cause() -> None:
     block, points, strips = bent_block([0, 1, 3])
-    with pytest.raises(ConvergenceError, match="strips and control do not fit each other"):
+    with pytest.raises(ConvergenceError, match=r"strips and control do not fit each other(?!.*principal distance)"):
         similarity(block, strips, points)
 
 
