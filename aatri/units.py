@@ -25,6 +25,9 @@ EARTH_RADIUS_M = 6_371_000.0
 LARGEST = 1e100
 """No quantity is as large; squares and products of what is smaller are still numbers."""
 
+SMALLEST = 1e-150
+"""A smaller standard deviation is no quantity: its square would be 0, which stands for exact."""
+
 FOOT_M = 0.3048
 """The international foot."""
 

@@ -1,6 +1,6 @@
 """Change good inputs of a reader at random: it reads them, or says what is wrong, and neither takes long nor much.
 
-    python -m tests.campaigns.fuzz READER|all --count 20000 [--seed S]
+    python -m tests.campaigns.fuzz READER|all|programs --count 20000 [--seed S]
 
 Every input is a good one (`fuzz_seeds`) with up to six changes: bytes flipped, put in, cut out, doubled; words replaced
 by numbers too large, too small, not finite, not ASCII, by quotes, zero bytes, control characters, the words of other
@@ -30,8 +30,11 @@ from pathlib import Path
 
 from aatri.errors import AatriError, Errors
 from tests.campaigns.fuzz_numbers import Numbers
+from tests.campaigns.fuzz_programs import OF_OTHER_PROGRAMS
 from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS, Reader
 
+EVERY = READERS | OF_OTHER_PROGRAMS
+"""All readers by name."""
 MOST_SECONDS, MOST_BYTES = 2.0, 500_000_000
 HANGS_S = 60
 OF_NUMBERS = 0.25
@@ -113,20 +116,21 @@ WORDS = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("reader", choices=[*READERS, "all"])
+    parser.add_argument("reader", choices=[*EVERY, "all", "programs"])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder that keeps the inputs that went wrong")
     given = parser.parse_args()
     wrong = 0
-    for name in READERS if given.reader == "all" else [given.reader]:
+    several = {"all": EVERY, "programs": OF_OTHER_PROGRAMS}
+    for name in several.get(given.reader, [given.reader]):
         wrong += campaign(name, given.count, given.seed, given.keep)
     sys.exit(1 if wrong else 0)
 
 
 def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
     """Try a reader on so many inputs; how many of them went wrong."""
-    reader, counted, begin = READERS[name], Counter[str](), time.monotonic()
+    reader, counted, begin = EVERY[name], Counter[str](), time.monotonic()
     slowest, largest, wrong = 0.0, 0, 0
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=IN_MEMORY) as place, _quiet():
         folder = Path(place) / "input"
@@ -134,7 +138,7 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
         reader.write(folder)
         reader.read(folder)  # a good input is read, and all is imported
         good = {file: (folder / file).read_bytes() for file in reader.files}
-        numbers = Numbers(name, folder, good) if name in OF_BLOCKS else None
+        numbers = Numbers(reader, folder, good) if name in (*OF_BLOCKS, *OF_OTHER_PROGRAMS) else None
         for number in range(count):
             chance = random.Random(f"{name}:{seed}:{number}")
             file = chance.choice(reader.files)

@@ -10,8 +10,10 @@ import pytest
 
 from aatri import strict_yaml
 from aatri.formats.text import number_text
-from tests.campaigns.fuzz_numbers import WRONG, Numbers, meaning
-from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS
+from tests.campaigns.fuzz_numbers import Numbers
+from tests.campaigns.fuzz_programs import OF_OTHER_PROGRAMS
+from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS, Reader
+from tests.campaigns.number_texts import WRONG, meaning
 
 COUNT = 120
 
@@ -42,7 +44,8 @@ COUNT = 120
 )
 def test_the_meaning_of_a_text(text: str, value: float | None) -> None:
     assert meaning(text) == value
-    assert meaning("007", yaml=True) is None
+    assert meaning("007", ".yaml") is None
+    assert [meaning(text, ".json") for text in ("+5", "5.", ".5", "05", "5.0e+2")] == [None, None, None, None, 500.0]
 
 
 def test_what_means_no_number_means_none() -> None:
@@ -50,12 +53,14 @@ def test_what_means_no_number_means_none() -> None:
         assert all(meaning(write(old)) is None for write in WRONG)
 
 
+def numbers_of(reader: Reader, folder: Path) -> Numbers:
+    reader.write(folder)
+    return Numbers(reader, folder, {file: (folder / file).read_bytes() for file in reader.files})
+
+
 @pytest.fixture(params=OF_BLOCKS)
 def numbers(request: pytest.FixtureRequest, tmp_path: Path) -> Numbers:
-    reader = READERS[request.param]
-    reader.write(tmp_path)
-    good = {file: (tmp_path / file).read_bytes() for file in reader.files}
-    return Numbers(request.param, tmp_path, good)
+    return numbers_of(READERS[request.param], tmp_path)
 
 
 def complaints(numbers: Numbers, seed: str = "numbers") -> list[str]:
@@ -67,6 +72,13 @@ def test_the_numbers_of_every_reader_are_taken_rightly_or_refused_with_their_lin
     assert complaints(numbers) == []
     looked_at = list(numbers.cells.values())
     assert sum(cell is not None for cell in looked_at) >= 5
+
+
+@pytest.mark.parametrize("name", OF_OTHER_PROGRAMS)
+def test_numbers_of_other_programs_are_taken_rightly_or_refused_with_their_line(tmp_path: Path, name: str) -> None:
+    numbers = numbers_of(OF_OTHER_PROGRAMS[name], tmp_path)
+    assert complaints(numbers) == []
+    assert any(cell is not None for cell in numbers.cells.values())
 
 
 def test_a_loosened_parser_is_found_out(numbers: Numbers, monkeypatch: pytest.MonkeyPatch) -> None:

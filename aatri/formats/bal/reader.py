@@ -28,6 +28,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
+from aatri.formats.text.text_line import blank_separated
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
 from aatri.ids import clipped
@@ -136,7 +137,7 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
     InputError
         If the file is missing or not of this form.
     """
-    rows = [line.split() for line in read_lines(path, reporter)]
+    rows = [blank_separated(line) for line in read_lines(path, reporter)]
     line = np.repeat(np.arange(1, len(rows) + 1, dtype=np.int32), [len(row) for row in rows])
     words = [word for row in rows for word in row]
     values, bad = numbers_of(words)

@@ -29,9 +29,9 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
-from aatri.formats.text.number_text import number_of
+from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.text.text_line import TextLine, places, word_lines
+from aatri.formats.text.text_line import TextLine, blank_separated, places, word_lines
 from aatri.ids import clipped, shown
 from aatri.progress import SILENT, Reporter
 
@@ -88,6 +88,10 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
     if not rows:
         raise InputError("no image point", where=str(path), remedy="export the image coordinates again")
     more = sum(len(line.words) == 4 for line in rows)
+    if 0 < more < len(rows):
+        odd = next(line for line in rows if len(line.words) == (4 if 2 * more <= len(rows) else 3))
+        what = f"{len(odd.words)} words, and {7 - len(odd.words)} in most lines: a blank within a number?"
+        raise odd.error(what, "give every point the fourth column, or none")
     return BlockParts(
         "bingo",
         [path],
@@ -166,15 +170,15 @@ def _line(text: str, keyword: str, path: Path, number: int) -> TextLine:
     """The name and the numbers of a line."""
     start, end, widths = RULER[keyword]
     name, rest = text[start:end].strip(), text[end:]
-    words = rest.split()
-    if any(not _is_number(word) for word in words):
+    words = blank_separated(rest)
+    if any(not is_number(word) for word in words):
         apart = TOUCHING.findall(rest)
         if "".join(apart) == "".join(words):
             words = apart
         elif len(words) < LEAST[keyword]:
             ends = np.cumsum([0, *widths]).tolist()
             cells = [rest[a:b].strip() for a, b in pairwise(ends)]
-            words = [cell for cell in [*cells, *rest[ends[-1] :].split()] if cell]
+            words = [cell for cell in [*cells, *blank_separated(rest[ends[-1] :])] if cell]
     line = TextLine([name, *words], path, number)
     line.numbers(1)
     if keyword != "COES" and not name:
@@ -182,14 +186,6 @@ def _line(text: str, keyword: str, path: Path, number: int) -> TextLine:
     if len(words) < LEAST[keyword]:
         raise line.error(f"{keyword} {clipped(name)} with {len(words)} numbers", "the line is incomplete")
     return line
-
-
-def _is_number(word: str) -> bool:
-    try:
-        number_of(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _cameras(cameras: dict[str, TextLine], radial: dict[str, TextLine]) -> dict[str, object]:

@@ -20,6 +20,7 @@ from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage,
 from aatri.formats.colmap.stated import compare_count, stated_counts
 from aatri.formats.text.number_text import numbers_of, whole_number_of
 from aatri.formats.text.text_file import read_lines
+from aatri.formats.text.text_line import blank_separated
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import SILENT, Reporter
 
@@ -113,7 +114,7 @@ class _Row:
 
 
 def _rows(path: Path, lines: list[str]) -> list[_Row]:
-    rows = [_Row(text.split(), path, k) for k, text in enumerate(lines, 1)]
+    rows = [_Row(blank_separated(text), path, k) for k, text in enumerate(lines, 1)]
     return [row for row in rows if row.words and not row.words[0].startswith("#")]
 
 
@@ -132,7 +133,7 @@ def _images(path: Path, lines: list[str]) -> list[ColmapImage]:
     images: list[ColmapImage] = []
     head: _Row | None = None
     for k, text in enumerate(lines, 1):
-        row = _Row(text.split(), path, k)
+        row = _Row(blank_separated(text), path, k)
         if row.words and row.words[0].startswith("#"):
             continue
         if head is not None:

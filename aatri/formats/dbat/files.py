@@ -25,7 +25,7 @@ from pathlib import Path, PureWindowsPath
 from aatri.errors import InputError, raise_all
 from aatri.formats.dbat.decimal_commas import decimal_commas
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.text.text_line import TextLine
+from aatri.formats.text.text_line import TextLine, blank_separated
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
@@ -94,7 +94,7 @@ def read_export(path: Path, reporter: Reporter = SILENT) -> Export:
     InputError
         If the file is missing or a line is not of its form.
     """
-    lines = [TextLine(text.split(), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
+    lines = [TextLine(blank_separated(text), path, k) for k, text in enumerate(read_lines(path, reporter), 1)]
     title = " ".join(lines[0].words)
     source = _Lines(lines, 1)
     size = source.next(4, "tolerance, iterations, image width and height").numbers()

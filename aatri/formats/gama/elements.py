@@ -11,6 +11,7 @@ from pathlib import Path
 from aatri.errors import InputError
 from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.text.number_text import rad_from_dms
+from aatri.formats.text.text_line import blank_separated
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.ids import clipped
 from aatri.units import ANGLE_RAD
@@ -187,7 +188,7 @@ class _Reader:
 
     def _default_sigma(self, part: XmlElement, name: str) -> list[float]:
         """The numbers of a standard deviation by type: `a b c` of distances, else `a`."""
-        words = part.get(name, "").split()
+        words = blank_separated(part.get(name, ""))
         if len(words) > (3 if name == "distance-stdev" else 1):
             form = "`a b c`, the last two of distances only"
             raise part.error(f"{name} has {len(words)} numbers", f"write {form}")
@@ -209,7 +210,7 @@ class _Reader:
         if dim != n:
             raise e.error(f"cov-mat of dimension {dim} for {n} observations", "both are to be equal")
         places = [(i, j) for i in range(dim) for j in range(i, min(dim, i + band + 1))]
-        values = [e.parsed(word, "cov-mat") for word in e.text.split()]
+        values = [e.parsed(word, "cov-mat") for word in blank_separated(e.text)]
         if len(values) != len(places):
             raise e.error(f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
         if negative := [value for (i, j), value in zip(places, values) if i == j and value < 0]:

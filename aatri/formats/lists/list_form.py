@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from aatri.errors import InputError
 from aatri.formats.lists.list_columns import ListColumns, columns_of_header
+from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, words_of
 
 NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|\s+(?=[(\[])", re.IGNORECASE)
@@ -67,21 +68,13 @@ def form_of_columns(lines: list[str], columns: ListColumns, path: Path) -> ListF
         if text.lstrip().startswith("#"):
             continue
         if len(row.words) < columns.fewest:
-            if all(at < len(row.words) and _is_number(row, at) for at in numbers[:2]):
+            if all(at < len(row.words) and is_number(row.words[at]) for at in numbers[:2]):
                 raise row.error(f"{len(row.words)} words, for the columns {' '.join(columns.words)}", "mend the row")
             continue
-        if any(_is_number(row, at) for at in numbers if at < len(row.words)):
+        if any(is_number(row.words[at]) for at in numbers if at < len(row.words)):
             return ListForm(columns, separator, k)
     what = f"no row has numbers where the columns {' '.join(columns.words)} have them"
     raise InputError(what, where=f"{path}:1", remedy="say the columns of the list, in their order")
-
-
-def _is_number(row: TextLine, k: int) -> bool:
-    try:
-        row.number(k)
-    except InputError:
-        return False
-    return True
 
 
 def in_stated_units(columns: ListColumns, lines: list[str], path: Path) -> ListColumns:

@@ -25,6 +25,7 @@ from aatri.formats.conventions.poses import rotation_of_carrier
 from aatri.formats.opensfm.ground_control import control_parts
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.frames.conversion import Frame
 from aatri.frames.crs_text import crs_from
@@ -50,6 +51,9 @@ def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter 
         if len(row.words) < 6:
             raise row.error(f"{len(row.words)} words", "write x y z column row image [name]")
         xyz = [*(_number(row, k) for k in range(2)), _number(row, 2, nan=True)]
+        if is_number(row.words[5]):
+            what = f"{row.words[5]!r} stands where the name of an image should: a blank within a number?"
+            raise row.error(what, "write x y z column row image [name]")
         name = row.words[6] if len(row.words) > 6 else ""
         key = name or tuple(xyz)
         if key not in ids:

@@ -24,7 +24,7 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.formats.text.text_file import missing, read_lines
-from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.formats.text.text_line import TextLine, blank_separated, word_lines
 from aatri.ids import clipped, is_valid
 from aatri.progress import SILENT, Reporter
 
@@ -132,7 +132,7 @@ def rows_of_list(path: Path, reporter: Reporter = SILENT) -> list[TextLine]:
 def _decimal_commas(path: Path, rows: list[TextLine]) -> list[str]:
     """For each row the first word `1,2`, where blanks part other words of the row."""
     texts = read_lines(path)
-    words = [texts[row.line - 1].split() for row in rows]
+    words = [blank_separated(texts[row.line - 1]) for row in rows]
     return [next((word for word in of if len(of) > 1 and _TWO.fullmatch(word)), "") for of in words]
 
 

@@ -8,6 +8,7 @@ from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.rows import place, rows_of, twice
 from aatri.frames.checks import out_of_range
+from aatri.units import SMALLEST
 
 IDS = (
     ("cameras", "id", "camera"),
@@ -15,6 +16,7 @@ IDS = (
     ("exterior", "image", "orientation of image"),
     ("ground_points", "point", "ground point"),
 )
+SIGMAS = (("exterior", "sigma_m"), ("ground_points", "sigma_m"), ("image_points", "sigma_px"))
 PLACES = (("exterior", "image", "position_m"), ("ground_points", "point", "xyz_m"))
 
 
@@ -29,6 +31,7 @@ def check_parts(parts: BlockParts) -> None:
     tables: dict[str, Any] = {table: rows_of(parts, table) for table, _, _ in IDS}
     for table, key, what in IDS:
         twice(tables[table], key, what, parts.files)
+    _check_sigmas(parts)
     if parts.frame is None:
         return
     for table, key, column in PLACES:
@@ -40,3 +43,13 @@ def check_parts(parts: BlockParts) -> None:
             x, y = (f"{name} {rows[column][k, parts.frame.axes.index(name)]:g}" for name in ("latitude", "longitude"))
             what = f"{rows[key][k]} lies at {x}, {y}: {parts.frame.crs} counts degrees, up to 90 and 360"
             raise InputError(what, where=place(rows, k, parts.files), remedy="say the `crs` of the coordinates")
+
+
+def _check_sigmas(parts: BlockParts) -> None:
+    for table, column in SIGMAS:
+        columns = getattr(parts, table)
+        sigma = np.asarray(columns.get(column, np.nan), dtype=np.float64)
+        if len(wrong := np.argwhere((sigma > 0) & (sigma < SMALLEST))):
+            value, row = sigma[tuple(wrong[0])], int(wrong[0][0]) if sigma.ndim else 0
+            where = place(rows_of(parts, table), row, parts.files)
+            raise InputError(f"{value:g} is too small for a standard deviation", where=where, remedy="0 is exact")

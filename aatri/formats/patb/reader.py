@@ -21,7 +21,8 @@ from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.text.text_line import TextLine, places
+from aatri.formats.text.text_line import TextLine, blank_separated, places
+from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
 WIDTH = 16
@@ -68,10 +69,13 @@ def read_patb(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SI
 
 def _record(path: Path, line: int, text: str, fields: tuple[int, ...]) -> TextLine:
     """The words of a record; where they touch, its columns."""
-    words = text.split()
+    words = blank_separated(text)
     if len(words) != len(fields):
         words = [text[WIDTH * k : WIDTH * (k + 1)].strip() for k in fields]
-    if not all(words) or text[WIDTH * (fields[-1] + 1) :].strip():
-        what = f"{len(text.split())} words where a record of {len(fields)} should stand"
-        raise InputError(what, where=f"{path}:{line}", remedy="keep to the columns of 16 characters")
-    return TextLine(words, path, line)
+    if not all(words):
+        what = f"{len(blank_separated(text))} words where a record of {len(fields)} should stand"
+    elif beyond := text[WIDTH * (fields[-1] + 1) :].strip():
+        what = f"{clipped(beyond)!r} stands beyond character {WIDTH * (fields[-1] + 1)}, where the record ends"
+    else:
+        return TextLine(words, path, line)
+    raise InputError(what, where=f"{path}:{line}", remedy="keep to the columns of 16 characters")

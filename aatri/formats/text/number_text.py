@@ -39,6 +39,15 @@ def number_of(text: str) -> float:
     return value
 
 
+def is_number(text: str) -> bool:
+    """Whether a text holds a number by the rules above."""
+    try:
+        number_of(text)
+    except ValueError:
+        return False
+    return True
+
+
 def whole_number_of(text: str, largest: int = 2**63 - 1) -> int:
     """The whole number a text holds: digits with a sign, no point and no exponent.
 

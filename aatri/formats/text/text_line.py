@@ -14,7 +14,9 @@ from aatri.formats.text.text_file import read_lines
 from aatri.ids import clipped
 from aatri.progress import SILENT, Reporter
 
-_WORD = re.compile(r'"[^"]*"(?=\s|$)|\S+')
+_BLANKS = r" \t\n\v\f\r"
+_BLANK_FREE = re.compile(f"[^{_BLANKS}]+")
+_WORD = re.compile(rf'"[^"]*"(?=[{_BLANKS}]|$)|[^{_BLANKS}]+')
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,12 @@ class TextLine:
 
 def words_of(text: str) -> list[str]:
     """The words between blanks; a name in double quotes is one word, with its quotes."""
-    return _WORD.findall(text) if '"' in text else text.split()
+    return _WORD.findall(text) if '"' in text else blank_separated(text)
+
+
+def blank_separated(text: str) -> list[str]:
+    """The words between blanks of ASCII: a no-break space or a thin one parts no words, as in `10\u2009000`."""
+    return text.split() if text.isascii() else _BLANK_FREE.findall(text)
 
 
 def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", remark: str = "") -> list[TextLine]:

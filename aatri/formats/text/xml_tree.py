@@ -15,6 +15,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of, whole_number_of
+from aatri.formats.text.text_line import blank_separated
 from aatri.formats.text.xml_text import xml_text
 from aatri.ids import clipped
 
@@ -105,7 +106,7 @@ class XmlElement:
     def numbers(self, count: int, *path: str) -> Float:
         """So many numbers in an element, between blanks."""
         element = self.one(*path) if path else self
-        words = element.text.split()
+        words = blank_separated(element.text)
         if len(words) != count:
             raise element.error(f"{element.tag} has {len(words)} numbers, not {count}", "export it again")
         return np.array([element.parsed(word) for word in words])

@@ -140,6 +140,8 @@ DAMAGE = [
     (read_image_coordinates, IMAGES.replace("1.5 2.25", "nan 2.25"), r":2: 'nan'"),
     (read_image_coordinates, IMAGES.replace("b.jpg", "a.jpg"), r":5: image a.jpg twice, first in line 1"),
     (read_image_coordinates, IMAGES.replace("1.5 2.25", "1.5 2.25 0 M"), r":2: 5 words inside an image"),
+    (read_image_coordinates, IMAGES.replace("1.5 2.25", "1. 5 2.25"), r":2: 4 words, and 3 in most lines: a blank"),
+    (read_image_coordinates, IMAGES.replace("1.5 2.25", "1.\u20095 2.25"), r":2: '1.\S+': not a number"),
     (read_image_coordinates, "  a b c d\n", r":1: 4 words where an image should begin"),
     (read_image_coordinates, "<html>404", r":1: this is a web page"),
     (read_image_coordinates, "", r"the file is empty"),

@@ -160,6 +160,7 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, how: str) ->
         ("PUWG1992\n1 2 3 4 5 a.jpg\n", "'PUWG1992' names no coordinate system"),
         ("EPSG:32617\n1 2 3 4 5\n", ":2: 5 words"),
         ("EPSG:32617\n1 2 3,5 4 5 a.jpg\n", ":2: '3,5': a decimal comma"),
+        ("EPSG:32617\n1 2 3 40 0 500 a.jpg p\n", ":2: '500' stands where the name of an image should"),
         ("EPSG:99999\n1 2 3 4 5 a.jpg\n", "no known coordinate system"),
         ("EPSG:32617\n1 2 3 4 5 a.jpg p\n1 2 4 4 5 b.jpg p\n", ":3: point 'p' has other coordinates"),
     ],

@@ -90,3 +90,9 @@ def test_columns_that_touch_are_told_apart(tmp_path: Path) -> None:
     parts = read_patb(written(tmp_path, text), Reading(), SILENT)
     assert parts.images["id"][0] == "line 7 photo 1"
     assert parts.exterior["position_m"][0].tolist() == pytest.approx(far[0].tolist(), abs=1e-5)
+
+
+def test_what_stands_beyond_the_columns_is_refused(tmp_path: Path) -> None:
+    text = records(*flight()).replace("\n", "01\n", 1)
+    with pytest.raises(AatriError, match=r":1: '01' stands beyond character 80, where the record ends"):
+        read_patb(written(tmp_path, text), Reading(), SILENT)

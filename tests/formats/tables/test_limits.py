@@ -33,6 +33,8 @@ LIMITS: dict[str, tuple[str, str, str, str, str]] = {
     "image sigma": (POINTS, "4,4", "1e-9,4", "4,0", "more than 0"),
     "fiducial sigma": ("fiducials.csv", "4.3,3", "4.3,1e-9", "4.3,0", "more than 0"),
     "ground sigma": (GROUND, "7.378,1,2,3,0.5", "7.378,1,2,0,0.5", "7.378,1,2,-1e-9,0.5", "0 (exact) or more"),
+    "square of a ground sigma": (GROUND, "7.378,1,2,3,0.5", "7.378,1,2,1e-12,", "7.378,1,2,1e-200,", "sZ is 1e-202 m"),
+    "square of a default sigma": (YAML, "[2, 3, 4]", "[2, 3, 1e-12]", "[2, 3, 1e-200]", "sZ is 1e-202 m"),
     "covariance of two coordinates": (GROUND, "1,2,3,0.5", "1,2,3,1.999999", "1,2,3,2.00001", "negative eigenvalue"),
     "position sigma": (EXTERIOR, "385.1,5,5,8", "385.1,5,5,0", "385.1,5,5,-1e-9", "0 (exact) or more"),
     "geodetic sigma": (GEODETIC, "141.42,0.003", "141.42,1e-9", "141.42,0", "more than 0"),

@@ -22,6 +22,12 @@ def written(tmp_path: Path, text: str | bytes) -> Path:
     return path
 
 
+def test_blanks_beyond_ascii_part_no_numbers(tmp_path: Path) -> None:
+    root = read_xml(written(tmp_path, TEXT.replace("1 2 <", "1\u20092 <")), ("root",), "a test file")
+    with pytest.raises(InputError, match=r":4: c has 2 numbers, not 3"):
+        root.numbers(3, "b", "c")
+
+
 def test_elements_by_name_with_their_lines(tmp_path: Path) -> None:
     root = read_xml(written(tmp_path, TEXT), ("root",), "a test file")
     assert root.number("a") == 2.5
