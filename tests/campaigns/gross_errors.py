@@ -16,7 +16,8 @@ Found is what stays out in the last Solution. Left is the share of the image poi
 detectable error (from the redundancy numbers of the block without gross errors) that are used; `rmse` that of points
 of three and more rays in use over that of the same points in the block without, X, Y and Z together; `lost` the share
 of all image points that were right and stay out; `precision` the share of what stays out, of the kind, that was wrong;
-`blamed` the same without what is left out as undecidable: where one of the two rays of a point is wrong both go. rmse
+`blamed` the same without what is left out as undecidable: where one of the two rays of a point is wrong both go;
+`possible` the precision of who leaves out exactly the wrong ones and what no test tells from them (`separable`). rmse
 and precision of a way are those of all seeds together: control that is rightly left out weakens a single block by
 chance. A line ends with what is not as it should be (LIMITS).
 """
@@ -37,6 +38,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.campaigns.separable import inseparable
 from tests.stages.chain import Chain, run_chain, simulated
 
 DELTA0 = 4.13
@@ -169,6 +171,7 @@ def judged(way: str, chain: Chain, spoilt: Spoilt, clean: Chain) -> tuple[dict[s
         "sigma0": solution.sigma0,
         "lost": len(np.setdiff1d(stays_out(solution, "image_point"), wrong)) / len(chain.block.image_points),
         "precision": _share_wrong(out, spoilt),
+        "possible": _possible(chain, spoilt, clean),
         "blamed": _share_wrong(stays_out(solution, spoilt.kind, surely=True), spoilt),
     }
     bad = [name for name, most in LIMITS.items() if figures[name] > most]
@@ -178,6 +181,12 @@ def judged(way: str, chain: Chain, spoilt: Spoilt, clean: Chain) -> tuple[dict[s
 
 def _share_wrong(out: Int, spoilt: Spoilt) -> float:
     return float(np.isin(out, spoilt.rows).mean()) if len(out) else 1.0
+
+
+def _possible(chain: Chain, spoilt: Spoilt, clean: Chain) -> float:
+    if spoilt.kind != "image_point":
+        return 1.0
+    return len(spoilt.rows) / (len(spoilt.rows) + len(inseparable(clean, chain, spoilt.rows)))
 
 
 def stays_out(solution: Solution, kind: str, *, surely: bool = False) -> Int:
@@ -235,7 +244,7 @@ def main() -> None:
     parser.add_argument("--blocks", nargs="+", choices=BLOCKS, default=["film", "uav"])
     chosen = parser.parse_args()
     failed, ratios = 0, defaultdict[tuple[str, str], list[float]](list)
-    precisions, blamed = (defaultdict[tuple[str, str], list[float]](list) for _ in range(2))
+    precisions, blamed, possible = (defaultdict[tuple[str, str], list[float]](list) for _ in range(3))
     for seed in range(chosen.first, chosen.first + chosen.count):
         for kind in chosen.blocks:
             for name, figures, bad in outcomes(seed, chosen.only, kind):
@@ -245,6 +254,7 @@ def main() -> None:
                 ratios[kind, name].append(figures["rmse"])
                 precisions[kind, name].append(figures["precision"])
                 blamed[kind, name].append(figures["blamed"])
+                possible[kind, name].append(figures["possible"])
                 sys.stdout.flush()
                 failed += bool(bad)
     for (kind, name), values in ratios.items():
@@ -254,8 +264,9 @@ def main() -> None:
         bad = [
             text for text, is_bad in ((f"beyond {most}", ratio > most), (f"below {least}", precision < least)) if is_bad
         ]
-        of_blamed = float(np.mean(blamed[kind, name]))
-        sys.stdout.write(f"{kind}, {name}: rmse {ratio:.3f}, precision {precision:.3f}, of blamed {of_blamed:.3f}")
+        text = f"{kind}, {name}: rmse {ratio:.3f}, precision {precision:.3f}"
+        others = (float(np.mean(shares[kind, name])) for shares in (possible, blamed))
+        sys.stdout.write(text + ", possible {:.3f}, of blamed {:.3f}".format(*others))
         sys.stdout.write(f"  NOT GOOD: {', '.join(bad)}\n" if bad else "\n")
         failed += bool(bad)
     sys.exit(1 if failed else 0)

@@ -12,11 +12,13 @@ import pytest
 
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
+from aatri.geometry.collinearity import collinearity
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.campaigns import gross_errors, groups
 from tests.campaigns.kinds import ALL, CASES, TOGETHER, judged, one_block
 from tests.campaigns.pair_of_the_notes import outcome
+from tests.campaigns.separable import explaining
 from tests.stages.geodetic_blocks import made
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,6 +76,17 @@ def test_the_errors_of_the_notes_pair_are_found_and_measured_and_nobody_else_is_
 def test_with_six_control_points_no_ray_is_blamed_for_the_other() -> None:
     _, alarms, _ = outcome(1, control=6)
     assert alarms <= 2
+
+
+def test_an_error_along_the_base_belongs_to_any_ray_of_its_strip_and_one_across_to_one_of_three() -> None:
+    X0 = np.array([[-300.0, 0.0, 1000.0], [0.0, 0.0, 1000.0], [300.0, 0.0, 1000.0]])
+    _, _, by_point = collinearity(X0, np.tile(np.eye(3), (3, 1, 1)), np.full((3, 3), 10.0), np.full(3, 153.0))
+    B, along, across = by_point / 0.005, np.zeros((3, 2)), np.zeros((3, 2))
+    along[1, 0] = across[1, 1] = 50.0
+    assert explaining(B, along).tolist() == [0, 1, 2]
+    assert explaining(B, across).tolist() == [1]
+    assert explaining(B[:2], across[:2]).tolist() == [0, 1]
+    assert explaining(B[:2], along[:2]).tolist() == []  # it moves the point, and no ray disagrees
 
 
 @pytest.mark.slow
