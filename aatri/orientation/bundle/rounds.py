@@ -151,7 +151,8 @@ def without_idle_parameters(before: AdjustedBlock, adjust: Adjust, rebuilt: Rebu
     idle = idle_parameters(before.inputs, before.result)
     if not idle.notes:
         return before
-    reduced = rebuilt(before.inputs, with_free(before.inputs.parameters, idle.kept))
+    start = from_result(before.inputs, before.result)
+    reduced = rebuilt(start, with_free(start.parameters, idle.kept))
     notes = (*before.notes, *idle.notes)
     return replace(before, inputs=reduced, result=adjust(reduced), notes=notes, considered=idle.considered)
 
@@ -178,7 +179,8 @@ def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> Ad
     if not done.considered:
         return done
     reduced = done.result
-    complete = adjust(rebuilt(done.inputs, with_free(done.inputs.parameters, done.considered)))
+    start = from_result(done.inputs, reduced)
+    complete = adjust(rebuilt(start, with_free(start.parameters, done.considered)))
     turned = log_rotation(complete.poses.ground_from_image @ reduced.poses.ground_from_image.swapaxes(1, 2))
     moved = {
         POINT: complete.xyz_m - reduced.xyz_m,

@@ -150,6 +150,16 @@ def test_what_is_left_out_by_a_test_counts_by_its_size_and_its_standard_deviatio
     assert share**2 < square < share
 
 
+def test_adjustments_with_fewer_parameters_and_with_all_begin_where_the_search_has_ended(error_free: Chain) -> None:
+    """From the start values of the strips, an affine film and all, a weak block might not come here again."""
+    told = Told()
+    _with(error_free, told, set="ebner12", remove=True)
+    costs = [(line, float(line.split("cost ")[1])) for line in told.lines if line.startswith("iteration ")]
+    begun = [cost for line, cost in costs if line.startswith("iteration 1:")]
+    assert begun[0] > 1.3 * costs[-1][1]
+    assert max(begun[-2:]) < 1.05 * costs[-1][1]
+
+
 def test_c_and_z0_of_vertical_images_are_named_with_advice(error_free: Chain) -> None:
     """Without observed positions, over nearly flat ground: a21 and Z0 cannot be told apart."""
     told = Told()

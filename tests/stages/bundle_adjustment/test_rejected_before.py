@@ -190,6 +190,23 @@ def test_two_of_an_image_that_an_earlier_stage_rejected_have_exchanged_numbers(t
     assert found.suspects.verdict.tolist() == ["swapped", "swapped"]
 
 
+def test_a_gross_error_rejected_before_does_not_come_back_where_standard_deviations_are_too_small(
+    tmp_path: Path,
+) -> None:
+    """Good ones do that an earlier stage rejected by them; what is wrong by any of them would bend the block."""
+    measured = OF.xy_mm + np.random.default_rng(1).normal(0, 0.0125, OF.xy_mm.shape)  # stated: 0.005 mm
+    wrong, good = 7, 40
+    measured[wrong] += [5.0, -20.0]
+    measured[good] = OF.xy_mm[good] + [0.03, -0.02]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    heard = Heard()
+    found = bundle(block, points, start(OF, block, suspected("image_point", [wrong, good])), context=heard)
+    verdict = dict(zip(found.suspects.row.tolist(), found.suspects.verdict.tolist()))
+    assert verdict == {wrong: "rejected", good: "readmitted"}
+    sigma0 = [float(line.split("sigma0 ")[1].split(",")[0]) for line in heard.logged if line.startswith("iteration ")]
+    assert max(sigma0) < 5.0
+
+
 def test_gross_errors_that_come_back_do_not_bring_the_others_back() -> None:
     """Of a small block the tail of good errors is badly known, and longer with each gross error that is in use."""
     flight = {"strips": 3, "images_per_strip": 5, "forward_overlap": 60.0, "side_overlap": 35.0, "scale_number": 5000.0}

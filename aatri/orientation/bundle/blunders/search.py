@@ -93,7 +93,7 @@ class _Search(ExactCoordinates):
         redundancy, count = self.all.redundancy(None if initial is None else initial.result)
         self.pool = replace(self.pool, room=room_of(redundancy, count, self.options.max_share))
         start = None if initial is None else self._with_fitting_sigmas(initial)
-        if (readmitted := self._readmitted_by_smaller_sigmas(active)).any():
+        if (readmitted := self._readmitted_by_larger_sigmas(active, start)).any():
             active = self.initially_active = active | readmitted
             self.block = replace(self.block, observed=self.all.without(self.block.observed, active))
             start, failure = self._initial_least_squares(active)
@@ -169,9 +169,15 @@ class _Search(ExactCoordinates):
         use = np.where(self.at_points_of(points), self.all.native & ~wrong, active)
         return (start, active) if (use == active).all() else (self.solve(None, use), use)
 
-    def _readmitted_by_smaller_sigmas(self, active: Bool) -> Bool:
-        """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,)."""
-        return self.all.native & ~active & (self._smallest_factors(self.scaling.factor) > 1.0)
+    def _readmitted_by_larger_sigmas(self, active: Bool, start: TestedBlock | None) -> Bool:
+        """What an earlier stage has rejected of classes whose standard deviations turned out too small, (n,).
+
+        It had rejected the larger errors, so that the new standard deviations are still too small, by less than what
+        they grew by. What is farther off is wrong by any of them, and would bend the block.
+        """
+        factor = self._smallest_factors(self.scaling.factor)
+        readmitted = self.all.native & ~active & (factor > 1.0)
+        return readmitted if start is None else readmitted & ~(start.test > self.options.limit * factor)
 
     def data_snooping(self, start: TestedBlock, active: Bool) -> SearchEnd:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
