@@ -48,6 +48,9 @@ from aatri.ids import shown
 from aatri.observations.control import control_of
 from aatri.units import length
 
+EXCHANGED = 2
+"""Control points that one exchange of coordinates makes wrong."""
+
 PLAIN_LENSES = ("none", "brown", "table")
 """Distortions so small that angles between rays may be taken without them."""
 
@@ -117,6 +120,9 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
             certain = left < CERTAINLY_EXPLAINED * as_given and surely
             text = f"{text}; {cause.text}, by {_percent(left)}"
             return Contradiction(text, cause.remedy, cause.of, certain, images)
+        if as_given > NOTHING_FITS and rays.observed and _is_of_one_or_two(rays, pairs, limit):
+            text += ": one control point may be wrong, or two have each other's coordinates"
+            return Contradiction(text, "the adjustment tells which, if it can", "control", False, images)
         if as_given > NOTHING_FITS:
             text += ": positions, control and image points do not belong together"
             remedy = "check that the tables are of one project, ids of images and points, frames and units"
@@ -136,6 +142,13 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
     if 0 < len(points) < len(single):
         return Contradiction(f"{text}, at single points", "check coordinates and ids", "", False, single, points)
     return Contradiction(f"{text}, in single images", "check their positions and cameras", "", False, single)
+
+
+def _is_of_one_or_two(rays: ControlRays, pairs: Pairs, limit: float) -> bool:
+    """Whether the angles agree without one control point, or two with each other's coordinates."""
+    points = points_off(rays, pairs, limit)
+    rest = ~(np.isin(rays.point[pairs.first], points) | np.isin(rays.point[pairs.second], points))
+    return 0 < len(points) <= EXCHANGED and np.count_nonzero(rest) >= FEWEST_ANGLES
 
 
 def points_off(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:

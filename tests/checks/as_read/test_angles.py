@@ -205,3 +205,14 @@ def test_one_wrong_point_or_two_exchanged_ones_leave_the_decision_to_the_adjustm
     assert not found.certain
     alone = contradiction(replace(rays, control_m=moved))
     assert alone is None or (alone.points, alone.certain) == ((4,), False)
+
+
+def test_of_few_control_points_two_exchanged_ones_end_no_run() -> None:
+    """Most angles are wrong by more than half, and those of the other points are right."""
+    rays, exchanged = _rays(), _rays().control_m
+    few = np.isin(rays.point, (0, 1, 3, 8))
+    exchanged[[0, 8]] = exchanged[[8, 0]]
+    columns = {name: getattr(rays, name)[few] for name in ("image", "point", "xy_mm", "principal_point_mm", "c_mm")}
+    found = _found(replace(rays, control_m=exchanged, **columns))
+    assert not found.certain
+    assert "two have each other's coordinates" in found.text
