@@ -148,7 +148,7 @@ def _is_of_one_or_two(rays: ControlRays, pairs: Pairs, limit: float) -> bool:
     """Whether the angles agree without one control point, or two with each other's coordinates."""
     points = points_off(rays, pairs, limit)
     rest = ~(np.isin(rays.point[pairs.first], points) | np.isin(rays.point[pairs.second], points))
-    return 0 < len(points) <= EXCHANGED and np.count_nonzero(rest) >= FEWEST_ANGLES
+    return 0 < len(points) <= EXCHANGED and int(np.count_nonzero(rest)) >= FEWEST_ANGLES
 
 
 def points_off(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:
