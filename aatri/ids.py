@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
@@ -82,6 +82,13 @@ def shown(texts: Iterable[str], most: int = 20) -> str:
     listed = [printable(text) for text in texts]
     more = f" and {len(listed) - most} more" if len(listed) > most else ""
     return ", ".join(listed[:most]) + more
+
+
+def amounts(counts: Mapping[str, Any]) -> str:
+    """Counts by plural names, without those that are 0: `15 images, 1 check point`."""
+    return ", ".join(
+        f"{n} {name.replace('_', ' ').removesuffix('s' if n == 1 else '')}" for name, n in counts.items() if n
+    )
 
 
 def printable(text: str) -> str:

@@ -38,9 +38,9 @@ def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
 
 def say_parameters(stage: str, solution: Solution) -> None:
     """The table of parameters that were estimated, and pairs that the data hardly separate."""
-    from aatri.cli.terminal.figures import number
     from aatri.formats.results.parameter_units import parameter_units
     from aatri.formats.results.solution_tables import removed_parameters
+    from aatri.report.view.numbers import estimate
 
     p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
     rows = [k for k in range(len(p)) if p.group[k] != "film" and (removed[k] or p.sigma[k] != 0)]
@@ -49,8 +49,7 @@ def say_parameters(stage: str, solution: Solution) -> None:
     cells = [
         [
             f"{p.object[k]} {p.name[k]}",
-            *(("removed", "") if removed[k] else (f"{p.value[k]:.6g}", number(float(p.sigma[k])))),
-            units[k],
+            *(("removed", "", units[k]) if removed[k] else estimate(float(p.value[k]), float(p.sigma[k]), units[k])),
         ]
         for k in rows[:MOST_ROWS]
     ]

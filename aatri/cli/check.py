@@ -17,6 +17,7 @@ from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.options import AsJson, Into, LocalPlugins, Methods, Settings, Variant
 from aatri.cli.terminal.console import report_error, reports_errors, say, say_json, say_table
 from aatri.errors import AatriError, Errors, ResourceError
+from aatri.ids import amounts
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Request
@@ -95,7 +96,7 @@ def _checks(request: Request) -> Iterator[_Check]:
     spec, local = read_request(request)
     wired, pipeline = _tried("pipeline", lambda: without_compiler(_wired, spec, request, local))
     if wired is not None:
-        pipeline.detail = f"{len(wired[1])} stages"
+        pipeline.detail = amounts({"stages": len(wired[1])})
     yield pipeline
     if spec.variants and not request.variant:
         yield without_compiler(_variants, spec, request, local)
@@ -172,7 +173,7 @@ def _read(
     block.warnings = listener.warnings
     figures = [listener.records[name]["metrics"] for name in sorted(sources) if name in listener.records]
     names = ("images", "points", "image_points", "control_points", "check_points")
-    block.detail = "; ".join(", ".join(f"{m[n]} {n.replace('_', ' ')}" for n in names if m.get(n)) for m in figures)
+    block.detail = "; ".join(amounts({name: of_block.get(name) for name in names}) for of_block in figures)
     return block, list(listener.records.values())
 
 

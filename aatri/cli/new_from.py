@@ -17,7 +17,7 @@ from aatri.cli.new_from_text import pipeline_text
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
-from aatri.ids import did_you_mean
+from aatri.ids import amounts, did_you_mean
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -112,7 +112,7 @@ def pipeline_from(
     not_stated = _not_stated({} if single_stage else stated)
     block = assembled([replace(of_source, notes=[]) for of_source in parts], not_stated, reporter=NARRATED)
     lacking = _lacking(block)
-    narrate(f"block {block.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in block.metrics().items() if v))
+    narrate(f"block {block.name}: " + amounts(block.metrics()))
     if lacking:
         narrate(f"missing: {', '.join(lacking)}")
     _check_enough(block, str(paths[0]))

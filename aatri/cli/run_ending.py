@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.cli.terminal.console import say
+from aatri.notes import CONTRADICTION
 
 MOST_WARNINGS = 10
 """So many are shown at the end; the report has all."""
@@ -29,31 +30,45 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
     say_result(records)
     say_calibration(folder, records)
     say()
-    _say_warnings(records)
+    page = _first_page(report.with_suffix(".json")) if report is not None else {}
+    text = page.get("judgement", "")
+    _say_problems(page.get("problems", ()), text, refused=not all(gate.passed for gate in gates))
     if gates:
         say(f"gates   {sum(gate.passed for gate in gates)} of {len(gates)} passed")
     say(f"run     {folder}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
-    text = judgement(report.with_suffix(".json")) if report is not None else ""
     if text:
         say(f"\n{text}")
 
 
 def judgement(report: Path) -> str:
-    """What the report says first; empty where a report.json is of an older version, or there is none."""
+    """What the report says first."""
+    return str(_first_page(report).get("judgement", ""))
+
+
+def _first_page(report: Path) -> dict[str, Any]:
+    """What report.json says; empty where it is of an older version, or there is none."""
     try:
-        text = str(json.loads(report.read_text(encoding="utf-8"))["judgement"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""
-    return text.replace("\u202f", " ")  # a terminal shows thin blanks as their codes
+        text = report.read_text(encoding="utf-8").replace("\\u202f", " ")  # a terminal shows thin blanks as their codes
+        page = json.loads(text)
+    except (OSError, ValueError):
+        return {}
+    return page if isinstance(page, dict) and "judgement" in page else {}
 
 
-def _say_warnings(records: Sequence[Mapping[str, Any]]) -> None:
-    """Those told on the way have gone by, and of results that were there already nothing was told."""
-    warnings = [f"warning: {record['stage']}: {text}" for record in records for text in record["warnings"]]
-    for text in warnings[:MOST_WARNINGS]:
+def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused: bool) -> None:
+    """Warnings that bear on the result, as the first page has them.
+
+    They went by with their stages, or were there already; what the judgement or the error of a gate says is left to it.
+    """
+    texts = [
+        f"warning: {problem['stage']}: {problem['text']}"
+        for problem in problems
+        if problem["stage"] and problem["text"] not in judged and not (refused and CONTRADICTION in problem["text"])
+    ]
+    for text in texts[:MOST_WARNINGS]:
         say(text)
-    if len(warnings) > MOST_WARNINGS:
-        say(f"{len(warnings) - MOST_WARNINGS} more warnings, in the report")
-    if warnings:
+    if len(texts) > MOST_WARNINGS:
+        say(f"{len(texts) - MOST_WARNINGS} more warnings, in the report")
+    if texts:
         say()

@@ -39,6 +39,7 @@ from aatri.evaluation.leave_one_out import leave_one_out, left_out_figures
 from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
 from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, verdict
+from aatri.units import together
 
 
 def evaluate(
@@ -101,7 +102,7 @@ def beyond_every_bound(block: Block, check: PointDifferences, sigma0: float) -> 
     worst = ratio.argmax(axis=1) if len(ratio) else np.zeros(0, dtype=int)
     rows = np.flatnonzero(ratio.max(axis=1, initial=0.0) > LEAST_LIMIT)
     return tuple(
-        f"{block.points.id[check.point[k]]} ({'XYZ'[worst[k]]} {check.difference_m[k, worst[k]]:.3f} m, "
+        f"{block.points.id[check.point[k]]} ({together([check.difference_m[k, worst[k]]])} in {'XYZ'[worst[k]]}, "
         f"{ratio[k, worst[k]]:.1f} sigma)"
         for k in rows[np.argsort(-ratio.max(axis=1, initial=0.0)[rows], kind="stable")]
     )

@@ -20,6 +20,7 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.ids import rows_of
 from aatri.notes import FAR_OFF, Note
+from aatri.units import about
 
 FEWEST = 6
 NOTHING_M = 1e-6
@@ -48,7 +49,7 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
         notes.append(
             Note(
                 "warning",
-                f"heights bend by {bent[0]:.3f} m (+- {bent[1]:.3f} m) from the middle of control "
+                f"heights bend by {about(bent[0])} (+- {about(bent[1])}) from the middle of control "
                 "and check points to their edge: a distortion not corrected, or little height control "
                 "inside; oblique images, observed positions or control inside hold them",
             )
@@ -95,5 +96,5 @@ def _far(evaluation: Evaluation) -> list[Note]:
     if not len(far):
         return []
     off = np.nan_to_num(np.abs(d.difference_m[rows])).max(axis=1)
-    points = tuple(f"{d.point[rows[k]]} ({off[k]:.3g} m, {size[k]:.3g} sigma)" for k in far.tolist())
+    points = tuple(f"{d.point[rows[k]]} ({about(off[k])}, {size[k]:.3g} sigma)" for k in far.tolist())
     return [Note("warning", f"{len(far)} of {len(rows)} check points {FAR_OFF}", points)]

@@ -26,6 +26,7 @@ from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence
 from aatri.geometry.similarity import closed_form, motions
 from aatri.ids import printable, shown
+from aatri.units import together
 
 DatumMovement = Literal["none", "shift", "rigid", "similarity"]
 
@@ -234,15 +235,11 @@ def _verdict(table: Displacements, result: Congruence, datum: str, length_m: Flo
     if not len(moved):
         return f"none of {len(table)} points has moved ({rest}{laid})"
     first = moved[np.argsort(-table.statistic[moved] / table.limit[moved], kind="stable")][:3]
-    named = ", ".join(f"{printable(str(table.point[k]))} {_size(float(length_m[k]))}" for k in first)
+    named = ", ".join(f"{printable(str(table.point[k]))} by {together([length_m[k]])}" for k in first)
     more = "" if len(moved) <= len(first) else " ..."
     verb = "has" if len(moved) == 1 else "have"
     others = "" if result.stable_degrees == 0 else f"; the others are congruent ({rest}{laid})"
     return f"{len(moved)} of {len(table)} points {verb} moved: {named}{more}{others}"
-
-
-def _size(metres: float) -> str:
-    return f"{1000 * metres:.3g} mm" if metres < 1 else f"{metres:.4g} m"
 
 
 def _warnings(result: Congruence, exact: Text, table: Displacements, datum: str) -> tuple[str, ...]:

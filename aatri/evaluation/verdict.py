@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from aatri.adjustment.statistics.global_test import GlobalTest
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
+from aatri.units import rms_alike
 
 ENOUGH_CHECK_POINTS = 30
 """ASPRS Positional Accuracy Standards, edition 2 (2023), 7.11."""
@@ -46,7 +47,7 @@ def _check(figures: Mapping[str, float], enough: int) -> str:
         return "No independent check: the datum is free, and the check points cannot carry what is open of it."
     if not n:
         return "No independent check: no check point is determined."
-    text = f"Check: {_xyz(figures, 'check_rmse_{}_m')} m RMSE at {_count(n, 'check point')}"
+    text = f"Check: {_rms(figures, 'check_rmse', n)} RMSE at {_count(n, 'check point')}"
     reserves = [*_fitted(figures, "check")]
     if n < enough:
         reserves.append(f"fewer than {enough} (ASPRS edition 2 asks for {ENOUGH_CHECK_POINTS}), see the intervals")
@@ -74,7 +75,7 @@ def _control(figures: Mapping[str, float], exact: bool) -> str:
     if not n:
         return "No control point takes part."
     nature = "given as exact" if exact else "not a measure of accuracy"
-    text = f"Fit to {_count(n, 'control point')} ({nature}): {_xyz(figures, 'control_rmse_{}_m')} m RMS"
+    text = f"Fit to {_count(n, 'control point')} ({nature}): {_rms(figures, 'control_rmse', n)} RMS"
     rejected = int(figures.get("control_rejected_points", 0))
     return text + (f"; {rejected} rejected." if rejected else ".")
 
@@ -85,9 +86,8 @@ def _left_out(figures: Mapping[str, float]) -> str:
         return ""
     uncontrolled = int(figures.get("left_out_uncontrolled_points", 0))
     more = f"; nothing else controls {_count(uncontrolled, 'control point')}" if uncontrolled else ""
-    return (
-        f"Predicted without itself: {_xyz(figures, 'left_out_rmse_{}_m')} m RMSE at {_count(n, 'control point')}{more}."
-    )
+    rms = _rms(figures, "left_out_rmse", n)
+    return f"Predicted without itself: {rms} RMSE at {_count(n, 'control point')}{more}."
 
 
 def _truth(figures: Mapping[str, float]) -> str:
@@ -98,18 +98,15 @@ def _truth(figures: Mapping[str, float]) -> str:
         return ""
     theory = ""
     if "theory_rmse_x_m" in figures:
-        theory = f", {_xyz(figures, 'theory_rmse_{}_m')} m in theory"
+        theory = f", {_rms(figures, 'theory_rmse', n)} in theory"
     fitted = "".join(f" ({text})" for text in _fitted(figures, "truth"))
-    return f"Truth (simulated): {_xyz(figures, 'truth_rmse_{}_m')} m RMSE at {_count(n, 'new point')}{fitted}{theory}."
+    return f"Truth (simulated): {_rms(figures, 'truth_rmse', n)} RMSE at {_count(n, 'new point')}{fitted}{theory}."
 
 
-def _xyz(figures: Mapping[str, float], name: str) -> str:
-    values = ((axis.upper(), figures.get(name.format(axis))) for axis in "xyz")
-    return ", ".join(f"{axis} {_metres(value)}" for axis, value in values if value is not None)
-
-
-def _metres(value: float) -> str:
-    return f"{value:.4f}" if value == 0 or value >= 0.0005 else f"{value:.1e}"
+def _rms(figures: Mapping[str, float], name: str, n: int) -> str:
+    values = {axis.upper(): figures[f"{name}_{axis}_m"] for axis in "xyz" if f"{name}_{axis}_m" in figures}
+    texts, unit = rms_alike(values.values(), n)
+    return f"{', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit}"
 
 
 def _count(n: int, what: str) -> str:

@@ -1,7 +1,6 @@
 """The facts of a project, and its accuracy as a standard states it.
 
-The scale number is that of the median image point: its distance from the projection centre along the camera's axis,
-divided by the principal distance. The pixel on the ground is the pixel size times the scale number.
+The scale number is that of the median image point. The pixel on the ground is the pixel size times the scale number.
 
 Source of the statement: ASPRS Positional Accuracy Standards for Digital Geospatial Data, edition 2 (2023): RMSE_H is
 the root of the sum of the squares in X and Y, RMSE_3D that of all three, and 30 check points are asked for.
@@ -15,8 +14,10 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
-from aatri.report.drawing.plan import footprints, image_rows, principal_distances
-from aatri.report.view.numbers import counted, number, together
+from aatri.report.drawing.plan import footprints, image_rows
+from aatri.report.drawing.rays import principal_distances, ray_scales
+from aatri.report.view.numbers import counted, number
+from aatri.units import listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
 COORDINATES = ("dX", "dY", "dZ")
@@ -59,23 +60,20 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
 
 
 def _flight(block: Block, solution: Solution) -> dict[str, str]:
-    m, images, points = block.image_points, solution.images, solution.points
-    used = np.flatnonzero(m.active & images.oriented[m.image] & np.isfinite(points.xyz_m[m.point]).all(axis=1))
-    if not len(used):
+    rows, depth, scale = ray_scales(block, solution)
+    if not len(rows):
         return {}
-    view = -images.ground_from_image[m.image[used], :, 2]
-    depth = np.einsum("ni,ni->n", view, points.xyz_m[m.point[used]] - images.position_m[m.image[used]])
-    camera = block.images.camera[m.image[used]]
-    scale = depth * 1e3 / principal_distances(block, solution)[camera]
-    rays = points.rays[points.rays > 0]
+    image = block.image_points.image[rows]
+    down = -solution.images.ground_from_image[image, 2, 2]
+    rays = solution.points.rays[solution.points.rays > 0]
     made = {
         "scale number": f"1 : {number(int(float(f'{np.median(scale):.3g}')))}",
-        "flying height" if np.median(view[:, 2]) < DOWNWARDS else "distance to the object": together(
+        "flying height" if np.median(down) < DOWNWARDS else "distance to the object": together(
             [float(np.median(depth))]
         ),
         "rays per point": f"{rays.mean():.1f}" if len(rays) else "",
     }
-    pixel = block.cameras.pixel_size_mm[camera].mean(axis=1)
+    pixel = block.cameras.pixel_size_mm[block.images.camera[image]].mean(axis=1)
     if np.isfinite(pixel).all():
         made["pixel on the ground"] = together([float(np.median(pixel * scale)) * 1e-3])
     return {name: text for name, text in made.items() if text}
@@ -110,16 +108,11 @@ def accuracy_statement(figures: Mapping[str, float]) -> str:
     """What the check points say in the words of the standard; empty without any."""
     n = int(figures.get("check_points", 0))
     x, y, z = (figures.get(f"check_rmse_{axis}_m", np.nan) for axis in "xyz")
-    parts = []
-    if np.isfinite(x) and np.isfinite(y):
-        parts.append(f"RMSE_H = {together([float(np.hypot(x, y))])}")
-    if np.isfinite(z):
-        parts.append(f"RMSE_V = {together([z])}")
-    if np.isfinite([x, y, z]).all():
-        parts.append(f"RMSE_3D = {together([float(np.linalg.norm([x, y, z]))])}")
+    sizes = {"RMSE_H": np.hypot(x, y), "RMSE_V": z, "RMSE_3D": np.linalg.norm([x, y, z])}
+    parts = [f"{name} = {listed(*rms_alike([size], n))}" for name, size in sizes.items() if np.isfinite(size)]
     if not n or not parts:
         return ""
-    text = f"Tested at {number(n)} check points: {', '.join(parts)} (ASPRS edition 2, 2023)."
+    text = f"Tested at {counted(n, 'check')}: {', '.join(parts)} (ASPRS edition 2, 2023)."
     if n < ENOUGH_CHECK_POINTS:
         text += f" The standard asks for at least {ENOUGH_CHECK_POINTS}."
     return text

@@ -15,8 +15,9 @@ from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
 from aatri.report.verdict import far_off, with_check_counts
-from aatri.report.view.numbers import counted, number, small_angle, spoken, together
+from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
+from aatri.units import listed, rms_alike, together
 
 MOST_NAMED = 3
 """Of one kind in a sentence."""
@@ -91,18 +92,19 @@ def _contradiction(solution: Solution) -> str:
 def _accuracy(figures: Mapping[str, float]) -> str:
     """How far off check points are, else control predicted without itself, else the truth of a simulation."""
     for what, count, text in (
-        ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {} points)"),
+        ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {})"),
         (
             "left_out_rmse",
             "left_out_points",
-            "No check point was measured; control predicted without itself agrees to {} in {} (RMSE of {} points)",
+            "No check point was measured; control predicted without itself agrees to {} in {} (RMSE of {})",
         ),
-        ("truth_rmse", "truth_points", "New points of this simulated block are right to {} in {} (RMSE of {} points)"),
+        ("truth_rmse", "truth_points", "New points of this simulated block are right to {} in {} (RMSE of {})"),
     ):
         values = {axis.upper(): figures[f"{what}_{axis}_m"] for axis in "xyz" if f"{what}_{axis}_m" in figures}
         if figures.get(count) and values:
-            lengths, points = together(values.values()), number(int(figures[count]))
-            return f"{text.format(lengths, _and(values), points)}{_theory(figures, what)}."
+            n = int(figures[count])
+            lengths = listed(*rms_alike(values.values(), n))
+            return f"{text.format(lengths, _and(values), counted(n, 'point'))}{_theory(figures, what)}."
     theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
     known = f"; by their standard deviations new points are known to {together(theory)}" if theory else ""
     return f"Nothing independent is known of the accuracy: there is no check point{known}."

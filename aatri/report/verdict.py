@@ -23,8 +23,9 @@ from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
-from aatri.report.view.numbers import alike, counted, number, together
+from aatri.report.view.numbers import counted, number
 from aatri.report.view.run_view import RunView, StageView
+from aatri.units import rms_alike, together
 
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
 CONVERGED = 1e-3
@@ -50,7 +51,7 @@ def internal_lights(run: RunView, solution: Solution | None) -> list[Light]:
 
 def external_lights(run: RunView) -> list[Light]:
     """Check points, their bias and, for a simulated block, truth against theory."""
-    evaluations = run.evaluated()
+    evaluations = [stage for stage in run.evaluated() if "check_points" in stage.metrics]
     if not evaluations:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
@@ -70,7 +71,7 @@ def _chain(run: RunView) -> Light:
         return Light("Chain", BAD, f"{failed[0].name} failed; {len(done)} of {len(run.stages)} stages done")
     if len(done) < len(run.stages):
         return Light("Chain", LOOK, f"not complete: {len(done)} of {len(run.stages)} stages done")
-    return Light("Chain", GOOD, f"complete, {len(done)} stages")
+    return Light("Chain", GOOD, f"complete, {counted(len(done), 'stage')}")
 
 
 def _converged(stage: StageView | None, solution: Solution | None) -> Light:
@@ -135,10 +136,8 @@ def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
     if not n:
         return Light("Independent check", NONE, "no check points")
     values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
-    texts, unit = alike(float(value) for value in values.values() if value is not None)
-    words = (
-        f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {number(n)} check points"
-    )
+    texts, unit = rms_alike([float(value) for value in values.values() if value is not None], n)
+    words = f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {counted(n, 'check')}"
     if n >= ENOUGH_CHECK_POINTS:
         return Light("Independent check", GOOD, words)
     state = GOOD if expected.state == GOOD else LOOK
@@ -181,12 +180,14 @@ def _expected(figures: Mapping[str, float | int | None]) -> Light:
 def _truth(figures: Mapping[str, float | int | None]) -> Light:
     title, numbers = "Truth against theory", numbers_of(figures)
     ratios = {axis: numbers[name] for axis in "xyz" if (name := f"truth_over_theory_{axis}") in numbers}
-    count = f"{number(figures['truth_points'])} new points"
+    count = counted(int(figures["truth_points"] or 0), "new point")
     if not ratios:
         return Light(title, NONE, f"{count}, no theoretical standard deviations")
-    words = f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in ratios.items())} at {count} (simulated)"
-    beyond = outside_expected(numbers, "new")
-    return Light(title, LOOK if beyond else GOOD, " ".join([words, *beyond]))
+    if beyond := outside_expected(numbers, "new"):
+        return Light(title, LOOK, " ".join(beyond))
+    return Light(
+        title, GOOD, f"ratio {', '.join(f'{a.upper()} {r:.2f}' for a, r in ratios.items())} at {count} (simulated)"
+    )
 
 
 def with_check_counts(figures: Mapping[str, float | int | None]) -> dict[str, float]:

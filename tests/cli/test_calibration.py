@@ -15,7 +15,7 @@ from tests.formats.results.test_readable import full_solution
 def test_values_sigmas_and_units_are_printed_and_film_is_not(capsys: pytest.CaptureFixture[str]) -> None:
     say_parameters("bundle", full_solution())
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["cam", "k1", "3e-08", "2e-09", "mm^-2"] in lines
+    assert ["cam", "k1", "3.00e-08", "2.0e-09", "mm^-2"] in lines
     assert ["cam", "k2", "removed", "mm^-4"] in lines
     assert not any("film" in line for line in lines)
 

@@ -31,7 +31,7 @@ def test_a_difference_is_held_against_its_own_uncertainty(capsys, other: float, 
     say_key_figures([_run("one", 0.02, 1.0), _run("two", other, 1.0)])
     lines = [line for line in capsys.readouterr().out.splitlines() if "check points, RMSE X mm" in line]
     assert len(lines) == 1
-    assert lines[0].split("  ")[-1].strip() == (says or f"{1e3 * other:.1f}")
+    assert lines[0].split("  ")[-1].strip() == (says or f"{1e3 * other:.0f}")
 
 
 def test_few_points_tell_little(capsys) -> None:
@@ -64,6 +64,17 @@ def test_a_table_can_be_pasted() -> None:
     lines = pasted(head, rows, "markdown").splitlines()
     assert lines[0] == "| key figures | one | a\\|b | difference |"
     assert lines[1] == "|---|---:|---:|---:|"
-    assert lines[2] == "| accuracy: check points, RMSE X mm | 20.0 | 30.0 | +50.0% |"
-    assert pasted(head, rows, "csv").splitlines()[1] == '"accuracy: check points, RMSE X mm",20.0,30.0,+50.0%'
+    assert lines[2] == "| accuracy: check points, RMSE X mm | 20 | 30 | +50.0% |"
+    assert pasted(head, rows, "csv").splitlines()[1] == '"accuracy: check points, RMSE X mm",20,30,+50.0%'
     assert key_figures([_run(name, 0.02, 1.0) for name in "abc"])[0] == ["key figures", "a", "b", "c"]
+
+
+@pytest.mark.parametrize(("other_m", "says"), [(0.02004, "within chance"), (0.0203, "+1.5%")])
+def test_theory_is_as_uncertain_as_the_sigma0_that_scales_it(other_m: float, says: str) -> None:
+    one, two = _run("one", 0.02, 1.0), _run("two", 0.02, 1.0)
+    for run, theory_m in ((one, 0.02), (two, other_m)):
+        run.records["bundle"]["metrics"]["redundancy"] = 5000  # 1 / sqrt(2 * 5000) is 0.01
+        run.records["accuracy"]["inputs"] = {"solution": {"stage": "bundle"}}
+        run.records["accuracy"]["metrics"]["theory_rmse_z_m"] = theory_m
+    (row,) = [row for row in key_figures([one, two])[1] if "new points, theory" in row[0]]
+    assert row[-1] == says

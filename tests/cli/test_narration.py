@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import subprocess
 import sys
@@ -13,10 +14,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from aatri.cli.run_ending import judgement
+from aatri.cli.run_ending import judgement, say_end
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
+from aatri.notes import CONTRADICTION
 from aatri.progress import SILENT, tell_iteration
 
 
@@ -195,3 +197,20 @@ def test_the_judgement_has_plain_blanks(tmp_path: Path) -> None:
     """A terminal shows thin ones as their codes."""
     (tmp_path / "report.json").write_text('{"judgement": "35 of 14\\u202f267 image points are left out."}')
     assert judgement(tmp_path / "report.json") == "35 of 14 267 image points are left out."
+
+
+def test_the_end_names_once_what_bears_on_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither warnings of stages on the way, nor what the judgement or the error of a gate says."""
+    record = {"stage": "start", "plugin": "x", "seconds": 1.0, "metrics": {}, "inputs": {}, "warnings": ["on the way"]}
+    problems = [
+        {"text": f"{CONTRADICTION}: x", "stage": "bundle"},
+        {"text": "GCP27 is left out.", "stage": "bundle"},
+        {"text": "sigma0: too large", "stage": ""},
+        {"text": "two fit exchanged", "stage": "bundle"},
+    ]
+    page = {"judgement": "Good but one. GCP27 is left out.", "problems": problems}
+    (tmp_path / "report.json").write_text(json.dumps(page))
+    for passed, told in ((True, [f"{CONTRADICTION}: x", "two fit exchanged"]), (False, ["two fit exchanged"])):
+        say_end(tmp_path, [record], tmp_path / "report.html", [SimpleNamespace(passed=passed)])
+        lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
+        assert lines == [f"warning: bundle: {text}" for text in told]

@@ -211,7 +211,7 @@ def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size() -> None:
     shift = np.zeros((20, 3))
     shift[4, 2] = 0.9  # p10, a check point
     result = evaluate(block, made_solution(block, shift_m=shift, sigma_m=0.02))
-    assert "Beyond every bound, to be looked at: p10 (Z 0.900 m" in result.verdict
+    assert "Beyond every bound, to be looked at: p10 (900 mm in Z" in result.verdict
     assert "Beyond" not in evaluate(block, made_solution(block, sigma_m=0.02)).verdict
 
 

@@ -16,7 +16,8 @@ from aatri.notes import REJECTED
 from aatri.report.facts import accuracy_statement
 from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
-from aatri.report.view.numbers import angles_in, small_angle, together
+from aatri.report.view.numbers import angles_in, small_angle
+from aatri.units import together
 from tests.made_solutions import made_block, made_solution
 from tests.report.test_page import made_artifacts, make_run
 
@@ -126,10 +127,11 @@ def test_facts_are_those_of_the_flight(tmp_path: Path) -> None:
 
 def test_the_statement_is_that_of_the_standard() -> None:
     figures = {"check_points": 40, "check_rmse_x_m": 0.03, "check_rmse_y_m": 0.04, "check_rmse_z_m": 0.07}
-    found = "RMSE_H = 50.0 mm, RMSE_V = 70.0 mm, RMSE_3D = 86.0 mm"  # the root of 74 cm^2
+    found = "RMSE_H = 50 mm, RMSE_V = 70 mm, RMSE_3D = 86 mm"  # the root of 74 cm^2; 40 errors leave 11 %
     assert accuracy_statement(figures) == f"Tested at 40 check points: {found} (ASPRS edition 2, 2023)."
     assert "asks for at least 30" in accuracy_statement(figures | {"check_points": 29})
     assert accuracy_statement({"check_points": 0}) == ""
+    assert accuracy_statement(figures | {"check_points": 1}).startswith("Tested at 1 check point: ")
 
 
 def test_a_report_json_of_somebody_else_is_not_overwritten(tmp_path: Path) -> None:

@@ -20,13 +20,12 @@ from aatri.report.drawing.matrices import correlation_pictures
 from aatri.report.drawing.overlays import FEW
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from
-from aatri.report.drawing.scales import Scale, length_text, log_scale, near, plan_of, round_below, thinned
+from aatri.report.drawing.scales import Scale, log_scale, near, plan_of, round_below, thinned
 from aatri.report.drawing.svg import drawn, text
-from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture
+from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures
 from aatri.report.plotting import plotted
 from aatri.report.sections.tables import by_axis, without_axis
 from aatri.report.sections.tie_points import tie_point_pictures
-from aatri.report.view.numbers import metres, number
 from tests.made_solutions import made_block, made_solution
 
 
@@ -92,15 +91,6 @@ def test_every_mark_begins_at_its_place(shape: str) -> None:
     path = next(d for d in re.findall(r'<path d="([^"]*)"[^>]*data-ids', drawing))
     places = np.array([[float(v) for v in pair] for pair in re.findall(r"M(\S+?) (-?[\d.]+)", path)])
     np.testing.assert_allclose(places, plan_of(xy, width=540.0).px(xy), atol=0.06)
-
-
-def test_numbers_are_printed_for_reading() -> None:
-    assert number(None) == number(float("nan")) == metres(float("nan")) == "–"
-    assert number(1234567) == "1\u202f234\u202f567"
-    assert metres(0.0123456) == "0.0123"
-    assert metres(1.2e-7) == "1.2e-07"
-    assert length_text(0.0467061) == "46.7 mm"
-    assert length_text(2000.0) == "2 km"
 
 
 def test_figures_of_the_three_axes_stand_side_by_side() -> None:
@@ -198,6 +188,18 @@ def test_the_overlap_counts_the_images_that_see_a_place() -> None:
     area = sum(int(re.search(r"\d+", tell)[0]) * cell for m in picture.marks for tell in m.tells)
     feet = footprints(block, made_solution(block))
     assert area == pytest.approx(len(feet) * np.ptp(feet[0], axis=0).prod(), rel=0.03)
+
+
+@pytest.mark.parametrize(("sigma_m", "red"), [(0.14, ["p22"]), (0.12, [])])
+def test_only_points_far_beyond_what_an_image_point_measures_are_red(sigma_m: float, red: list[str]) -> None:
+    """5 um at c 150 mm from 388 m are 13 mm on the ground; ten times that is 129 mm."""
+    block = made_block()
+    solution = made_solution(block)
+    covariance = solution.points.covariance_m2.copy()
+    covariance[block.points.id == "p22", 2, 2] = sigma_m**2
+    height = sigma_pictures(block, replace(solution, points=replace(solution.points, covariance_m2=covariance)))[1]
+    assert [name for marks in height.marks for name in marks.ids if marks.colour == "red"] == red
+    assert "measures 12.9 mm on the ground" in height.caption
 
 
 def in_pixels(block: Block, **images) -> Block:

@@ -9,7 +9,8 @@ import pytest
 
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
-from aatri.ids import natural_order
+from aatri.ids import amounts, natural_order
+from aatri.report.drawing.scales import length_text
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
 from aatri.report.sections.reliability import groups, reliability_tables
@@ -18,7 +19,8 @@ from aatri.report.sections.suspects import suspects_tables
 from aatri.report.sections.tables import lengths, observation_classes
 from aatri.report.sections.uncontrolled import uncontrolled_counts
 from aatri.report.verdict import _far_off
-from aatri.report.view.numbers import decimals
+from aatri.report.view.numbers import estimate, number
+from aatri.units import decimals, listed, rms_alike
 from tests.formats.results.test_readable import full_solution
 from tests.made_solutions import made_block, made_solution
 
@@ -26,7 +28,7 @@ from tests.made_solutions import made_block, made_solution
 def test_calibration_comes_with_units_sigmas_and_what_was_removed_and_film_in_figures_only() -> None:
     values, correlations, film = parameter_tables(full_solution())
     assert [row[2] for row in values.rows] == ["k1", "k2", "p1"]
-    assert values.rows[0] == ("additional", "cam", "k1", "mm^-2", "3e-08", "2e-09", "15")
+    assert values.rows[0] == ("additional", "cam", "k1", "mm^-2", "3.00e-08", "2.0e-09", "15.0")
     assert values.rows[1][4:] == ("removed", "–", "–")
     assert correlations.rows == [("cam", "k1", "p1", "-0.500")]
     assert film.rows[0][:4] == ("film correction d0", "um", "1-0", "1")
@@ -153,3 +155,45 @@ def test_without_variance_components_groups_are_kinds_with_their_redundancy() ->
         assert factor == pytest.approx(np.sqrt(((v / s) ** 2).sum() / share.sum()))
         assert low < factor < high
     assert groups(made_solution(made_block())) == []
+
+
+def test_one_of_many_is_told_as_one() -> None:
+    assert amounts({"image_points": 30, "check_points": 1, "strips": 0}) == "30 image points, 1 check point"
+
+
+@pytest.mark.parametrize(
+    ("rms_m", "n", "told"),
+    [
+        ([0.01428, 0.01214, 0.03335], 36, "14, 12 and 33 mm"),  # 33 / sqrt(72) = 4 mm
+        ([0.0078, 0.0080, 0.0166], 3632, "7.8, 8.0 and 16.6 mm"),  # 0.2 mm
+        ([0.02, 0.015, 1.03], 4, "0.02, 0.01 and 1.03 m"),  # the smallest keeps a digit
+        ([1e-9, 0.02, float("nan")], 36, "0, 20 and – mm"),
+        ([0.01234], 0, "12.3 mm"),  # of how many errors is not known
+    ],
+)
+def test_root_mean_squares_are_told_to_their_own_standard_deviation(rms_m: list[float], n: int, told: str) -> None:
+    assert listed(*rms_alike(rms_m, n)) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "unit", "told"),
+    [
+        (0.000219894, 0.0003753, "mm", ("0.22", "0.38", "um")),
+        (2.99599e-05, 3.033e-07, "mm^-2", ("2.996e-05", "3.0e-07", "mm^-2")),
+        (0.00010144, 3.846e-06, "1", ("101.4", "3.8", "ppm")),
+        (0.00174533, 1.456e-05, "rad", ("360.0", "3.0", "″")),  # 0.1 deg
+        (153.84, 0.0, "px", ("153.84", "0", "px")),
+        (0.0, 1e-9, "mm^-2", ("0e+00", "1.0e-09", "mm^-2")),
+    ],
+)
+def test_estimates_are_told_to_their_standard_deviation(
+    value: float, sigma: float, unit: str, told: tuple[str, str, str]
+) -> None:
+    assert estimate(value, sigma, unit) == told
+
+
+def test_numbers_are_printed_for_reading() -> None:
+    assert number(None) == number(float("nan")) == "–"
+    assert number(1234567) == "1\u202f234\u202f567"
+    assert length_text(0.0467061) == "46.7 mm"
+    assert length_text(2000.0) == "2 km"

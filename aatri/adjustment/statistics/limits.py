@@ -37,6 +37,10 @@ SEPARABLE = 10.83
 CLEAR_SIGMAS = 3.0
 """An effect larger than so many of its standard deviations is there: 0.3 % of normal errors are beyond."""
 
+WEAK_DATUM = 10.0
+"""Standard deviations of points over what an image point measures on the ground. Regular blocks with control at their
+edges have 1 to 4, whatever their size (Ackermann 1966; Ebner 1972)."""
+
 OFF_SIGMAS = 5.0
 """Rotations and attitudes so far off contradict the rest: of normal errors of three components one in 65,000."""
 

@@ -19,6 +19,7 @@ from aatri.checks.limits import CONTROL_SHARE
 from aatri.observations.control import control_of
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.result import BundleResult
+from aatri.units import about
 
 PARTS = (("plan", (0, 1)), ("height", (2,)))
 
@@ -39,10 +40,10 @@ def error_budget(block: Block, result: BundleResult) -> list[Finding]:
             continue
         if m_c <= m * CONTROL_SHARE / np.hypot(1.0, CONTROL_SHARE):
             continue
-        text = f"in {part} control has a standard deviation of {m_c:.2g} m, new points {m:.2g} m: "
+        text = f"in {part} control has a standard deviation of {about(m_c)}, new points {about(m)}: "
         if m_c < m:
             without_control = float(np.sqrt(m**2 - m_c**2))
-            text += f"without its errors {without_control:.2g} m, and control is to be better than a third of that"
+            text += f"without its errors {about(without_control)}, and control is to be better than a third of that"
         else:
             text += "they are as good by the mean of many only"
         findings.append(Finding("error_budget", "note", text, "", statistic=m_c / m))

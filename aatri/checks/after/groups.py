@@ -17,6 +17,7 @@ from aatri.checks.finding import Finding
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.units import about
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 
@@ -50,7 +51,7 @@ def _finding(accepted: AcceptedGroup) -> Finding:
     g = accepted.group
     text, remedy = _TEXTS[g.kind, g.cause](g)
     if g.moved:
-        text += f"; it moves {g.moved} by {g.change_m:.2g} m (up to {g.harm:.3g} standard deviations)"
+        text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
     if not accepted.left_out:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"

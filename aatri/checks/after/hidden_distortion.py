@@ -23,6 +23,7 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import FILM, POINT
 from aatri.orientation.bundle.result import BundleResult
+from aatri.units import about
 
 RADIAL = chosen(BROWN_CONRADY, ("k1",))
 
@@ -61,7 +62,7 @@ def hidden_distortion(source: ObservationSource, result: BundleResult, *, tests:
                 text = (
                     f"a radial distortion of {1e3 * size_mm:.2g} um at the corner of the format would go unseen, and "
                 )
-                text += f"bend heights by {bend_m:.2g} m"
+                text += f"bend heights by {about(bend_m)}"
                 where = f"camera {camera}"
                 findings.append(Finding("hidden_distortion", "note", text, "calibrate the lens", where=where))
     return findings

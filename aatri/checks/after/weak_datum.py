@@ -10,12 +10,14 @@ import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.openness.nearly_open import least_certain
+from aatri.adjustment.statistics.limits import WEAK_DATUM
 from aatri.checks.finding import Finding
-from aatri.checks.limits import WEAK_DATUM, WEAK_SHARE
+from aatri.checks.limits import WEAK_SHARE
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.seen_distances import median_distance_m
+from aatri.units import about
 
 REMEDY = "give control spread over the block; join strips by more points; weight parameters that free each other"
 
@@ -36,7 +38,7 @@ def weak_datum(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
     what = least_certain(adjusted.problem, factored, adjusted.state)
     text = (
-        f"hardly determined: {what}; one point in twenty has a standard deviation above {most:.2g} m, "
+        f"hardly determined: {what}; one point in twenty has a standard deviation above {about(most)}, "
         f"{most / on_ground:.0f} times what an image point measures"
     )
     return [Finding("weak_datum", "warning", text, REMEDY, statistic=most / on_ground)]

@@ -35,6 +35,7 @@ from aatri.checks.as_read.unusable_sights import without_unusable_sights
 from aatri.checks.as_read.values import wrong_values
 from aatri.checks.finding import Finding, report
 from aatri.checks.limits import FEWEST_IMAGE_POINTS, FORMAT_MARGIN, MAX_REJECT_SHARE
+from aatri.ids import amounts
 from aatri.progress import SILENT, Reporter
 
 REJECT_SHARE = "largest share of image points outside the format, or impossible positions, to set aside; else an error"
@@ -109,8 +110,7 @@ def screened(
     report(_held_against_control(block, points.active), reporter)
     block = _with_rejects(block, images, points)
     report([*of_copies, *of_ids, *told_rejects(block.rejects)], reporter)
-    counts = ", ".join(f"{value} {name.replace('_', ' ')}" for name, value in block.metrics().items() if value)
-    reporter.log(f"block {block.name}: {counts}")
+    reporter.log(f"block {block.name}: {amounts(block.metrics())}")
     return block
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
-from aatri.report.view.numbers import metres
+from aatri.units import rms_alike
 
 _HIGHLIGHTS = (
     "images",
@@ -65,9 +65,10 @@ def _say_accuracy(record: Mapping[str, Any]) -> None:
     for group, meaning in _ACCURACY.items():
         values = [metrics.get(f"{group}_rmse_{axis}_m") for axis in "xyz"]
         if any(value is not None for value in values):
-            count = metrics.get(f"{group}_points")
-            rows.append([meaning + (f" ({count})" if count else ""), *(metres(value, MISSING) for value in values)])
+            count = int(metrics.get(f"{'truth' if group == 'theory' else group}_points") or 0)
+            texts, unit = rms_alike([float("nan") if value is None else float(value) for value in values], count)
+            rows.append([meaning + (f" ({count})" if count else ""), unit, *texts])
     if rows:
         say()
         solution = record["inputs"].get("solution", {}).get("stage", "")
-        say_table((f"{record['stage']}: of {solution}", "X m", "Y m", "Z m"), rows, ("X m", "Y m", "Z m"))
+        say_table((f"{record['stage']}: of {solution}", "unit", "X", "Y", "Z"), rows, "XYZ")

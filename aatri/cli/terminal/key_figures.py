@@ -16,6 +16,7 @@ from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
 from aatri.pipeline.plan.compare import Compared
+from aatri.units import rms_alike
 
 _OF_EVALUATIONS = (
     ("check points, RMSE", "check", "check_rmse_{}_m"),
@@ -24,7 +25,7 @@ _OF_EVALUATIONS = (
     ("new points, true RMSE", "truth", "truth_rmse_{}_m"),
     ("new points, theory", "", "theory_rmse_{}_m"),
 )
-"""Row, the points that make it uncertain, and its figures."""
+"""Row, the points that make it uncertain, and its figures; theory is as uncertain as sigma0, by which it is scaled."""
 
 ROUNDING = 1e-6
 """Relative: differences below are not shown."""
@@ -64,9 +65,18 @@ def _accuracy(stage: str, runs: Sequence[Compared]) -> list[list[str]]:
             values = [f.get(pattern.format(axis)) for f in figures]
             if None not in values:
                 counts = [f.get(f"{points}_independent_{axis}") or f.get(f"{points}_points") for f in figures]
-                text = f"{stage}: {what} {axis.upper()} mm"
-                rows.append([text, *(f"{1e3 * v:.1f}" for v in values), _difference(values, counts if points else [])])
+                counts = counts if points else [_redundancy(run, stage) for run in runs]
+                texts, unit = rms_alike(values, min((float(n) for n in counts if n), default=0.0))
+                rows.append([f"{stage}: {what} {axis.upper()} {unit}", *texts, _difference(values, counts)])
     return rows
+
+
+def _redundancy(run: Compared, evaluation: str) -> float | None:
+    """Of the adjustment that an evaluation judges."""
+    record = run.records.get(run.records[evaluation].get("inputs", {}).get("solution", {}).get("stage", ""), {})
+    figures = record.get("metrics", {})
+    redundancy = figures.get("sigma0_redundancy") or figures.get("redundancy")
+    return float(redundancy) if redundancy else None
 
 
 def _of_solutions(runs: Sequence[Compared]) -> list[list[str]]:

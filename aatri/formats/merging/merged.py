@@ -22,7 +22,7 @@ from aatri.formats.merging.differing import DifferingRows, excluded, exterior, g
 from aatri.formats.merging.reconciliation import Conflicts, Duplicates, Reconciliation
 from aatri.formats.merging.rows import Joined, appended, joined_by, with_rows
 from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
-from aatri.ids import printable, shown
+from aatri.ids import amounts, printable, shown
 from aatri.progress import Reporter
 from aatri.tables.schema import columns_of, tables_of
 
@@ -285,5 +285,5 @@ def _tell(count: dict[str, tuple[int, int]], rules: Reconciliation, reporter: Re
         reporter.warn(text)
     for kind, averaged in rules.means.items():
         reporter.log(f"{kind}: {len(averaged)} averaged over {rules.first} and {rules.second}: {shown(averaged)}")
-    common = [f"{n[0]} {name.replace('_', ' ')}" for name, n in count.items() if n[0] and name != "rejects"]
-    reporter.log(f"common to {rules.first} and {rules.second}: {', '.join(common) or 'nothing'}")
+    common = amounts({name: n[0] for name, n in count.items() if name != "rejects"})
+    reporter.log(f"common to {rules.first} and {rules.second}: {common or 'nothing'}")

@@ -19,13 +19,14 @@ COLOURS = {
     "green": "#1a7f37",
     "amber": "#9a6700",
     "violet": "#7b3fbf",
-    "step0": "#2b83ba",
-    "step1": "#4a9f99",
-    "step2": "#b8962e",
-    "step3": "#ec7a2f",
-    "step4": "#d7191c",
+    "step0": "#78cbbb",
+    "step1": "#41b0c4",
+    "step2": "#1d83bf",
+    "step3": "#2254a3",
+    "step4": "#0c2070",
 }
-"""Colours by name, on paper; style.css has them for dark screens too. step0 to step4 go from little to much."""
+"""Colours by name, on paper; style.css has them for dark screens too. step0 to step4 go from little to much,
+by their lightness; red is for what is out of order."""
 
 STEPS = [name for name in COLOURS if name.startswith("step")]
 

@@ -6,12 +6,13 @@ Positions are those of the best solution there is, else those given with the blo
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.ids import rows_of, shown
 from aatri.report.drawing.picture import Marks, Picture
+from aatri.report.drawing.rays import principal_distances, seen_from, used_rays
 from aatri.report.drawing.scales import near, thinned
 
 MOST_FOOTPRINTS = 400
@@ -135,15 +136,6 @@ def footprints(block: Block, solution: Solution | None) -> Float:
     return np.asarray(solution.images.position_m[:, None, :2] + factor[..., None] * down[..., :2])
 
 
-def principal_distances(block: Block, solution: Solution | None) -> Float:
-    """Of each camera of the block, (n,), mm: as adjusted, else as given."""
-    c = block.cameras.principal_distance_mm.copy()
-    if solution is not None:
-        row = rows_of(solution.cameras.id, block.cameras.id)
-        c[row[row >= 0]] = solution.cameras.principal_distance_mm[row >= 0]
-    return c
-
-
 def _terrain_height(block: Block, solution: Solution) -> float:
     if np.isfinite(block.terrain_height_m):
         return block.terrain_height_m
@@ -170,41 +162,6 @@ def roles(block: Block) -> Int:
     for of in (CHECK, CONTROL):
         role[block.ground_points.point[(block.ground_points.role == of).any(axis=1)]] = of
     return role
-
-
-def used_rays(block: Block, solution: Solution | None) -> tuple[Int, Int]:
-    """Image and point of every image point in use.
-
-    Returns
-    -------
-    image, point : (n,) int
-    """
-    used = rays_in_use(block, solution)
-    return block.image_points.image[used], block.image_points.point[used]
-
-
-def rays_in_use(block: Block, solution: Solution | None) -> Bool:
-    """Which image points of the block are in use, (n,): active, and not left out by the adjustment."""
-    used: Bool = block.image_points.active.copy()
-    if solution is not None:
-        out = (solution.residuals.kind == "image_point") & ~solution.residuals.active & (solution.residuals.row >= 0)
-        used[solution.residuals.row[out]] = False
-    return used
-
-
-def seen_from(rays: tuple[Int, Int], points: Int, images: Int) -> list[list[int]]:
-    """From which of some images each of some points is seen; `points` and `images` are rows of the block."""
-    if not len(points) or not len(rays[0]):
-        return []
-    number, place = (
-        np.full(1 + max(of.max(initial=-1), at.max()), -1) for of, at in ((images, rays[0]), (points, rays[1]))
-    )
-    number[images], place[points] = np.arange(len(images)), np.arange(len(points))
-    image, point = number[rays[0]], place[rays[1]]
-    shown_rays = np.flatnonzero((image >= 0) & (point >= 0))
-    shown_rays = shown_rays[np.argsort(point[shown_rays], kind="stable")]
-    ends = np.cumsum(np.bincount(point[shown_rays], minlength=len(points)))[:-1]
-    return [part.tolist() for part in np.split(image[shown_rays], ends)]
 
 
 def _points(block: Block, solution: Solution | None, ground: Float, images: Int) -> tuple[list[Marks], list[str]]:

@@ -5,12 +5,14 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
+from aatri.adjustment.statistics.limits import WEAK_DATUM
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing.charts import counts_chart
 from aatri.report.drawing.picture import Marks, Picture, steps_of
-from aatri.report.drawing.plan import footprints, ground_positions, image_positions, used_rays
+from aatri.report.drawing.plan import footprints, ground_positions, image_positions
+from aatri.report.drawing.rays import measured_on_ground_m, used_rays
 from aatri.report.drawing.scales import length_text, near, round_below, thinned
 
 CELLS = 48
@@ -52,10 +54,10 @@ def overlap_picture(block: Block, solution: Solution) -> Picture | None:
     quarter = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     marks = []
     for low_n, high_n, colour, fill in (
-        (1, 1, "red", 0.55),
-        (2, 2, "amber", 0.55),
-        (3, 4, "blue", 0.2),
-        (5, 8, "blue", 0.4),
+        (1, 1, "soft", 0.3),
+        (2, 2, "blue", 0.1),
+        (3, 4, "blue", 0.25),
+        (5, 8, "blue", 0.45),
         (9, 10**9, "blue", 0.65),
     ):
         rows = np.flatnonzero((count >= low_n) & (count <= high_n))
@@ -68,7 +70,7 @@ def overlap_picture(block: Block, solution: Solution) -> Picture | None:
         return None
     caption = (
         f"Number of images that see a place, by their footprints on the mean height: {np.median(covered):.0f} in the "
-        "middle of the block (median). Red is seen once and gives no point, amber twice."
+        "middle of the block (median). Grey is seen once, as rims are, and gives no point."
     )
     return Picture("overlap", "Overlap", caption, marks)
 
@@ -191,8 +193,13 @@ def ties_picture(block: Block, solution: Solution | None, pairs: tuple[Int, Int,
 
 
 def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
-    """Standard deviations of the points over the block, in plan and in height."""
-    ground = ground_positions(block, solution)[:, :2]
+    """Standard deviations of the points over the block, in plan and in height.
+
+    Regular blocks have 1 to 4 times what an image point measures on the ground; red is beyond `WEAK_DATUM` times that,
+    where a check warns of a weak datum.
+    """
+    ground, on_ground_m = ground_positions(block, solution)[:, :2], measured_on_ground_m(block, solution)
+    weak_m = WEAK_DATUM * on_ground_m
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2))
     pictures = []
@@ -224,7 +231,11 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
                 ids=block.points.id[of].tolist(),
                 tells=[length_text(float(v)) for v in values[of]],
             )
-            for of, colour, label in steps_of(values, edges, names, drawn)
+            for of, colour, label in [
+                *steps_of(values, edges, names, drawn[~(values[drawn] > weak_m)]),
+                (drawn[values[drawn] > weak_m], "red", f"beyond {length_text(weak_m)}"),
+            ]
+            if len(of)
         ]
         worst = rows[int(np.argmax(values[rows]))]
         caption = (
@@ -232,5 +243,10 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
             f"the largest {length_text(float(values[worst]))} at {block.points.id[worst]}. Control is worth most "
             "where they are large."
         )
+        if np.isfinite(on_ground_m):
+            caption += (
+                f" An image point measures {length_text(on_ground_m)} on the ground, and regular blocks reach 1 to 4 "
+                f"times that; red would be beyond {WEAK_DATUM:.0f} times."
+            )
         pictures.append(Picture(name, f"Standard deviations {title}", caption, marks))
     return pictures

@@ -27,6 +27,9 @@ COLOURS = {
     "planned": "green",
     "truth": "violet",
 }
+NOUNS = {"position": "images", "truth": "new points"}
+"""What the places of a class are called, where it is not the class and `points`."""
+
 CELLS = 12
 """Cells of the image format along each side."""
 
@@ -111,7 +114,7 @@ def image_vectors(camera: str, xy_mm: Float, residual_mm: Float) -> Picture | No
         for v in (xy_mm, residual_mm)
     )
     caption = (
-        f"Mean image residuals of {camera} in {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell "
+        f"In {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell "
         f"(median); the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um."
     )
     tells = [f"{1e3 * a:.2f}, {1e3 * b:.2f} um from {n} points" for (a, b), n in zip(mean.tolist(), count[filled])]
@@ -145,8 +148,8 @@ def error_field_pictures(fields: ErrorFields) -> list[Picture]:
             length = np.hypot(*error_um.T)
             outline = np.stack([field.xy_mm.min(axis=0), field.xy_mm.max(axis=0)])
             caption = (
-                f"{title}, {name}: {what}. RMS {np.sqrt((length**2).mean()):.2f} um, the largest {length.max():.2f} "
-                f"um{more}."
+                f"{what[0].upper()}{what[1:]}. RMS {np.sqrt((length**2).mean()):.2f} um, the largest "
+                f"{length.max():.2f} um{more}."
             )
             tells = [f"{a:.2f}, {b:.2f} um" for a, b in error_um.tolist()]
             pictures.append(
@@ -208,7 +211,7 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     ):
         rows = np.flatnonzero(inside)[thinned(int(inside.sum()), MOST_VECTORS)]
         colour, out = COLOURS.get(group, "blue"), group == LEFT_OUT
-        noun = "images" if group == "position" else group if out else f"{group} points"
+        noun = NOUNS.get(group, group if out else f"{group} points")
         ends = np.stack([xy[rows], xy[rows] + (exaggeration * shortened[before + rows])[:, None] * v[rows]], axis=1)
         before += len(xy)
         tells = [

@@ -6,7 +6,7 @@ from aatri.artifacts.block import Block
 from aatri.report.sections.frames import frame_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, rejects_table
-from aatri.report.view.numbers import DASH
+from aatri.units import DASH
 
 
 def show(made: PageSection, block: Block, _around: Surroundings) -> None:

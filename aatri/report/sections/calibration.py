@@ -8,7 +8,8 @@ from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
-from aatri.report.view.numbers import decimals, digits, in_trade_unit, number
+from aatri.report.view.numbers import estimate, in_trade_unit, number
+from aatri.units import DASH, decimals, digits
 
 FILM = "film"
 STRONG = 0.5
@@ -21,14 +22,15 @@ def parameter_tables(solution: Solution) -> list[PageTable]:
     removed = removed_parameters(p)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(p.sigma > 0, np.abs(p.value) / p.sigma, np.nan)
+    texts = [estimate(*of) for of in zip(p.value.tolist(), p.sigma.tolist(), parameter_units(solution))]
     columns: Columns = {
         "group": p.group,
         "of": p.object,
         "parameter": p.name,
-        "unit": parameter_units(solution),
-        "value": (np.where(removed, np.nan, p.value), lambda value: "removed" if np.isnan(value) else f"{value:.6g}"),
-        "sigma": np.where(removed, np.nan, p.sigma),
-        "value / sigma": ratio,
+        "unit": [unit for _, _, unit in texts],
+        "value": (np.where(removed, "removed", [value for value, _, _ in texts]), str),
+        "sigma": (np.where(removed, DASH, [sigma for _, sigma, _ in texts]), str),
+        "value / sigma": (ratio, digits(1)),
     }
     estimated = (p.group != FILM) & (removed | (np.nan_to_num(p.sigma, nan=1.0) > 0))
     listed = all_rows("Calibration and other parameters", columns, np.flatnonzero(estimated))
@@ -44,8 +46,9 @@ def _interior(solution: Solution) -> PageTable | None:
     values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
     sigma = np.sqrt(np.einsum("nii->ni", covariance))
     columns: Columns = {"camera": cameras.id}
-    for axis, name in enumerate(("c mm", "x0 mm", "y0 mm")):
-        columns |= {name: (values[:, axis], "{:.5f}".format), f"sigma {name}": sigma[:, axis]}
+    for axis, name in enumerate(("c", "x0", "y0")):
+        form = digits(decimals(float(np.median(sigma[rows, axis]))))
+        columns |= {f"{name} mm": (values[:, axis], form), f"sigma {name} mm": (sigma[:, axis], form)}
     caption = "Interior orientations as adjusted; the principal point from the fiducial or image centre, x right, y up"
     return all_rows(caption, columns, rows)
 

@@ -20,7 +20,8 @@ from aatri.report.drawing.plan import ground_positions, rejected_control
 from aatri.report.drawing.vectors import bars, both
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths
-from aatri.report.view.numbers import angle_units, digits, metres
+from aatri.report.view.numbers import angle_units
+from aatri.units import digits
 
 
 def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:
@@ -76,7 +77,7 @@ def models_table(models: SingleModels | None) -> PageTable | None:
         "over sigma": models.w_rms,
     }
     for name, values in (("adjusted", models.adjusted_rms_m), ("check", models.check_rms_m)):
-        columns |= axes((f"{name} {a} m" for a in "XYZ"), values, metres)
+        columns |= lengths(" ".join(f"{name}_{a}" for a in "XYZ"), values)
     caption = "Single models with the orientations of the block, RMS; minus adjusted and check coordinates"
     return all_rows(caption, columns, order)
 
@@ -125,7 +126,7 @@ def moved_table(points: Displacements | None) -> PageTable | None:
         **lengths("dX dY dZ", points.displacement_m),
         **lengths("sX sY sZ", sigma),
         "test / limit": share,
-        "detectable m": (points.detectable_m, metres),
+        **lengths("detectable", points.detectable_m),
     }
     caption = "Points at both epochs: displacement if the point has moved, beside those that have not; moved ones first"
     return all_rows(caption, columns, np.lexsort((-np.nan_to_num(share), ~points.moved)))

@@ -9,7 +9,7 @@ from aatri.report.sections.observations import of_the_network
 from aatri.report.sections.parts import present
 from aatri.report.sections.shapes import shapes_table
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths
-from aatri.report.view.numbers import decimals, digits
+from aatri.units import decimals, digits
 
 
 def tables(block: Block, solution: Solution) -> list[PageTable]:

@@ -5,7 +5,8 @@ import numpy as np
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Solution
 from aatri.report.sections.tables import Columns, PageTable, all_rows
-from aatri.report.view.numbers import DASH, number
+from aatri.report.view.numbers import number
+from aatri.units import DASH
 
 OF_POINTS = ("image_point", "control")
 """Kinds of observation that are too many, or have tables of their own."""

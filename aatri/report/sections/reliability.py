@@ -10,7 +10,8 @@ from aatri.evaluation.statistics import rmse_interval
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
-from aatri.report.view.numbers import DASH, angle_units, digits, number, spoken
+from aatri.report.view.numbers import angle_units, number, spoken
+from aatri.units import DASH, digits
 
 
 def reliability_tables(solution: Solution) -> list[PageTable]:

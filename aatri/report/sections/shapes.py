@@ -12,8 +12,8 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import shown
-from aatri.report.sections.tables import Columns, PageTable, all_rows
-from aatri.report.view.numbers import DASH, metres
+from aatri.report.sections.tables import Columns, PageTable, all_rows, lengths
+from aatri.units import DASH, together
 
 PLANES = ("plane", "vertical_plane", "horizontal_plane", "equal_height")
 LINES = ("line", "plumb_line", "horizontal_line")
@@ -41,14 +41,14 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
         "held": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
         "used": np.array([len(of_shape) for of_shape in v]),
         "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(conditions, v)]),
-        "RMS residual m": (np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v]), metres),
-        "largest m": (np.array([np.nanmax(np.abs(r)) if r.size else np.nan for r in v]), metres),
+        **lengths("RMS_residual", np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v])),
+        **lengths("largest", np.array([np.nanmax(np.abs(r)) if r.size else np.nan for r in v])),
     }
     return all_rows("Planes, lines and round shapes", columns)
 
 
 def _sigma_text(sigma_m: float) -> str:
-    return "exact" if sigma_m == 0 else f"sigma {metres(sigma_m)}"
+    return "exact" if sigma_m == 0 else f"sigma {together([sigma_m])}"
 
 
 def _points(solution: Solution, rows: Int) -> Float:

@@ -12,7 +12,8 @@ from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.vectors import both, image_vectors, tie_pictures
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths, observation_classes
-from aatri.report.view.numbers import DASH, angle_units, decimals, digits, number, small_angle, together
+from aatri.report.view.numbers import angle_units, number, small_angle
+from aatri.units import DASH, decimals, digits, together
 
 MOST_CAMERAS = 6
 

@@ -8,7 +8,8 @@ from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, errors
-from aatri.report.view.numbers import DASH, number, spoken
+from aatri.report.view.numbers import number, spoken
+from aatri.units import DASH
 
 
 def suspects_tables(suspects: Suspects) -> list[PageTable]:

@@ -12,7 +12,9 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
-from aatri.report.view.numbers import DASH, alike, decimals, digits, in_trade_unit, number, spoken
+from aatri.report.view.numbers import in_trade_unit, number, spoken
+from aatri.report.view.run_view import RESULTS
+from aatri.units import DASH, alike, decimals, digits, rms_alike
 
 MOST_ROWS = 20
 """Rows of what is told by its worst only."""
@@ -108,13 +110,17 @@ def axes(names: Iterable[str], values: Float, form: Callable[[float], str]) -> C
 
 
 def lengths(names: str, values_m: Float) -> Columns:
-    """Lengths in the unit and with the digits that suit their median, a column for each name; (n,) or (n, k), m."""
+    """Lengths in the unit and with the digits that suit their median, a column for each name; (n,) or (n, k), m.
+
+    Names stand between blanks, `_` is a blank within one.
+    """
     values = values_m[:, None] if values_m.ndim == 1 else values_m
     size = np.abs(values[np.isfinite(values) & (values != 0)])
     typical = float(np.median(size)) if size.size else 1.0
     factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if typical * f >= 1.0), (1e6, "um"))
     form = digits(decimals(typical * factor, 3))
-    return {f"{name} {unit}": (values[:, k] * factor, form) for k, name in enumerate(names.split())}
+    heads = (f"{name.replace('_', ' ')} {unit}" for name in names.split())
+    return {head: (values[:, k] * factor, form) for k, head in enumerate(heads)}
 
 
 def errors(units: Sequence[str], sizes: Mapping[str, Float], sigmas: Float) -> Columns:
@@ -217,17 +223,20 @@ def accuracy_table(evaluations: Mapping[str, Mapping[str, Any]]) -> PageTable | 
         ("truth (simulated)", "RMSE", "truth_points", "truth_rmse_{}_m"),
         ("theory", "RMS sigma", "truth_points", "theory_rmse_{}_m"),
     )
-    rows = []
+    rows, rms = [], list[float]()
     for stage, figures in evaluations.items():
         if "free_strips_models" in figures:
             continue  # strips have errors by number of the model, in their section
         for what, statistic, count, name in lines:
             values = [figures.get(name.format(axis)) for axis in "xyz"]
             if any(value is not None for value in values):
-                n = number(figures.get(count)) if figures.get(count) else DASH
-                texts, unit = alike([np.nan if v is None else float(v) for v in values])
-                rows.append((stage, what, statistic, unit, n, *texts))
-            elif what == "independent check" and statistic == "RMSE":
+                n, sizes = int(figures.get(count) or 0), [np.nan if v is None else float(v) for v in values]
+                if statistic == "bias":  # of n errors, known to RMSE / sqrt(n)
+                    texts, unit = alike(sizes, max(rms, default=0.0) / max(n, 1) ** 0.5)
+                else:
+                    (texts, unit), rms = rms_alike(sizes, n), [size for size in sizes if size == size]
+                rows.append((stage, what, statistic, unit, number(n) if n else DASH, *texts))
+            elif what == "independent check" and statistic == "RMSE" and RESULTS & figures.keys():
                 rows.append((stage, what, "no check points", "", DASH, DASH, DASH, DASH))
     heads = ("evaluation", "against", "figure", "unit", "points", "X", "Y", "Z")
     return PageTable("Accuracy", heads, rows, 4) if rows else None

@@ -17,7 +17,7 @@ from aatri.errors import AatriError
 from aatri.pixels.reading import reduced_jpeg
 from aatri.report.drawing.overlays import ImagePair, cells_picture, pair_picture
 from aatri.report.drawing.picture import Picture
-from aatri.report.drawing.plan import rays_in_use
+from aatri.report.drawing.rays import rays_in_use
 
 LONGEST_PX = 900
 """Of a photograph on the page."""

@@ -5,7 +5,8 @@ import numpy as np
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.ids import shown
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
-from aatri.report.view.numbers import digits, number, spoken
+from aatri.report.view.numbers import number, spoken
+from aatri.units import digits
 
 UNCONTROLLED = 0.01
 """A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
@@ -23,7 +24,8 @@ def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:
         **axes("xyz", uncontrolled.direction, digits(2)),
     }
     caption = (
-        f"Uncontrolled, redundancy number below {UNCONTROLLED:g}: a gross error in the direction x, y, z shows nowhere"
+        "Observations that nothing controls in a direction x, y, z: a gross error along it shows nowhere (redundancy "
+        f"number below {UNCONTROLLED:g})"
     )
     return all_rows(caption, columns)
 

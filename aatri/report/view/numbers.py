@@ -1,6 +1,6 @@
 """Numbers as the report prints them. The unit of a metric is the end of its name: `_m`, `_um`, `_rad` ..."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -8,11 +8,18 @@ from datetime import datetime, timedelta
 from math import floor, log10
 from typing import Any
 
-from aatri.units import ANGLE_RAD
+from aatri.units import ANGLE_RAD, DASH, decimals, digits
 
-DASH = "–"
+SMALL = 1e-4
+"""Standard deviations below are written with a power of ten."""
 
-NOUNS = {"control": "control point", "check": "check point", "model_tie": "model point", "zenith": "zenith angle"}
+NOUNS = {
+    "control": "control point",
+    "check": "check point",
+    "model_tie": "model point",
+    "zenith": "zenith angle",
+    "film_prior": "film correction",
+}
 """What one observation of a kind is called, where that is not the name of the kind."""
 
 
@@ -58,6 +65,19 @@ def in_trade_unit(unit: str) -> tuple[float, str]:
     return smaller.get(unit, (1.0, unit))
 
 
+def estimate(value: float, sigma: float, unit: str) -> tuple[str, str, str]:
+    """A value, its standard deviation and their unit of the trade, written to two digits of the standard deviation."""
+    factor, unit = in_trade_unit(unit)
+    value, sigma = factor * value, factor * sigma
+    if not sigma > 0:
+        return f"{value:.6g}", number(sigma), unit
+    if sigma < SMALL:
+        places = max(floor(log10(abs(value))) - floor(log10(sigma)) + 1, 0) if value else 0
+        return f"{value:.{places}e}", f"{sigma:.1e}", unit
+    form = digits(decimals(sigma))
+    return form(value), form(sigma), unit
+
+
 def number(value: Any) -> str:
     """A value for reading: integers with thin separators, floats to four digits, a dash for what is not determined."""
     if value is None or (isinstance(value, float) and value != value):
@@ -90,39 +110,6 @@ def moment(written: str) -> str:
     except ValueError:
         return written
     return f"{time:%Y-%m-%d %H:%M}{' UTC' if time.utcoffset() == timedelta(0) else ''}"
-
-
-def metres(value: float | None, missing: str = DASH) -> str:
-    """A length in metres: to 0.1 mm, and to two digits where that is too coarse."""
-    if value is None or value != value:
-        return missing
-    return f"{value:.4f}" if value == 0 or abs(value) >= 0.0005 else f"{value:.1e}"
-
-
-def together(values_m: Iterable[float]) -> str:
-    """Sizes of lengths in the unit that suits the largest, to three digits of it: `14, 12 and 33 mm`."""
-    texts, unit = alike([abs(value) for value in values_m])
-    return f"{' and '.join([', '.join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)} {unit}"
-
-
-def alike(lengths_m: Iterable[float]) -> tuple[list[str], str]:
-    """Lengths as numbers in the unit that suits the largest, to three digits of it, and that unit."""
-    lengths = list(lengths_m)
-    largest = max((abs(value) for value in lengths if value == value), default=0.0)
-    factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if largest * f >= 1.0), (1e6, "um"))
-    return [digits(decimals(largest * factor, 3) if largest else 0)(value * factor) for value in lengths], unit
-
-
-def digits(count: int) -> Callable[[float], str]:
-    """A function that writes numbers with so many digits after the point."""
-    return lambda value: DASH if value != value else f"{round(value, count) + 0.0:.{count}f}"  # no -0
-
-
-def decimals(size: float, significant: int = 2) -> int:
-    """Digits after the point that show a size with so many significant ones: of a standard deviation, two."""
-    if not size > 0 or size == float("inf"):
-        return 3
-    return min(max(significant - 1 - floor(log10(size)), 0), 9)
 
 
 def seconds(value: float | None) -> str:
