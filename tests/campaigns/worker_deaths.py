@@ -38,23 +38,26 @@ def told() -> Iterator[str]:
     """A line for each death."""
     listening = Listening()
     state, groups = _adjusted(listening)
-    deaths = [*enumerate(listening.kinds), (RESULT, "its result")]
+    for before, kind in [*enumerate(listening.kinds), (RESULT, "its result")]:
+        made, died = _with_a_death(before)
+        equal = all(
+            np.array_equal(made[k][name], values, equal_nan=True)
+            for k, of in enumerate((state, groups))
+            for name, values in of.items()
+        )
+        yield f"before {kind} ({before}): {'same bits' if died and equal else 'WRONG'}"
+
+
+def _with_a_death(before: int) -> tuple[Any, bool]:
+    """Values and covariances from a cluster of its own, and whether a worker has died in it."""
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster) as client,
         tempfile.TemporaryDirectory() as folder,
     ):
-        for before, kind in deaths:
-            client.wait_for_workers(2)
-            first = min(client.scheduler_info(n_workers=-1)["workers"])
-            made = client.submit(_on_cluster, Path(folder), before, workers=[first], pure=False).result(timeout=600)
-            died = (Path(folder) / f"died-{before}").exists()
-            equal = all(
-                np.array_equal(made[k][name], values, equal_nan=True)
-                for k, of in enumerate((state, groups))
-                for name, values in of.items()
-            )
-            yield f"before {kind} ({before}): {'same bits' if died and equal else 'WRONG'}"
+        first = min(client.scheduler_info(n_workers=-1)["workers"])
+        made = client.submit(_on_cluster, Path(folder), before, workers=[first], pure=False).result(timeout=600)
+        return made, (Path(folder) / f"died-{before}").exists()
 
 
 if __name__ == "__main__":
