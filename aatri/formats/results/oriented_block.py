@@ -196,6 +196,9 @@ class OrientedBlock:
         model = str(self.block.cameras.distortion[camera])
         if self.image_points is not None and "distortion" in self.image_points.corrections.name.tolist():
             return "none"
+        freed = self.image_points is not None and self.solution is not None and len(_adjusted_rays(self.solution)) > 0
+        if freed and model not in PARAMETERS:  # by `_take_as_adjusted`
+            return "none"
         if model in ("none", *PARAMETERS):
             return model
         if model in ("brown", "dbat3") and not any(self._parameters(camera, "brown").values()):
@@ -231,10 +234,16 @@ def _corrected_mm(oriented: OrientedBlock, image_points: ImagePoints) -> Float:
     return np.asarray(xy_mm + principal_point[camera])
 
 
+def _adjusted_rays(solution: Solution) -> Int:
+    """Rows of the residuals of image points that were adjusted."""
+    table = solution.residuals
+    return np.asarray(np.flatnonzero((table.kind == "image_point") & table.active & (table.row >= 0)))
+
+
 def _take_as_adjusted(xy_mm: Float, solution: Solution, block: Block, image_points: ImagePoints, of_rays: Bool) -> None:
     """Replace rays that have a residual by the projection of their adjusted point less the residual, in place."""
     table, measured = solution.residuals, image_points.measurements
-    adjusted = np.flatnonzero((table.kind == "image_point") & table.active & (table.row >= 0))
+    adjusted = _adjusted_rays(solution)
     adjusted = adjusted[of_rays[table.row[adjusted]] & finite_rows(table.residual[adjusted, :2])]
     rows = table.row[adjusted]
     image = measured.image[rows]

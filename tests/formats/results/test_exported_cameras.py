@@ -77,7 +77,10 @@ def test_a_distortion_table_is_refused(made: tuple[Block, Solution], tmp_path: P
     assert not (tmp_path / "model").exists()
 
 
-def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(tmp_path: Path) -> None:
+@pytest.mark.parametrize("known", [False, True])
+def test_rays_are_exported_free_of_the_distortion_that_is_known_or_that_self_calibration_found(
+    tmp_path: Path, known: bool
+) -> None:
     """Independent check: pinhole projection of the written model meets its written rays as the noise is, 1 um."""
     camera = {
         "kind": "digital",
@@ -86,7 +89,7 @@ def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(
         "pixel_size_mm": 0.006,
         "distortion": "brown",
         "brown": {"k1": 3e-6, "p1": 2e-6},
-        "distortion_known": False,
+        "distortion_known": known,
     }
     block = simulated(
         camera=camera,
@@ -97,7 +100,8 @@ def test_rays_exported_after_self_calibration_have_what_its_set_found_taken_off(
     )
     points = calibrated(block)
     start = graph(block, points, rng=np.random.default_rng(1))
-    solution = bundle(block, points, start, options=BundleOptions(self_calibration={"set": "brown_conrady"}))
+    options = BundleOptions() if known else BundleOptions(self_calibration={"set": "brown_conrady"})
+    solution = bundle(block, points, start, options=options)
     write_colmap_model(OrientedBlock(block, solution, points), tmp_path / "model")
     cameras, images, xyz = _written(tmp_path / "model")
     misfit_px = []
