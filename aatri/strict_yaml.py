@@ -20,7 +20,7 @@ import yaml
 from aatri.errors import AatriError, ResourceError, SpecError
 from aatri.ids import clipped, did_you_mean
 from aatri.regular_file import is_of_the_machine, leads_nowhere, open_regular
-from aatri.units import LARGEST
+from aatri.units import beyond_range
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -247,10 +247,8 @@ def _scalar(node: _Node, source: _Source) -> Any:
     if len(text) > MAX_DIGITS:
         source.fail(f"a number of {len(text)} digits", node.line, node.column, remedy="put a text in quotes")
     number = int(text) if _INT.fullmatch(text) else float(text)
-    if abs(number) > LARGEST:
-        source.fail(
-            f"{clipped(text)} is too large for a quantity", node.line, node.column, remedy="put a text in quotes"
-        )
+    if beyond := beyond_range(text, number):
+        source.fail(f"{clipped(text)} is {beyond}", node.line, node.column, remedy="put a text in quotes")
     return number
 
 

@@ -29,14 +29,23 @@ EARTH_RADIUS_M = 6_371_000.0
 """Radius of the spherical earth used for the curvature correction."""
 
 
-LARGEST = 1e100
-"""No quantity is as large; squares and products of what is smaller are still numbers."""
+SMALLEST, LARGEST = 1e-100, 1e100
+"""No quantity is larger, or smaller without being 0: squares and products of what lies between are still numbers."""
 
 SMALLEST = 1e-150
 """A smaller standard deviation is no quantity: its square would be 0, which stands for exact."""
 
 FOOT_M = 0.3048
 """The international foot."""
+
+
+def beyond_range(text: str, value: float) -> str:
+    """What keeps the number of a text from being a quantity; empty where nothing does."""
+    if not abs(value) <= LARGEST:
+        return "too large for a quantity"
+    if abs(value) < SMALLEST and any(digit in "123456789" for digit in text.lower().partition("e")[0]):
+        return "too small for a quantity, and not 0"
+    return ""
 
 
 def length(metres: float) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NoReturn, cast
 from aatri.errors import InputError
 from aatri.formats.text.text_file import read_bytes
 from aatri.ids import clipped
-from aatri.units import LARGEST
+from aatri.units import beyond_range
 
 Key = str | int
 
@@ -78,9 +78,9 @@ class JsonText:
 
     def _float(self, text: str) -> float:
         value = float(text)
-        if not abs(value) <= LARGEST:
+        if beyond := beyond_range(text, value):
             line = 1 + self.text.count("\n", 0, max(self.text.find(text), 0))
-            raise InputError(f"{clipped(text)} is too large", where=f"{self.path}:{line}", remedy="mend the number")
+            raise InputError(f"{clipped(text)} is {beyond}", where=f"{self.path}:{line}", remedy="mend the number")
         return value
 
     def _whole(self, text: str) -> int:

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.units import LARGEST
+from aatri.units import LARGEST, SMALLEST, beyond_range
 
-TOO_LARGE = "too large for a quantity"
 MAX_LENGTH = 400
 """Longest text of a number: the smallest double takes some 330 digits."""
 
@@ -34,8 +33,8 @@ def number_of(text: str) -> float:
     if len(text) > MAX_LENGTH or not _NUMBER.fullmatch(text):
         raise ValueError(what_is_wrong(text))
     value = float(text)
-    if not abs(value) <= LARGEST:
-        raise ValueError(TOO_LARGE)
+    if beyond := beyond_range(text, value):
+        raise ValueError(beyond)
     return value
 
 
@@ -91,7 +90,8 @@ def numbers_of(cells: Sequence[str]) -> tuple[Float, list[int]]:
         try:
             filled = cells if all(cells) else [cell or "nan" for cell in cells]
             values = np.fromiter(map(float, filled), dtype=np.float64, count=len(cells))
-            if not (np.abs(values) > LARGEST).any():
+            extreme = np.flatnonzero((np.abs(values) > LARGEST) | (np.abs(values) < SMALLEST))
+            if not any(beyond_range(cells[k], values[k]) for k in extreme):
                 return values, []
         except ValueError:
             pass
@@ -111,7 +111,7 @@ def what_is_wrong(cell: str) -> str:
     if len(cell) > MAX_LENGTH:
         return f"a text of {len(cell)} characters"
     if _NUMBER.fullmatch(cell):
-        return TOO_LARGE
+        return beyond_range(cell, float(cell))
     if re.fullmatch(r"[+-]?(nan|inf|infinity)", cell, re.IGNORECASE) or cell.startswith(("#", "1.#")):
         return "not a finite number"
     if any(sign in cell for sign in "\u2212\u2013\uff0d"):

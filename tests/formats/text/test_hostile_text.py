@@ -13,6 +13,7 @@ from aatri import ids
 from aatri.errors import AatriError, Errors, InputError
 from aatri.formats.tables.writer import write_block
 from aatri.formats.text.csv_cells import shielded, start_of_cell, unshielded
+from aatri.formats.text.json_text import JsonText
 from aatri.formats.text.number_text import number_of, numbers_of, whole_number_of
 from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import loads
@@ -72,13 +73,17 @@ def test_the_search_for_the_nearest_name_looks_at_few_names(monkeypatch: pytest.
     assert did_you_mean("imges", ["images", "points"]) == " - did you mean 'images'?"
 
 
-@pytest.mark.parametrize("text", ["1e308", "-1e200", "9" * 200])
-def test_a_number_too_large_for_its_square_is_no_quantity(tmp_path: Path, text: str) -> None:
-    with pytest.raises(ValueError, match="too large"):
+@pytest.mark.parametrize("text", ["1e308", "-1e200", "9" * 200, "1e-200", "-1e-400", f"0.{'0' * 200}1"])
+def test_a_number_whose_square_is_none_is_no_quantity(tmp_path: Path, text: str) -> None:
+    as_json = tmp_path / "a.json"
+    as_json.write_text(f"[{text}]")
+    with pytest.raises(ValueError, match="too (large|small)"):
         number_of(text)
     assert numbers_of(["1", text, ""])[1] == [1]
-    with pytest.raises(AatriError, match="too large"):
+    with pytest.raises(AatriError, match="too (large|small)"):
         loads(f"a: {text}")
+    with pytest.raises(AatriError, match="too (large|small)"):
+        JsonText(as_json, "a list")
     for name, old in (
         ("ground_points.csv", "6.378"),
         ("image_points.csv", "20.25"),
@@ -87,7 +92,13 @@ def test_a_number_too_large_for_its_square_is_no_quantity(tmp_path: Path, text: 
         ("block.yaml", "153.84"),
         ("relative_control.yaml", "200.05"),
     ):
-        assert re.search("too large|not a number", fault_of(write_folder(tmp_path / "b", replaced(name, old, text))))
+        assert re.search("too (large|small)|not a number", fault_of(write_folder(tmp_path / "b", replaced(name, old, text))))
+
+
+@pytest.mark.parametrize("text", ["0", "-0.000", "0e-999", ".0", "1e-99"])
+def test_a_zero_is_one_however_it_is_written(text: str) -> None:
+    assert abs(number_of(text)) < 1e-98
+    assert numbers_of([text, "1"])[1] == []
 
 
 def test_whole_numbers_are_digits_within_64_bits() -> None:
