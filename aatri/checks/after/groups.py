@@ -157,7 +157,8 @@ def _affinity(g: Group) -> tuple[str, str]:
     if g.per in ("strip", IMAGE):
         return (
             text,
-            f"was the film or the scanner of this {g.per} another? `interior_orientation: affine` where it shrinks",
+            f"was the film or the scanner of this {g.per} another, or are its marks those of another image? "
+            "`interior_orientation: affine` where it shrinks",
         )
     return text, "`interior_orientation: affine` for film that shrinks; are both scales of comparator or pixels right?"
 

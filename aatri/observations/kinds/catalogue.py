@@ -87,7 +87,7 @@ def observe(source: ObservationSource, options: KindOptions) -> tuple[Observed, 
 
 def options_without_data(block: Block, options: KindOptions) -> list[Note]:
     """Options of kinds that are set although the block offers nothing they are for."""
-    stated = {name: own for name in KindOptions.model_fields if (own := dict(options)[name]) != type(own)()}
+    stated = {name: own for name in KindOptions.model_fields if (own := dict(options)[name]).model_fields_set}
     offered = {offer.name for offer in block.offers()} if stated else set()
     notes = []
     for name, own in stated.items():
