@@ -91,6 +91,12 @@ def amounts(counts: Mapping[str, Any]) -> str:
     )
 
 
+def several(n: int, noun: str, one: str = "", more: str = "") -> str:
+    """`1 point` or `3 points`; with a verb that stands beside them, `1 point lies`, `3 points lie`."""
+    words = f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+    return f"{words} {one if n == 1 else more}".rstrip()
+
+
 def printable(text: str) -> str:
     """The text with control characters escaped, so that an id cannot drive the terminal."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from aatri.ids import several
 from aatri.notes import Note, tell
 
 
@@ -29,3 +30,9 @@ def test_many_ids_are_told_in_part_and_all_kept() -> None:
     note = Note("warning", "left out", tuple(str(k) for k in range(100)))
     assert str(note).endswith("19 and 80 more")
     assert len(note.ids) == 100
+
+
+def test_one_of_something_is_told_in_the_singular() -> None:
+    assert several(1, "point") == "1 point"
+    assert several(3, "point", "lies", "lie") == "3 points lie"
+    assert several(1, "point", "lies", "lie") == "1 point lies"

@@ -149,6 +149,19 @@ def _made(
     )
     done = AdjustedBlock(inputs, adjust(inputs, settings))
     result, uncontrolled = done.result, uncontrolled_of(done.result)
-    report([*result.notes, *left_out(inputs, result), *sigma0(result, options.max_sigma0)], context)
+    report(
+        [*result.notes, *left_out(inputs, result), *sigma0(result, options.max_sigma0, held=_held(inputs, result))],
+        context,
+    )
     report(uncontrolled_observations(uncontrolled), context)
     return bundle_solution(source, done, after(suspects, done), uncontrolled, variant=variant, tests=tests)
+
+
+def _held(inputs: BundleInput, result: BundleResult) -> int:
+    """Unknowns of points and images held at what an earlier stage has made of image points, perhaps of these."""
+    if inputs.rays is None:
+        return 0
+    rays = np.flatnonzero(result.ray_used)
+    points, images = np.unique(inputs.rays.point[rays]), np.unique(inputs.rays.image[rays])
+    count = 0 if inputs.held_points is None else 3 * int(inputs.held_points[points].sum())
+    return count + (0 if inputs.held_images is None else 6 * int(inputs.held_images[images].sum()))

@@ -7,6 +7,7 @@ import numpy as np
 from aatri.adapters.strips.strip_tables import StripsOnGround
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.bodies.polynomial_ties import in_axes
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
@@ -54,7 +55,7 @@ def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, 
         for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
             if rows.any():
                 text = (
-                    f"strip {name}: {int(rows.sum())} points lie beyond {what}, by up to "
+                    f"strip {name}: {several(int(rows.sum()), 'point', 'lies', 'lie')} beyond {what}, by up to "
                     f"{by[rows].max() / 2:.0%} of its length or width: extrapolated"
                 )
                 yield Note("warning", text, tuple(block.points.id[points.point[of_strip][rows]].tolist()))

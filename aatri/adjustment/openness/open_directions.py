@@ -10,6 +10,7 @@ from aatri.adjustment.openness.limits import NAMED
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
+from aatri.ids import several
 from aatri.notes import Note
 
 Move = Literal["scale", "tilt", "azimuth", "shift"]
@@ -77,10 +78,10 @@ class OpenDirections:
             return
         more = f" and {self.more} more" if self.more else ""
         if self.exact:
-            what = f"the observations leave {self.count} unknown(s) open"
+            what = f"the observations leave {several(self.count, 'unknown')} open"
             remedy = ""
         else:
-            what = f"the observations nearly leave {self.count} combination(s) of unknowns open"
+            what = f"the observations nearly leave {several(self.count, 'combination')} of unknowns open"
             remedy = "observe more, hold them or weigh them by a prior, or estimate fewer parameters"
         named = "; ".join(map(str, self.texts))
         raise OpenError(f"{before}{what}: {named}{more}", remedy=remedy, combinations=self.texts)

@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from aatri.arrays import Float, Int
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OWN_DATUM, TIE_POINTS
+from aatri.ids import several
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 
@@ -44,7 +45,7 @@ def hinge_images(inputs: BundleInput) -> list[Finding]:
 
 
 def _finding(inputs: BundleInput, hinge: int, part: Int) -> Finding:
-    text = f"image {inputs.image_ids[hinge]} alone ties {len(part)} images to the rest of the block"
+    text = f"image {inputs.image_ids[hinge]} alone ties {several(len(part), 'image')} to the rest of the block"
     return Finding(
         "hinge_image", "warning", text, REMEDY, ids=tuple(inputs.image_ids[k] for k in sorted(part.tolist()))
     )

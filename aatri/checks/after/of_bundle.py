@@ -56,7 +56,7 @@ def findings_after(
         *points_of_few_rays(result),
         *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
         *([] if explained else sigmas_that_do_not_fit(result)),
-        *weak_datum(inputs, result),
+        *weak_datum(inputs, result, done.scale),
         *error_budget(source.block, result),
         *hinge_images(inputs),
         *points_off_the_terrain(inputs, result),

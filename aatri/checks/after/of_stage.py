@@ -11,13 +11,14 @@ from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.rejections import exchanged_numbers, rejections
 from aatri.checks.after.uncontrolled import uncontrolled_observations
+from aatri.checks.at_start.sharp_conditions import sharp_conditions
 from aatri.checks.finding import Finding
 
 
 def findings_of(
     block: Block, artifact: Models | Strips | Solution, stage: str, before: Suspects | None = None
 ) -> list[Finding]:
-    """What was rejected, what of it has another's number, and what nothing controls.
+    """What was rejected, what of it has another's number, what nothing controls, and what rounding may hide.
 
     Parameters
     ----------
@@ -29,4 +30,7 @@ def findings_of(
         Of the Solution it began from.
     """
     exchanged = exchanged_numbers(block, artifact, before or Suspects.empty()) if isinstance(artifact, Solution) else []
-    return [*rejections(artifact.suspects, stage), *exchanged, *uncontrolled_observations(artifact.uncontrolled)]
+    findings = [*rejections(artifact.suspects, stage), *exchanged, *uncontrolled_observations(artifact.uncontrolled)]
+    if not isinstance(artifact, Solution):
+        return findings
+    return [*sharp_conditions(block, artifact.images.position_m, artifact.points.xyz_m), *findings]

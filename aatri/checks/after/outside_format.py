@@ -13,7 +13,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.checks.as_read.rejects import name_of_image_point
 from aatri.checks.finding import Finding
 from aatri.checks.limits import LARGE_PRINCIPAL_POINT, MAX_REJECT_SHARE
-from aatri.ids import shown
+from aatri.ids import several, shown
 
 
 def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
@@ -31,7 +31,7 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
         return [Finding("outside_format", "error", text, remedy, where=where)]
     findings = []
     if rows:
-        text = f"{len(rows)} image points outside the format are not used"
+        text = several(len(rows), "image point") + f" outside the format {'is' if len(rows) == 1 else 'are'} not used"
         findings.append(Finding("outside_format", "warning", text, ids=tuple(names)))
     far = (np.abs(cameras.principal_point_mm) > LARGE_PRINCIPAL_POINT * 2 * half_format_of(block)).any(axis=1)
     if far.any():

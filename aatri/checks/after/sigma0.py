@@ -3,6 +3,8 @@
 Seen: residuals larger or smaller than the standard deviations allow: gross errors, an effect that is not modelled,
 wrong standard deviations.
 Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused.
+Points or images that are held, and that an earlier stage has made of these observations, follow them: v'P v is that of
+a redundancy smaller by their unknowns. A sigma0 that is too small is so only where it is by that redundancy, too.
 """
 
 from aatri.adjustment.statistics.global_test import global_test, sigma0_note
@@ -17,7 +19,9 @@ REFUSED = (
 )
 
 
-def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: Finding | None = None) -> list[Finding]:
+def sigma0(
+    result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: Finding | None = None, held: int = 0
+) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
     Parameters
@@ -26,6 +30,8 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: F
         Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
     cause : Finding, optional
         A group that the result contradicts: it says what to do before anything else.
+    held : int
+        Unknowns that are held at values which may be made of the observations.
     """
     if result.adjusted.down_weighted:
         return []
@@ -45,6 +51,14 @@ def sigma0(result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: F
                 error=ConvergenceError,
             )
         ]
+    if 0 < held < counted and test.sigma0 < test.low:
+        follow = global_test(test.sigma0 * (counted / (counted - held)) ** 0.5, counted - held)
+        if follow.sigma0 >= follow.low:
+            text = (
+                f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {held} unknowns held follow the observations "
+                f"that made them, {follow.sigma0:.3f} (redundancy {follow.redundancy})"
+            )
+            return [Finding("sigma0", "note", text, statistic=follow.sigma0)]
     note = sigma0_note(test, "" if scale == 1.0 else "with standard deviations that fit")
     remedy = REMEDY if note.level == "warning" else ""
     return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]

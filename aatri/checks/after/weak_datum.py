@@ -22,8 +22,16 @@ from aatri.units import about
 REMEDY = "give control spread over the block; join strips by more points; weight parameters that free each other"
 
 
-def weak_datum(inputs: BundleInput, result: BundleResult) -> list[Finding]:
-    """A warning that names what a block hardly determines as a whole."""
+def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -> list[Finding]:
+    """A warning that names what a block hardly determines as a whole.
+
+    Parameters
+    ----------
+    inputs : BundleInput
+    result : BundleResult
+    scale : float
+        Of the standard deviations of image points in use, which the covariances follow, over those given.
+    """
     distance, adjusted = median_distance_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
     if distance is None or inputs.rays is None or result.free is not None:
         return []
@@ -31,7 +39,7 @@ def weak_datum(inputs: BundleInput, result: BundleResult) -> list[Finding]:
         return []
     angle = np.nanmedian(inputs.rays.sigma_mm / inputs.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)
-    sigmas, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], float(angle) * distance
+    sigmas, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], scale * float(angle) * distance
     most = float(np.quantile(sigmas, WEAK_SHARE)) if len(sigmas) else 0.0
     if not np.isfinite(on_ground) or most <= WEAK_DATUM * on_ground:
         return []

@@ -91,7 +91,7 @@ def numbers_of(cells: Sequence[str]) -> tuple[Float, list[int]]:
             filled = cells if all(cells) else [cell or "nan" for cell in cells]
             values = np.fromiter(map(float, filled), dtype=np.float64, count=len(cells))
             extreme = np.flatnonzero((np.abs(values) > LARGEST) | (np.abs(values) < SMALLEST))
-            if not any(beyond_range(cells[k], values[k]) for k in extreme):
+            if not any(beyond_range(filled[k], float(values[k])) for k in extreme.tolist()):
                 return values, []
         except ValueError:
             pass

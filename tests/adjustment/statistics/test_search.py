@@ -188,7 +188,7 @@ def test_a_rejection_that_leaves_something_open_is_not_made_and_is_told() -> Non
 
     def solve(before: Made | None, use: Bool, tau: float) -> Made:
         if not use[0]:
-            raise GeometryError("the observations leave 1 unknown(s) open")
+            raise GeometryError("the observations leave 1 unknown open")
         return Made(tau, lambda _: 0.0, np.where(use, tests, np.nan))
 
     found = search(solve, np.ones(20, dtype=bool), RULE, _pool_of_search_steps(20))
@@ -206,7 +206,7 @@ def test_of_several_that_go_at_once_only_those_stay_that_are_needed(needed: list
 
     def solve(before: Made | None, use: Bool, tau: float) -> Made:
         if not use[needed].all():
-            raise GeometryError("the observations leave 1 unknown(s) open")
+            raise GeometryError("the observations leave 1 unknown open")
         return Made(tau, lambda _: 0.0, tests)
 
     found = search(
@@ -224,7 +224,7 @@ def test_of_several_that_go_at_once_only_those_stay_that_are_needed(needed: list
 
 def test_what_is_open_from_the_first_stays_an_error() -> None:
     def solve(before: Made | None, use: Bool, tau: float) -> Made:
-        raise GeometryError("the observations leave 1 unknown(s) open")
+        raise GeometryError("the observations leave 1 unknown open")
 
     with pytest.raises(GeometryError):
         search(solve, np.ones(4, dtype=bool), RULE, _pool_of_search_steps(4))

@@ -47,6 +47,15 @@ def test_control_worse_than_a_third_is_told_by_the_run(tmp_path: Path, control_m
     assert np.hypot(1.0, 1 / 3) == pytest.approx(1.054, abs=1e-4)
 
 
+def test_a_block_with_sigmas_of_a_fifth_is_not_called_weak(tmp_path: Path) -> None:
+    """Points are compared with what image points measure by the standard deviations that fit, as theirs are."""
+    small = flown(strips=3, per_strip=5, noise=5.0)
+    small.observed = {}
+    warnings = adjusted_by("default", small.write(tmp_path / "block")).warnings
+    assert any("standard deviations do not fit" in text for text in warnings)
+    assert not any("hardly determined" in text for text in warnings)
+
+
 # The note on points whose wrong ray nothing could tell apart, against a count of the table of image points.
 
 

@@ -22,11 +22,8 @@ BLOCK = replace(MADE, cameras=replace(MADE.cameras, format=np.array([[600.0, 600
 TRUTH = BLOCK.true_images, BLOCK.true_points
 
 
-FILMS = {
-    "preset": "rc30",
-    "flight": {"strips": 2, "images_per_strip": 4, "cross_strips": 0},
-    "ties": {"new_points": 120},
-}
+FLIGHT = {"strips": 2, "images_per_strip": 4, "cross_strips": 0}
+FILMS: dict[str, Any] = {"preset": "rc30", "flight": FLIGHT, "ties": {"new_points": 120}}
 
 
 def _start(turn: Any = 1.0) -> tuple[Any, Any, Any]:

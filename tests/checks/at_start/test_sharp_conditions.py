@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.artifacts.block_control import RelativeControl
+from aatri.checks.after.of_stage import findings_of
 from aatri.checks.at_start.sharp_conditions import sharp_conditions
+from tests.made_solutions import made_block, made_solution
 from tests.stages.chain import simulated
 
 
@@ -30,3 +32,10 @@ def test_conditions_far_sharper_than_image_points_on_the_ground_are_told() -> No
     assert finding.level == "warning"
     assert finding.sentence.startswith("line: a standard deviation of 1e-07 m is more than 20,000 times as sharp")
     assert "exact: true" in finding.remedy
+
+
+def test_every_stage_that_takes_such_conditions_tells_them() -> None:
+    conditions = RelativeControl.of(type=["line", "line"], value=[np.nan] * 2, sigma=[1e-9, 1.0], axis=[""] * 2)
+    block = replace(made_block(), relative_control=conditions)
+    causes = [finding.cause for finding in findings_of(block, made_solution(block), "strip_adjustment")]
+    assert causes.count("sharp_conditions") == 1

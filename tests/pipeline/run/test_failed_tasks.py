@@ -9,7 +9,7 @@ from aatri.pipeline.run.task import failed
 
 def test_a_narrower_error_of_a_room_comes_back_as_the_class_of_the_tree_that_it_is_of() -> None:
     with pytest.raises(GeometryError, match="leave 1 unknown") as caught:
-        failed(OpenError("the observations leave 1 unknown(s) open", remedy="hold it", combinations=())).raise_error()
+        failed(OpenError("the observations leave 1 unknown open", remedy="hold it", combinations=())).raise_error()
     assert type(caught.value) is GeometryError
     assert caught.value.remedy == "hold it"
 

@@ -31,6 +31,7 @@ def of() -> Hand:
         (bundle, BundleOptions(positions={"drift": "shift"})),
         (bundle, BundleOptions(attitudes={"drift": "shift"})),
         (bundle, BundleOptions(rigs={"position_m": 0.1})),
+        (bundle, BundleOptions(rigs={"use": True})),
         (bundle, BundleOptions(distances={"scale": False})),
         (intersection, IntersectionOptions(positions={"drift": "none"})),
     ],

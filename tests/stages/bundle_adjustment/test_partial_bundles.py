@@ -14,6 +14,7 @@ from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.bundle_adjustment.intersection import IntersectionOptions, intersection
 from aatri.stages.bundle_adjustment.resection import ResectionOptions, resection
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.hand_block import Heard
 
 
 def flown(**options: Any) -> Chain:
@@ -160,6 +161,23 @@ def test_what_is_held_keeps_the_standard_deviations_it_came_with(noisy: Chain) -
     assert np.array_equal(points, noisy.bundle.points.covariance_m2, equal_nan=True)
     images = intersection(noisy.block, noisy.refined, noisy.bundle).images.covariance
     assert np.array_equal(images, noisy.bundle.images.covariance, equal_nan=True)
+
+
+@pytest.mark.parametrize(("stage", "each", "table"), [(resection, 3, "points"), (intersection, 6, "images")])
+def test_what_is_held_at_values_made_of_the_same_rays_is_no_redundancy(
+    noisy: Chain, stage: Any, each: int, table: str
+) -> None:
+    """Their residuals are those of the bundle: sigma0 counted with all of them is too small."""
+    heard = Heard()
+    found = stage(noisy.block, noisy.refined, noisy.bundle, context=heard)
+    at = {"images": "position_m", "points": "xyz_m"}[table]
+    count = int(np.isfinite(getattr(getattr(found, table), at)[:, 0]).sum())
+    redundancy = found.redundancy - each * count
+    of_both = found.sigma0 * (found.redundancy / redundancy) ** 0.5
+    assert of_both == pytest.approx(noisy.bundle.sigma0, abs=0.1)  # the bundle adjusts control and film corrections too
+    follows = f"{of_both:.3f} (redundancy {redundancy})"
+    assert any("sigma0" in text and (follows in text or "expected" in text) for text in heard.logged)
+    assert not any("sigma0" in text for text in heard.warned)
 
 
 @pytest.mark.parametrize("start", ["closed", "linear"])
