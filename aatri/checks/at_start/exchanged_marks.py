@@ -120,8 +120,8 @@ def exchanged_marks(block: Block, image_points: ImagePoints, poses: Poses, xyz_m
     far, worst = start.worst(films)
     pairs = list(itertools.combinations(far or worst, 2))
     limit = 2 * np.log(max(len(pairs), 1) / NOT_EXCHANGED)
-    tried = [(pair, _exchanged(start.without(far or list(pair)), *pair)) for pair in pairs]
-    return [_finding(block, pair, off_mm) for pair, (T, off_mm) in tried if limit < T]
+    ratios = [(pair, _exchanged(start.without(far or list(pair)), *pair)) for pair in pairs]
+    return [_finding(block, pair, off_mm) for pair, (T, off_mm) in ratios if limit < T]
 
 
 def _exchanged(start: _PointsOfStart, a: int, b: int) -> tuple[float, tuple[float, float]]:
