@@ -32,9 +32,6 @@ EARTH_RADIUS_M = 6_371_000.0
 SMALLEST, LARGEST = 1e-100, 1e100
 """No quantity is larger, or smaller without being 0: squares and products of what lies between are still numbers."""
 
-SMALLEST = 1e-150
-"""A smaller standard deviation is no quantity: its square would be 0, which stands for exact."""
-
 FOOT_M = 0.3048
 """The international foot."""
 

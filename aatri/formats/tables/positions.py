@@ -20,7 +20,6 @@ from aatri.formats.text.csv_table import CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
 from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame, convert
-from aatri.units import SMALLEST
 
 
 def stacked(table: CsvTable, names: Sequence[str]) -> Float:
@@ -70,9 +69,6 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
     covariance = np.zeros((len(table), 3, 3))
     for axis in range(3):
         covariance[:, axis, axis] = s[:, axis] * s[:, axis]
-        too_small = np.flatnonzero((s[:, axis] > 0) & (s[:, axis] < SMALLEST))
-        what = f"{SIGMAS[axis]} is {s[too_small, axis].min(initial=np.inf):g} m, too small for a standard deviation"
-        table.complain(too_small, SIGMAS[axis], what, "0 is exact; an empty cell takes `sigma` of block.yaml")
     for name, (i, j) in COVARIANCES.items():
         value = np.nan_to_num(table.number[name]) * (factor * factor)
         covariance[:, i, j] = covariance[:, j, i] = np.where(np.isnan(s[:, i] + s[:, j]), np.nan, value)

@@ -106,7 +106,7 @@ def test_what_is_of_no_format_says_what_was_looked_for(tmp_path: Path) -> None:
 
 def test_a_standard_deviation_whose_square_vanishes_is_refused_and_not_taken_for_exact(tmp_path: Path) -> None:
     (tmp_path / "l.csv").write_text("image,X,Y,Z,sX,sY,sZ\na,1,2,3,1,1,1\nb,2,2,3,1,1e-200,1\n")
-    with pytest.raises(InputError, match=r"l.csv:3: 1e-200 is too small for a standard deviation"):
+    with pytest.raises(InputError, match=r"l.csv:3: '1e-200': too small for a quantity, and not 0"):
         read_source(tmp_path / "l.csv", Reading(), SILENT)
 
 
