@@ -5,7 +5,8 @@ Test: on the tables of a `Block` in which everything else is still active this i
 
 1. image point outside the image format by more than 5 % of the format -> rejected;
 2. point seen in one image only, without control and without other observations -> its image points are rejected;
-3. image with fewer than 3 points, without an observed position -> rejected, with its image points.
+3. image with fewer than 3 points, without an observed position and without a photograph (`path`), in which points may
+   yet be found -> rejected, with its image points.
 
 Ground points with a role that no image shows are listed, but keep their role. If more than `max_reject_share` of the
 image points would go by rule 1, a unit or the format is wrong: an error, with the first places. Points seen once (2)
@@ -157,7 +158,7 @@ def _reject_round(block: Block, images: Rows, points: Rows, has_coordinates: Boo
     once = points.active & (_images_per_point(block, points.active) < 2)[rows.point] & ~has_coordinates[rows.point]
     points.reject(np.flatnonzero(once), SEEN_ONCE)
     count = np.bincount(rows.image[of_image_and_point(block, points.active)], minlength=len(block.images))
-    few = images.active & (count < FEWEST_IMAGE_POINTS) & ~_has_position(block)
+    few = images.active & (count < FEWEST_IMAGE_POINTS) & ~_has_position(block) & (block.images.path == "")
     images.reject(np.flatnonzero(few), FEW_POINTS)
     orphans = points.active & ~images.active[rows.image]
     points.reject(np.flatnonzero(orphans), REJECTED_IMAGE)

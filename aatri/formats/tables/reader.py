@@ -76,6 +76,8 @@ def _block(source: Source) -> Block:
     images = image_columns(source, camera.cameras)
     if not images.get("id"):
         raise_all(source.problems)  # else every row that names an image would be one more fault
+    if not (source.folder / "image_points.csv").exists() and images.get("id") and not any(images.get("path", ())):
+        source.problems.append(missing(source.folder / "image_points.csv", FILES))  # nothing to find points in either
     camera_of = {image: cameras.get(of, 0) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
     measured, surveyed = source.table("image_points.csv"), source.table("ground_points.csv")
     points = [name for table in (measured, surveyed) if table is not None for name in set(table.text["point"])]
@@ -136,8 +138,6 @@ def _check_files(source: Source) -> None:
     here = {entry.name for entry in folder.iterdir()}
     if "images.csv" not in here and (not here & NETWORK or here & OF_IMAGES or source.settings.cameras):
         source.problems.append(missing(folder / "images.csv", FILES))
-    if "images.csv" in here and "image_points.csv" not in here:
-        source.problems.append(missing(folder / "image_points.csv", FILES))
     for name in sorted(here - {*FILES, EDITS}):
         if name.endswith((".csv", ".yaml")) and not name.startswith("x_"):
             source.reporter.warn(f"{folder / name}: not a table of a block, not read{did_you_mean(name, FILES)}")

@@ -114,3 +114,18 @@ def test_mutated_files_give_a_block_or_an_error_of_ours(tmp_path: Path, mutation
     except AatriError as error:
         exit_code = error.exit_code
     assert exit_code in (0, 3)
+
+
+def test_a_block_of_photographs_needs_no_image_points_yet(tmp_path: Path) -> None:
+    (tmp_path / "block.yaml").write_text(
+        "aatri_block: 1\nframes: {map: {axes: [east, north, up], crs: local}}\nearth_curvature: ignore\n"
+        "units: {sigma_image: px}\nsigma: {image: 0.5}\n"
+        "cameras: {c: {kind: digital, image_coordinates: pixel, format: [6000, 4000], principal_distance: 35, "
+        "pixel: {size: 0.004, origin: top-left-corner, y: down}}}\n"
+    )
+    (tmp_path / "images.csv").write_text("image,camera,path\n1,c,1.jpg\n2,c,2.jpg\n")
+    block = read_block(tmp_path)
+    assert block.images.active.tolist() == [True, True] and len(block.image_points) == 0
+    (tmp_path / "images.csv").write_text("image,camera\n1,c\n2,c\n")
+    with pytest.raises(InputError, match=r"image_points\.csv"):
+        read_block(tmp_path)
