@@ -16,8 +16,9 @@ FINE = 8
 """Parts of a pixel along each side in which it is drawn."""
 BLUR_PX = 1.0
 """Of film and scanner, standard deviation."""
-MARGIN = 1.4
-"""Side of the picture in sizes of the mark: its background tells where it ends."""
+MARGIN = {"cross": 1.0, "dot": 1.4, "ring": 1.4}
+"""Side of the picture in sizes of the mark. A disc needs its background to be found; of a cross the corners of the picture
+must not reach beyond the dark ground that it stands on, which is seldom much larger."""
 
 
 def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:
@@ -31,7 +32,7 @@ def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:
     stroke_px : float
         Width of the strokes, or of the ring.
     """
-    half = int(np.ceil(MARGIN * size_px / 2)) + 1
+    half = int(np.ceil(MARGIN[shape] * size_px / 2)) + 1
     side = 2 * half + 1
     at = (np.arange(side * FINE) + 0.5) / FINE - side / 2
     x, y = np.meshgrid(at, at)

@@ -88,7 +88,8 @@ def template(block: Block, *, options: TemplateOptions = TemplateOptions(), cont
         camera = int(block.images.camera[k])
         rows += _measured(block, k, kept.load(), places_of_marks[camera], options, context)
     if not rows:
-        raise InputError("no fiducial mark found", where=block.name, remedy="another template; a larger search_mm")
+        remedy = "another shape, size_mm or stroke_mm of the template, or a picture of the mark; a larger search_mm"
+        raise InputError("no fiducial mark found", where=block.name, remedy=remedy)
     columns = [np.array(column) for column in zip(*rows)]
     return with_fiducials(block, columns[0], columns[1], columns[2], columns[3])
 
@@ -122,8 +123,13 @@ def _measured(
     scan_mm = of.xy_px[place] * size_mm
     used_of_ways, good = fitting_ways(block.fiducials.xy_mm[marks], scan_mm, like[place], options.max_residual_mm)
     if not len(good):
-        most = int(like[place].sum(axis=1).max())
-        context.warn(f"{name}: {most} of {len(marks)} fiducial marks found: the image is not measured")
+        likest = place[int(np.lexsort((np.abs(of.correlation[place]).sum(axis=1), like[place].sum(axis=1)))[-1])]
+        places = ", ".join(f"{m} {abs(of.correlation[k]):.2f} and {of.second[k]:.2f}" for m, k in zip(ids, likest))
+        context.warn(
+            f"{name}: {int(like[likest].sum())} of {len(marks)} fiducial marks found: the image is not measured; "
+            f"correlation (at least {options.min_correlation:g}) and share of the second place (at most "
+            f"{options.max_second:g}) of {places}"
+        )
         return []
     way = int(good[0])
     if len(good) > 1 or way:
