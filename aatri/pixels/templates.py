@@ -17,8 +17,8 @@ FINE = 8
 BLUR_PX = 1.0
 """Of film and scanner, standard deviation."""
 MARGIN = {"cross": 1.0, "dot": 1.4, "ring": 1.4}
-"""Side of the picture in sizes of the mark. A disc needs its background to be found; of a cross the corners of the picture
-must not reach beyond the dark ground that it stands on, which is seldom much larger."""
+"""Side of the picture in sizes of the mark. A disc needs its background to be found; of a cross the corners of the
+picture must not reach beyond the dark ground that it stands on, which is seldom much larger."""
 
 
 def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:

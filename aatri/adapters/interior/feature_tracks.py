@@ -132,7 +132,12 @@ def _checked(
     """Matches that pass the check of their pair, by the number of the pair."""
     matrix = pixel_matrices(block)[features.images]
     c_mm = block.cameras.principal_distance_mm[block.images.camera[features.images]]
-    enough = [k for k, rows in enumerate(features.matches) if len(rows) >= min_matches]
+    placed = np.isfinite(matrix).all(axis=(1, 2))
+    if not placed.all():
+        names = shown(block.images.id[features.images[~placed]].tolist())
+        reporter.warn(f"film images without fiducial marks get no tie points: {names}")
+    of_placed = placed[features.pairs].all(axis=1)
+    enough = [k for k, rows in enumerate(features.matches) if of_placed[k] and len(rows) >= min_matches]
     if not enough:
         what = f"of {len(features.pairs)} pairs of images none has {min_matches} matches"
         remedy = "images that overlap, sharp ones; more features (`most`); `pairs: all`"

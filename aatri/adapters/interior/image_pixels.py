@@ -5,11 +5,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
+from aatri.adapters.solution import stacked
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block, Cameras, FiducialPoints, MeasuredPoints, Points, Rejects
 from aatri.artifacts.builder import image_point_order
+from aatri.artifacts.image_points import Interior
 from aatri.camera.pixels import mm_from_pixel
+from aatri.errors import InputError
+from aatri.orientation.interior.fiducial_fit import snooped_fiducials
 from aatri.tables.schema import Table, columns_of, tables_of
 
 T = TypeVar("T", bound=Table)
@@ -46,10 +51,10 @@ def places_in_images(block: Block) -> Float:
     for camera in np.unique(of_image).tolist():
         of_format = of_image == camera
         if cameras.image_coordinates[camera] == "pixel":
-            linear = mm_from_pixel(
-                np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]), cameras.format[camera]
-            )
-            share[of_format] = (points.xy[of_format] @ linear[:, :2].T + linear[:, 2]) / cameras.format[camera] + 0.5
+            film = cameras.kind[camera] == "film"  # of scans the format is in mm
+            size_px = cameras.format[camera] / (cameras.pixel_size_mm[camera] if film else 1.0)
+            linear = mm_from_pixel(np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]), size_px)
+            share[of_format] = (points.xy[of_format] @ linear[:, :2].T + linear[:, 2]) / size_px + 0.5
         else:
             share[of_format] = points.xy[of_format] / cameras.format[camera] + 0.5
     return np.nan_to_num(share, nan=0.5)
@@ -58,12 +63,18 @@ def places_in_images(block: Block) -> Float:
 def pixel_matrices(block: Block) -> Float:
     """Matrices (n_images, 2, 3) from pixels, counted from the centre of the first, to mm from the principal point.
 
+    Of scanned film by the measured fiducial marks, affine; NaN where an image has fewer than three.
+
     Raises
     ------
     InputError
-        If the camera of an image does not say how large its pixels are, or how many there are.
+        If the camera of an image does not say how large its pixels are, or how many there are; if no film image has
+        fiducial marks.
     """
-    interior = calibrated_interior(block, np.arange(len(block.images)))
+    film = film_images(block)
+    interior = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))
+    if film.any():
+        interior = stacked([interior, _by_marks(block, np.flatnonzero(film))])
     camera = block.images.camera
     matrix = np.full((len(block.images), 2, 3), np.nan)
     matrix[interior.image] = interior.matrix
@@ -75,8 +86,38 @@ def pixel_matrices(block: Block) -> Float:
     return matrix
 
 
+def _by_marks(block: Block, images: Int) -> Interior:
+    """Interior orientation of film images by their fiducial marks, marks with gross errors left out."""
+    marks = film_marks(block, images)
+    nominal = np.einsum("nii->ni", marks.nominal)
+    fit = snooped_fiducials("affine", marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal)
+    if not fit.determined.any():
+        raise InputError(
+            f"none of {len(images)} film images has three measured fiducial marks: pixels have no place on the film",
+            where=block.name,
+            remedy="run fiducial_marks/template before tie_points, or measure the marks (fiducials.csv)",
+        )
+    return film_interior(marks, fit)
+
+
 def from_first_pixel(block: Block) -> Float:
-    """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first."""
+    """Matrices (n_images, 2, 3) to the pixel system of each image's camera from that of files: centre of the first.
+
+    Raises
+    ------
+    InputError
+        If the pixels of a film camera are counted from where only the size of each scan would tell.
+    """
+    cameras = block.cameras
+    scanned = (cameras.kind == "film") & (cameras.image_coordinates == "pixel")
+    for k in np.flatnonzero(
+        scanned & ~np.isin(cameras.pixel_origin, ["", "top-left-corner", "top-left-centre"])
+    ).tolist():
+        raise InputError(
+            f"pixels of scanned film are counted from {cameras.pixel_origin[k]}",
+            where=f"camera {cameras.id[k]}",
+            remedy="give pixel: {origin: top-left-corner} or top-left-centre, as scans are read",
+        )
     shifted = [of_camera(block.cameras, k, block.cameras.format[k]) for k in range(len(block.cameras))]
     return np.array(shifted).reshape(-1, 2, 3)[block.images.camera]
 

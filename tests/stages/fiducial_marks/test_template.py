@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aatri.adapters.interior.image_pixels import pixel_matrices, with_fiducials
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.pixels.mark_search import best_place
@@ -96,3 +97,17 @@ def test_real_crosses_are_found_and_other_marks_are_not_taken_for_crosses(shared
         found["/".join(path.parts[-3:])] = best.xy_px if good else None
     assert len(found) == 16
     assert {name for name, xy in found.items() if xy is not None} == {f"nagap/arc/{side}.jpg" for side in "BLRT"}
+
+
+def test_pixels_of_film_lie_where_its_marks_put_them(tmp_path: Path) -> None:
+    block = scanned_block(tmp_path / "a.tif")
+    with pytest.raises(InputError, match="none of 1 film images has three measured fiducial marks"):
+        pixel_matrices(block)
+    A, t = np.array([[0.0121, 0.0002], [-0.0003, -0.0119]]), np.array([-25.0, 26.0])
+    marks = block.fiducials.xy_mm
+    rows = np.arange(len(marks), dtype=np.int32)
+    px = np.linalg.solve(A, (marks - t).T).T  # of the file, from the centre of its first pixel
+    block = with_fiducials(block, 0 * rows, rows, px + 0.5, np.full(marks.shape, 0.001))
+    assert block.cameras.pixel_origin[0] == "top-left-corner"
+    np.testing.assert_allclose(pixel_matrices(block)[0, :, :2], A, atol=1e-12)
+    np.testing.assert_allclose(pixel_matrices(block)[0, :, 2], t - block.cameras.principal_point_mm[0], atol=1e-9)
