@@ -12,6 +12,7 @@ import numpy as np
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
@@ -70,7 +71,14 @@ class RobustStart(FittedSigmas):
             self.rejected_kinds[rejected_kind] = True
             self.pool = replace(self.pool, counted=self.pool.counted & ~self.rejected_kinds)
         rejected = self.within_room(wrong, active, test)
-        return (active | (self.all.native & self.at_points_of(points) & ~gross_errors_at)) & ~rejected
+        # where a wrong ray stays for want of room, none comes back against it, and the point stays where it was
+        crowded = np.unique(self.all.point[wrong & ~rejected & self.all.at_points])
+        crowded = crowded[result.point_adjusted[crowded]]
+        xyz = self.block.xyz_m.copy()
+        xyz[crowded] = state[POINT][crowded]
+        self.block = replace(self.block, xyz_m=xyz)
+        readmitted = self.all.native & self.at_points_of(np.setdiff1d(points, crowded)) & ~gross_errors_at
+        return (active | readmitted) & ~rejected
 
     def _robust_from(self, initial: TestedBlock | None, active: Bool) -> BundleResult:
         """The robust adjustment from least squares; from where these began if gross errors have led them astray."""
