@@ -231,3 +231,20 @@ def test_gross_errors_that_come_back_do_not_bring_the_others_back() -> None:
     assert len(found[0] & wrong) >= 10
     assert len(found[1] & wrong) >= 0.9 * len(found[0] & wrong)
     assert solution.sigma0 < 1.15
+
+
+def test_rays_do_not_come_back_against_more_others_than_may_be_rejected(tmp_path: Path) -> None:
+    """Points that carry two objects, of which a stage before has kept that of two rays: repeated texture."""
+    rng, xyz, measured, rejected = np.random.default_rng(4), OF.xyz_m.copy(), OF.xy_mm.copy(), []
+    points_of_two = np.flatnonzero((np.bincount(OF.point) >= 4) & ~np.isin(np.arange(len(xyz)), CORNERS))[::3]
+    for point in points_of_two:
+        rows = np.flatnonzero(OF.point == point)
+        xyz[point] += rng.uniform(100, 200, 3) * [1, 1, 0.2]
+        measured[rows[:2]] = projected(OF.position_m, OF.rotation, xyz, OF.image[rows[:2]], OF.point[rows[:2]])
+        rejected += rows[2:].tolist()
+    measured[np.flatnonzero(~np.isin(OF.point, points_of_two))[10]] += [0.0, 1.0]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    heard = Heard()
+    adjusted = bundle(block, points, start(OF, block, suspected("image_point", rejected), xyz_m=xyz), context=heard)
+    assert not [text for text in heard.warned if "not searched for" in text]
+    np.testing.assert_allclose(adjusted.images.position_m, OF.position_m, atol=1e-6)

@@ -73,10 +73,8 @@ class RobustStart(FittedSigmas):
         rejected = self.within_room(wrong, active, test)
         # where a wrong ray stays for want of room, none comes back against it, and the point stays where it was
         crowded = np.unique(self.all.point[wrong & ~rejected & self.all.at_points])
-        crowded = crowded[result.point_adjusted[crowded]]
-        xyz = self.block.xyz_m.copy()
-        xyz[crowded] = state[POINT][crowded]
-        self.block = replace(self.block, xyz_m=xyz)
+        stays = np.isin(np.arange(len(self.block.xyz_m)), crowded) & result.point_adjusted
+        self.block = replace(self.block, xyz_m=np.where(stays[:, None], state[POINT], self.block.xyz_m))
         readmitted = self.all.native & self.at_points_of(np.setdiff1d(points, crowded)) & ~gross_errors_at
         return (active | readmitted) & ~rejected
 
