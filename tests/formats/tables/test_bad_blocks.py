@@ -125,7 +125,8 @@ def test_a_block_of_photographs_needs_no_image_points_yet(tmp_path: Path) -> Non
     )
     (tmp_path / "images.csv").write_text("image,camera,path\n1,c,1.jpg\n2,c,2.jpg\n")
     block = read_block(tmp_path)
-    assert block.images.active.tolist() == [True, True] and len(block.image_points) == 0
+    assert block.images.active.tolist() == [True, True]
+    assert len(block.image_points) == 0
     (tmp_path / "images.csv").write_text("image,camera\n1,c\n2,c\n")
     with pytest.raises(InputError, match=r"image_points\.csv"):
         read_block(tmp_path)
