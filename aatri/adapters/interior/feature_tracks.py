@@ -132,7 +132,7 @@ def _checked(
     """Matches that pass the check of their pair, by the number of the pair."""
     matrix = pixel_matrices(block)[features.images]
     c_mm = block.cameras.principal_distance_mm[block.images.camera[features.images]]
-    placed = np.isfinite(matrix).all(axis=(1, 2))
+    placed = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     if not placed.all():
         names = shown(block.images.id[features.images[~placed]].tolist())
         reporter.warn(f"film images without fiducial marks get no tie points: {names}")
