@@ -136,7 +136,7 @@ def _checked(
     if not placed.all():
         names = shown(block.images.id[features.images[~placed]].tolist())
         reporter.warn(f"film images without fiducial marks get no tie points: {names}")
-    of_placed = placed[features.pairs].all(axis=1)
+    of_placed = np.asarray(placed[features.pairs].all(axis=1))
     enough = [k for k, rows in enumerate(features.matches) if of_placed[k] and len(rows) >= min_matches]
     if not enough:
         what = f"of {len(features.pairs)} pairs of images none has {min_matches} matches"
