@@ -3,7 +3,9 @@
     x = -c u1/u3, ...  u = R'(X - X0),      q = measured - (x0, y0),   v = x - (q + Brown(q))
 
 written out per ray without the package. Q from the bordered normal equations [[N, B], [B', 0]], B the shifts, rotations
-(and the scale, where nothing gives it) over all points.
+(and the scale, where nothing gives it) over all points. With control `least_squares` iterates to the end:
+
+    x <- x - N^-1 J'P v(x),      N = J'P J
 """
 
 from __future__ import annotations
@@ -97,3 +99,70 @@ def blocks(Q: Array, first: int, size: int, count: int) -> Array:
     """Diagonal blocks (count, size, size)."""
     at: Sequence[slice] = [slice(first + size * k, first + size * (k + 1)) for k in range(count)]
     return np.array([Q[a, a] for a in at])
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Observations of one kind: residuals (n, m) of the unknowns z (n, k) at `columns` (n, k), and sigma (n, m)."""
+
+    residual: Callable[[Array], Array]
+    columns: Array
+    sigma: Array
+
+
+def rotation(angles: Array) -> Array:
+    """R = R1(omega) R2(phi) R3(kappa), (n, 3, 3), from angles (n, 3)."""
+    zero, one = np.zeros_like(angles[:, 0]), np.ones_like(angles[:, 0])
+    (so, sp, sk), (co, cp, ck) = np.sin(angles).T, np.cos(angles).T
+    R1 = np.stack([one, zero, zero, zero, co, -so, zero, so, co], axis=1).reshape(-1, 3, 3)
+    R2 = np.stack([cp, zero, sp, zero, one, zero, -sp, zero, cp], axis=1).reshape(-1, 3, 3)
+    R3 = np.stack([ck, -sk, zero, sk, ck, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+    return R1 @ R2 @ R3
+
+
+def projected(z: Array, c: float) -> Array:
+    """Central projection (n, 2) with z = X0, omega phi kappa, X of each ray, (n, 9)."""
+    u = np.einsum("nji,nj->ni", rotation(z[:, 3:6]), z[:, 6:9] - z[:, :3])
+    return -c * u[:, :2] / u[:, 2:]
+
+
+def least_squares(x: Array, rows_at: Callable[[Array], Sequence[Rows]]) -> tuple[Array, Array]:
+    """Unknowns and Q where Gauss and Newton end; rows may depend on the unknowns of the step before."""
+    for _ in range(30):
+        dense, g = Dense.of(len(x)), np.zeros(len(x))
+        for rows in rows_at(x):
+            v, J = rows.residual(x[rows.columns]), by_complex_step(rows.residual, x[rows.columns])
+            dense.add(J, rows.columns, rows.sigma)
+            np.add.at(g, rows.columns, np.einsum("nmk,nm->nk", J, v / rows.sigma**2))
+        scale = 1.0 / np.sqrt(np.diag(dense.N))
+        Q = np.linalg.inv(dense.N * np.outer(scale, scale)) * np.outer(scale, scale)
+        step = Q @ g
+        x = x - step
+        if (np.abs(step) < 1e-9 * np.sqrt(np.diag(Q))).all():
+            break
+    return x, Q
+
+
+def ebner12(xy: Array) -> Array:
+    """Ebner's columns (n, 2, 12), x and y in photo bases."""
+    (x, y), o = xy.T, 0 * xy[:, 0]
+    u, v = x * x - 2 / 3, y * y - 2 / 3
+    dx = [x, y, -2 * u, x * y, v, o, x * v, o, y * u, o, u * v, o]
+    dy = [-y, x, x * y, -2 * v, o, u, o, y * u, o, x * v, o, u * v]
+    return np.stack([np.stack(dx, axis=1), np.stack(dy, axis=1)], axis=1)
+
+
+def bauer3(xy: Array, r0: float) -> Array:
+    """Bauer's columns (n, 2, 3); x, y and r0 in half diagonals."""
+    (x, y), o = xy.T, 0 * xy[:, 0]
+    radial = x * x + y * y - r0 * r0
+    return np.stack([np.stack([x * radial, o, -x], axis=1), np.stack([y * radial, x, y], axis=1)], axis=1)
+
+
+def brown_conrady(xy: Array, c: float) -> Array:
+    """Columns of c x0 y0 k1 k2 k3 p1 p2 b1 b2 (n, 2, 10); x, y and c in half diagonals."""
+    (x, y), o = xy.T, 0 * xy[:, 0]
+    s = x * x + y * y
+    dx = [-x / c, o - 1, o, x * s, x * s**2, x * s**3, s + 2 * x * x, 2 * x * y, x, y]
+    dy = [-y / c, o, o - 1, y * s, y * s**2, y * s**3, 2 * x * y, s + 2 * y * y, o, o]
+    return np.stack([np.stack(dx, axis=1), np.stack(dy, axis=1)], axis=1)
