@@ -4,6 +4,7 @@ Seen: what the other files of this room look for.
 Test: sigma0 of kinds only where the search has not estimated standard deviations, and no group explains them.
 """
 
+from aatri.checks.after.at_infinity import points_at_infinity
 from aatri.checks.after.correlations import high_correlations
 from aatri.checks.after.error_budget import error_budget
 from aatri.checks.after.few_rays import points_of_few_rays
@@ -53,6 +54,7 @@ def findings_after(
         *done.notes,
         *result.notes,
         *left_out(inputs, result),
+        *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
         *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
         *([] if explained else sigmas_that_do_not_fit(result)),

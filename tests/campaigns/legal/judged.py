@@ -19,6 +19,7 @@ for any correlation (`mean_band`).
 
 from __future__ import annotations
 
+import re
 import tempfile
 import traceback
 from collections.abc import Callable
@@ -145,6 +146,8 @@ def judged(scene: Scene, network: Network, block: Block, solution: Solution, war
     if not len(network.images) and not len(network_of(scene, taken_in=True).images):
         return End("OPEN", "a result of a block whose datum is open", warnings)
     lost, good = lost_of(scene, block, solution)
+    if scene.far_point >= 0 and not any(re.search(rf"\b{scene.point_ids[scene.far_point]}\b", text) for text in warnings):
+        return End("WRONG", "a point at infinity has coordinates, and not a word", warnings, lost, good)
     decidable = network.size > FOUND or not (len(scene.wrong_control) + len(scene.wrong_positions))
     against = contradiction(scene, network, block, solution) if decidable else ""
     if against:
