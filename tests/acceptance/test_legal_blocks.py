@@ -29,8 +29,8 @@ ONCE_LOST = (
     "control=two positions=some attitudes=all tilt=5 camera=digital parameters=removable sigmas=half wrong=control "
     "seed=500007 sigmas_of=position noise=normal",
     # rays that are parallel but for noise: a point 990 km below the ground, and not a word
-    "control=perimeter positions=none attitudes=none tilt=5 camera=digital parameters=fixed sigmas=right wrong=parallel "
-    "seed=1 sigmas_of=image noise=normal",
+    "control=perimeter positions=none attitudes=none tilt=5 camera=digital parameters=fixed sigmas=right "
+    "wrong=parallel seed=1 sigmas_of=image noise=normal",
 )
 """Random cells that ended badly at some time."""
 

@@ -146,7 +146,8 @@ def judged(scene: Scene, network: Network, block: Block, solution: Solution, war
     if not len(network.images) and not len(network_of(scene, taken_in=True).images):
         return End("OPEN", "a result of a block whose datum is open", warnings)
     lost, good = lost_of(scene, block, solution)
-    if scene.far_point >= 0 and not any(re.search(rf"\b{scene.point_ids[scene.far_point]}\b", text) for text in warnings):
+    far_id = scene.point_ids[scene.far_point]
+    if scene.far_point >= 0 and not any(re.search(rf"\b{far_id}\b", text) for text in warnings):
         return End("WRONG", "a point at infinity has coordinates, and not a word", warnings, lost, good)
     decidable = network.size > FOUND or not (len(scene.wrong_control) + len(scene.wrong_positions))
     against = contradiction(scene, network, block, solution) if decidable else ""
