@@ -10,7 +10,7 @@ from aatri.cli.arguments.completion import complete_run_stage, complete_table
 from aatri.cli.arguments.locate import find_run, split_stage
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json, say_table
-from aatri.errors import ArtifactError, SpecError
+from aatri.errors import AatriError, ArtifactError, SpecError
 
 MOST_ROWS = 20
 """Rows of a table that are printed unless all are asked for."""
@@ -69,10 +69,24 @@ def _file(what: str) -> Path:
         return Path(what)
     path, stage = split_stage(what)
     if stage is None:
-        raise SpecError(f"{what}: no stage", remedy="RUN:STAGE, :STAGE or FILE.h5; `aatri status` lists the stages")
+        raise _without_stage(what, path)
     run = find_run(path)
     run.stage(stage)
     return store.artifact_path(run.folder, stage)
+
+
+def _without_stage(what: str, path: Path | None) -> SpecError:
+    """Of a word without a colon: the stages that there are in the run of that name, or in the one at hand."""
+    for run in (path, None):
+        try:
+            names = [entry["stage"] for entry in find_run(run).stages]
+        except (AatriError, OSError):
+            continue
+        of_run = "" if run is None else f"{run}"
+        if what in names:
+            return SpecError(f"{what}: no run of that name, but a stage", remedy=f"aatri show :{what}")
+        return SpecError(f"{what}: no stage named", remedy="one of " + ", ".join(f"{of_run}:{name}" for name in names))
+    return SpecError(f"{what}: no stage named", remedy="RUN:STAGE, :STAGE or FILE.h5; `aatri status` lists the stages")
 
 
 def _record(path: Path) -> dict[str, Any] | None:

@@ -155,6 +155,8 @@ def test_show_tells_content_and_provenance(project: Path) -> None:
     assert shown["record"]["inputs"]["numbers"]["stage"] == "a"
     assert aatri("show", "out:x").exit_code == 2
     assert aatri("show", "out").exit_code == 2
+    assert "one of out:a, out:s" in aatri("show", "out").stderr
+    assert "aatri show :a" in aatri("show", "a").stderr
     assert aatri("show", "none.h5").exit_code == 7
     Path("alien.h5").write_bytes(b"no HDF5")
     assert aatri("show", "alien.h5").exit_code == 7

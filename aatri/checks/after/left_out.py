@@ -17,7 +17,7 @@ from aatri.orientation.bundle.result import BundleResult
 def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """Images, points and observations that do not take part, by name.
 
-    Observations of points that nothing ties to the block are only noted.
+    Observations of points that nothing ties to the block are only noted, and images where no image points are adjusted.
     """
     findings = []
     set_aside = result.set_aside
@@ -28,12 +28,12 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
         (points, len(inputs.point_ids), "points", "too few usable rays"),
         (images, len(inputs.image_ids), "images", "no start or too few points"),
     ):
-        if len(ids):
-            findings.append(
-                Finding(
-                    "left_out", "warning", f"left out, {reason} ({len(ids)} of {of} {what})", ids=tuple(ids.tolist())
-                )
-            )
+        if len(ids) and (what == "points" or inputs.rays is not None):
+            text = f"left out, {reason} ({len(ids)} of {of} {what})"
+            findings.append(Finding("left_out", "warning", text, ids=tuple(ids.tolist())))
+    if inputs.rays is None and len(images):
+        text = f"no image points are adjusted: {len(images)} of {len(inputs.image_ids)} images take no part"
+        findings.append(Finding("left_out", "note", text))
     n_rays = -1 if inputs.rays is None else len(inputs.rays.image)
     for o in result.observations:
         findings += _unused(o, tied, n_rays)

@@ -6,7 +6,9 @@ median distance of a's points from a resection by the marks of b, and f_a = 2 n_
     T = f_a (o_aa^2 / o_ab^2 - 1) + f_b (o_bb^2 / o_ba^2 - 1)
 
 is twice the logarithm of the likelihood ratio of two hypotheses without unknowns of their own, by the errors that the
-exchange leaves; where nothing is exchanged it exceeds 2 ln k with a probability of 1 / k at most.
+exchange leaves; where nothing is exchanged it exceeds 2 ln k with a probability of 1 / k at most, if the errors of the
+start are random. A wrong control point bends a start, and what it bends may look like marks of another film: a warning
+that ends no run.
 
 Seen: two film images whose points do not fit by the marks of the same image.
 Test: T of each pair of the worst images, at 1e-4 for all of them, and each of the two better by the marks of the other.
@@ -149,10 +151,10 @@ def _finding(block: Block, pair: tuple[int, int], off_mm: tuple[float, float]) -
     first, second = (str(block.images.id[image]) for image in pair)
     own, other = (f"{1e3 * off:,.0f} um" if np.isfinite(off) else "any distance" for off in off_mm)
     text = (
-        f"images {first} and {second} have each other's image points, or each other's fiducial marks: by the marks of "
-        f"the other their points fit to {other}, by their own to {own}"
+        f"images {first} and {second} may have each other's image points, or each other's fiducial marks: by the marks "
+        f"of the other their points fit to {other}, by their own to {own}"
     )
     row = int(np.flatnonzero(block.image_points.image == pair[0])[0])
-    remedy = "exchange the two ids in one of the two tables"
+    remedy = "look at both; if so exchange the two ids in one of the tables; a start bent by wrong control looks alike"
     where = read_at(block, block.image_points, row)
-    return Finding("exchanged_marks", "error", text, remedy, where=where, statistic=off_mm[1] / off_mm[0])
+    return Finding("exchanged_marks", "warning", text, remedy, where=where, statistic=off_mm[1] / off_mm[0])

@@ -47,6 +47,16 @@ def test_control_worse_than_a_third_is_told_by_the_run(tmp_path: Path, control_m
     assert np.hypot(1.0, 1 / 3) == pytest.approx(1.054, abs=1e-4)
 
 
+def test_images_of_a_network_are_noted_not_warned_of() -> None:
+    told = Told()
+    survey = {"distances": 150, "height_differences": 80, "baselines": 80}
+    small = {"strips": 2, "images_per_strip": 4}
+    block = simulated(flight=small, ties={"per_position": 1}, known={"full": 6}, survey=survey)
+    bundle(block, options=BundleOptions(), context=told)
+    assert any("no image points are adjusted: 8 of 8 images take no part" in line for line in told.lines)
+    assert not any("images)" in line for line in told.warnings)
+
+
 def test_a_block_with_sigmas_of_a_fifth_is_not_called_weak(tmp_path: Path) -> None:
     """Points are compared with what image points measure by the standard deviations that fit, as theirs are."""
     small = flown(strips=3, per_strip=5, noise=5.0)

@@ -81,7 +81,7 @@ def test_film_images_with_each_others_image_points_are_named() -> None:
         m = block.image_points
         exchanged = replace(block, image_points=replace(m, image=photograph[m.image].astype(m.image.dtype)))
         (finding,) = _of_marks(exchanged, photograph)
-        assert finding.level == "error"
+        assert finding.level == "warning", "a start bent by wrong control looks alike: the run goes on"
         assert set(finding.sentence.split()[1:4:2]) == set(names)
 
 
