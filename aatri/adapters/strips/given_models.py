@@ -18,7 +18,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import angle_covariance, skew
-from aatri.geometry.similarity import Similarity, compose
+from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
 from aatri.observations.control import Control, control_of, observed_control
 from aatri.observations.observed import Observed
@@ -91,41 +91,77 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
 def _start(
     block: Block, control: Control, points: BodyPoints, names: Text, origin: Float
 ) -> tuple[list[Similarity | None], list[Note]]:
-    """Every model on the ground, reduced to the origin, about; None where its component has too little control."""
+    """Every model on the ground, reduced to the origin, about; None where its component has too little control.
+
+    What control leaves open of a component may be determined by its points common with those on the ground.
+    """
     free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
-    start, failed, oriented = list[Similarity | None]([None] * len(names)), list[GeometryError](), list[Component]()
-    for component in free.components:  # the largest first
-        what = strip_names(component, names.tolist(), "model")
-        first = int(component.strips[0])
-        against = [c for c in oriented if frozenset((first, int(c.strips[0]))) in free.contradicting]
-        if against:
-            than = strip_names(against[0], names.tolist(), "model")
-            failed.append(GeometryError(f"{what}: its points common with {than} do not fit"))
-            continue
-        body = _body(component, len(block.points))
+    what = [strip_names(c, names.tolist(), "model") for c in free.components]  # the largest first
+    oriented, failed, together = dict[int, Similarity](), dict[int, GeometryError](), list[int]()
+    places, more = control, True
+    while more:
+        before = len(oriented)
+        for k, component in enumerate(free.components):
+            first = int(component.strips[0])
+            pairs = {j: frozenset((first, int(free.components[j].strips[0]))) for j in oriented}
+            against = [what[j] for j, pair in pairs.items() if pair in free.contradicting]
+            if k in oriented:
+                continue
+            if against:
+                failed[k] = GeometryError(f"{what[k]}: its points common with {against[0]} do not fit")
+                continue
+            try:
+                oriented[k] = _oriented(block, places, component, what[k], origin)
+                together += [k] if places is not control else []
+            except GeometryError as error:
+                failed.setdefault(k, error)
+        more = before < len(oriented) < len(what)
+        places = _carried(control, {k: (free.components[k], to) for k, to in oriented.items()}, origin)
+    joined = tuple(
+        f"{one} and {other} have " for one in what for other in what for k in together if what[k] in (one, other)
+    )
+    apart = [f"not joined: {text}" for text in free.unjoined if not text.startswith(joined)]
+    left = [error for k, error in failed.items() if k not in oriented]
+    if not oriented:
+        raise GeometryError("; ".join([*(e.what for e in left), *apart]), remedy=left[0].remedy)
+    start = list[Similarity | None]([None] * len(names))
+    for k, to in oriented.items():
+        for strip, pose in zip(free.components[k].strips.tolist(), free.components[k].component_from_strip):
+            start[strip] = compose(to, pose)
+    notes = [Note("note", f"{what[k]}: determined by control and points common with other models") for k in together]
+    return start, notes + [Note("warning", text) for text in (*apart, *(f"left out: {e.what}" for e in left))]
 
-        def seen(_: Similarity, body: FreeBody = body) -> tuple[Observed, ...]:
-            return concerning(observed_control(control, origin, block.points.id[control.point]), body)
 
-        try:
-            to = orient_body(
-                seen,
-                body,
-                OrientationSettings(START_LIMIT),
-                what=what,
-                image_ids=np.array([what]),
-                point_ids=block.points.id,
-            ).ground_from_body
-        except GeometryError as error:
-            failed.append(error)
-            continue
-        oriented.append(component)
-        for k, pose in zip(component.strips.tolist(), component.component_from_strip):
-            start[k] = compose(to, pose)
-    apart = [f"not joined: {text}" for text in free.unjoined]
-    if len(failed) == len(free.components):
-        raise GeometryError("; ".join([*(e.what for e in failed), *apart]), remedy=failed[0].remedy)
-    return start, [Note("warning", text) for text in (*apart, *(f"left out: {e.what}" for e in failed))]
+def _oriented(block: Block, places: Control, component: Component, what: str, origin: Float) -> Similarity:
+    """A component laid onto the places of its points."""
+    ids = block.points.id
+    observed, body = observed_control(places, origin, ids[places.point]), _body(component, len(ids))
+
+    def seen(_: Similarity) -> tuple[Observed, ...]:
+        return concerning(observed, body)
+
+    settings = OrientationSettings(START_LIMIT)
+    return orient_body(seen, body, settings, what=what, image_ids=np.array([what]), point_ids=ids).ground_from_body
+
+
+def _carried(control: Control, oriented: dict[int, tuple[Component, Similarity]], origin: Float) -> Control:
+    """Control, and beside it the points of components on the ground where they lie."""
+    parts, taken = [control], set(control.point.tolist())
+    for component, to in oriented.values():
+        new = np.flatnonzero([p not in taken for p in component.point.tolist()])
+        taken |= set(component.point[new].tolist())
+        R, n = to.scale * to.rotation, len(new)
+        parts.append(
+            Control(
+                np.full(n, -1, dtype=np.int32),
+                component.point[new].astype(np.int32),
+                transform(to, component.xyz[new]) + origin,
+                R @ component.covariance[new] @ R.T,
+                np.ones((n, 3), dtype=bool),
+                np.zeros((n, 3), dtype=bool),
+            )
+        )
+    return Control(*(np.concatenate([getattr(c, f) for c in parts]) for f in Control.__dataclass_fields__))
 
 
 def _body(component: Component, n_points: int) -> FreeBody:

@@ -207,3 +207,50 @@ def test_a_model_with_heights_downwards_is_told_to_be_mirrored(tmp_path: Path) -
     assert np.isnan(solution.points.xyz_m[solution.points.id.tolist().index("P23")]).all()
     at = solution.points.id.tolist().index("P9")
     np.testing.assert_allclose(solution.points.xyz_m[at], truth["P9"], atol=1e-6)
+
+
+def two_models(seed: int, *, on_a_line: bool = False) -> tuple[list[str], dict[str, Float], dict[str, Float]]:
+    """Model a with four control points; model b with two, and two points common with a, perhaps all four on a line."""
+    rng = np.random.default_rng(seed)
+    truth = {f"C{k}": np.array([450.0 * (k % 2), 400.0 * k, 20.0 * rng.normal()]) for k in range(4)}
+    truth |= {p: np.array([500.0, y, 20 * rng.normal()]) for p, y in (("P0", 100.0), ("P1", 1100.0))}
+    truth |= {p: np.array([900.0, y, 20 * rng.normal()]) for p, y in (("D0", 50.0), ("D1", 1150.0))}
+    if on_a_line:
+        truth |= {p: truth["P0"] + t * (truth["P1"] - truth["P0"]) for p, t in (("D0", -0.2), ("D1", 0.5))}
+    truth |= {f"N{k}": np.array([700.0, 250.0 * k, 20 * rng.normal()]) for k in range(4)}
+    lines = []
+    for model, names in (("a", "C0 C1 C2 C3 P0 P1"), ("b", "P0 P1 D0 D1 N0 N1 N2 N3")):
+        R = Rotation.from_euler("xyz", [0.03 * rng.normal(), 0.03 * rng.normal(), rng.uniform(-3, 3)]).as_matrix()
+        scale = 1 / rng.uniform(300, 500)
+        for name in names.split():
+            x = scale * R @ truth[name] + rng.normal(0, SIGMA, 3)
+            lines.append(" ".join([model, name, *map(repr, x.tolist())]))
+    return lines, {p: xyz for p, xyz in truth.items() if p[0] in "CD"}, truth
+
+
+def test_two_control_points_and_two_common_points_determine_a_model_together(tmp_path: Path) -> None:
+    """Errors of the new points of such a model are those of their standard deviations, over twenty blocks."""
+    squares = []
+    for seed in range(20):
+        lines, control, truth = two_models(seed)
+        solution = solved(tmp_path, lines, control, sigma=SIGMA)
+        assert solution.redundancy == 3 * 14 + 3 * 6 - 2 * 7 - 3 * 12
+        new = [k for k, p in enumerate(solution.points.id.tolist()) if p[0] in "NP"]
+        off = solution.points.xyz_m[new] - np.array([truth[p] for p in solution.points.id[new].tolist()])
+        squares.append(
+            np.mean([d @ np.linalg.solve(C, d) / 3 for d, C in zip(off, solution.points.covariance_m2[new])])
+        )
+    # 20 blocks of 18 coordinates, correlated: about 7 free ones each, chi2(140) / 140 with 99.9 % limits
+    assert 0.65 < np.mean(squares) < 1.43
+
+
+def test_a_model_whose_control_and_common_points_lie_on_a_line_is_left_out_by_cause(tmp_path: Path) -> None:
+    lines, control, _ = two_models(3, on_a_line=True)
+    solved(tmp_path, lines, control, sigma=SIGMA)
+    told = Told()
+    options = ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA)
+    solution = given_models(models(options=options), context=told)
+    assert told.warnings[0] == "not joined: model a and model b have 2 common points, 3 are needed"
+    assert told.warnings[1].startswith("left out: model b: not determined: rotation about the line through point D0")
+    at = solution.points.id.tolist().index("N1")
+    assert np.isnan(solution.points.xyz_m[at]).all()
