@@ -46,7 +46,7 @@ def test_a_gate_that_fails_is_told_a_line_each_and_ends_with_6() -> None:
     report = Path("out/report.html").read_text()
     assert "<caption>Gates</caption>" in report
     assert "<td>at most 5</td><td>failed</td>" in report
-    assert "gate_failed" in report
+    assert ">gate failed ·" in report
 
 
 def test_json_and_status_carry_the_gates() -> None:

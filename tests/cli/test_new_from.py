@@ -74,12 +74,11 @@ def test_sources_may_be_named_one_by_one(tmp_path: Path) -> None:
     assert "2 sources" in (tmp_path / "mine" / "pipeline.yaml").read_text()
 
 
-def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, shared_data: Path) -> None:
+def test_a_distortion_of_micmac_is_exact_and_needs_no_leave(tmp_path: Path, shared_data: Path) -> None:
     source = shared_data / "interchange" / "micmac" / "Ori-MMV1"
-    refused = invoked("new", tmp_path / "mine", "--from", source)
-    assert "`--lens-misfit 0.07`" in refused.stderr
-    allowed = invoked("new", tmp_path / "mine", "--from", source, "--lens-misfit", "0.07")
-    assert "7 images, but no image points" in allowed.stderr
+    result = invoked("new", tmp_path / "mine", "--from", source)
+    assert "7 images, but no image points" in result.stderr
+    assert "lens-misfit" not in result.stderr
 
 
 def test_what_is_missing_is_named_and_nothing_is_written(tmp_path: Path) -> None:
