@@ -234,12 +234,24 @@ def _size(free: FreeDatum, state: State) -> tuple[Float, float]:
 
 
 def _moved(free: FreeDatum, state: State, H: Mapping[str, Float], q: Float) -> dict[str, Any]:
-    """The block after the similarity exp of the seven parameters q, about the centre."""
+    """The block after the similarity exp of the seven parameters q, about the centre.
+
+    Raises
+    ------
+    ConvergenceError
+        If its scale overflows.
+    """
     centre, extent = _size(free, state)
     generator = np.zeros((4, 4))
     generator[:3, :3] = skew(q[3:6]) + q[6] * np.eye(3)
     generator[:3, 3] = extent * q[:3]
-    T = expm(generator)
+    with np.errstate(over="ignore", invalid="ignore"):
+        T = expm(generator)
+    if not np.isfinite(T).all():
+        raise ConvergenceError(
+            "the block has run away from the start values of its datum: no similarity fits it onto them",
+            remedy="look for gross errors (`blunders: snooping`), or for exchanged numbers; start from better values",
+        )
     rotation = nearest_rotation(T[:3, :3] / np.exp(q[6]))
     poses: Poses = state[POSE]
     position = centre + (poses.position_m - centre) @ T[:3, :3].T + T[:3, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.errors import ConvergenceError
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
-from tests.small_blocks import flown
+from tests.small_blocks import adjusted_by, flown
 
 MARKED = ["p20", "p25", "p30", "p35", "p40", "p45"]
 
@@ -102,3 +104,15 @@ def test_the_datum_has_no_rotation_and_no_scale_against_its_start(
     size = (arm**2).sum()
     turn, scale = np.cross(arm, off).sum(axis=0) / size, (arm * off).sum() / size
     np.testing.assert_allclose([*turn, scale], 0.0, atol=1e-10)
+
+
+def test_a_block_that_gross_errors_drive_away_from_its_start_is_refused_by_cause(tmp_path: Path) -> None:
+    """Two points of an image have each other's number, and all observations are kept."""
+    small = flown(2, 4)
+    a, b = (("102", small.seen_by("102")[k]) for k in (3, 9))
+    small.rays[a], small.rays[b] = small.rays[b], small.rays[a]
+    small.control, small.observed = {}, {}
+    with pytest.raises(ConvergenceError) as caught:
+        adjusted_by("graph", small.write(tmp_path / "b"), datum="free", blunders="none")
+    assert "run away from the start values of its datum" in caught.value.what
+    assert "exchanged numbers" in caught.value.remedy
