@@ -124,7 +124,7 @@ def adjusted(
         return adjusted_with_terms(inputs, once, roughly)
     except GeometryError as error:
         names = tuple(name for p in inputs.parameters for name in p.labels)
-        advice = rank_advice(error, names, column_kinds(inputs))
+        advice = rank_advice(error, names, column_kinds(inputs), free_datum=options.datum == "free")
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in inputs.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error

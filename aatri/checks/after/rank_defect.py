@@ -42,8 +42,15 @@ _BORESIGHT = (
     "attitudes with a free boresight hold no azimuth; give a second control point in plan, or fix the boresight"
 )
 
+_FREE = (
+    "the datum is free, so it is not control that lacks: look for gross errors that bend the block "
+    "(`blunders: snooping`), or measure more points that join its images"
+)
 
-def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str, str]) -> str:
+
+def rank_advice(
+    error: GeometryError, names: tuple[str, ...], kinds: Mapping[str, str], *, free_datum: bool = False
+) -> str:
     """The remedy for a rank defect, or an empty text where there is none of its own.
 
     Parameters
@@ -70,6 +77,7 @@ def rank_advice(error: GeometryError, names: tuple[str, ...], kinds: Mapping[str
         reasons["weight the parameters: `self_calibration.sigma_um`"] = None
     carried = [_MOUNT] * any(group == MOUNT for _, group in unknowns) + [_BORESIGHT] * (BORESIGHTS.labels[2] in labels)
     motions = _of_motions(combinations, shifted)
+    motions = [_FREE] if free_datum and motions else motions
     return "; ".join([*reasons, *carried, *(motions if motions != [_SET] or not carried else ())])
 
 

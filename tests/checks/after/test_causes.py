@@ -172,6 +172,15 @@ def test_a_motion_of_the_whole_has_its_remedy_and_no_other(case: str) -> None:
     assert not any(other in found for _, _, other in WHOLE.values() if other != words)
 
 
+@pytest.mark.parametrize("case", WHOLE)
+def test_a_free_datum_is_not_asked_for_control(case: str) -> None:
+    moves, unknowns, words = WHOLE[case]
+    error = OpenError("open", remedy="", combinations=[OpenCombination("text", frozenset(moves), True, unknowns)])
+    found = rank_advice(error, ("c",), {"c": "c"}, free_datum=True)
+    assert "look for gross errors" in found
+    assert words not in found or case == "boresight"
+
+
 def test_a_part_is_joined_by_more_points() -> None:
     assert "too few points join it" in _advice(OpenCombination("text", frozenset({"shift"})))
 
