@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,6 +80,20 @@ def test_a_distortion_of_micmac_is_exact_and_needs_no_leave(tmp_path: Path, shar
     result = invoked("new", tmp_path / "mine", "--from", source)
     assert "7 images, but no image points" in result.stderr
     assert "lens-misfit" not in result.stderr
+
+
+def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, shared_data: Path) -> None:
+    """A camera of MicMac whose distortion is centred 100 px beside the principal point, as none of aatri is."""
+    name = "AutoCal_Foc-60000_Cam-NIKON_D810.xml"
+    text = (shared_data / "interchange" / "micmac" / "Ori-MMV1" / name).read_text()
+    source = tmp_path / name
+    source.write_text(text.replace("<CDist>3715.", "<CDist>3815."))
+    refused = invoked("new", tmp_path / "mine", "--from", source)
+    assert "undistorted images" in refused.stderr
+    leave = re.search(r"`--lens-misfit (\S+)`", refused.stderr)[1]
+    assert float(re.search(r"differs by up to (\S+) px", refused.stderr)[1]) <= float(leave)
+    allowed = invoked("new", tmp_path / "mine", "--from", source, "--lens-misfit", leave)
+    assert "no source has images or image points" in allowed.stderr
 
 
 def test_what_is_missing_is_named_and_nothing_is_written(tmp_path: Path) -> None:

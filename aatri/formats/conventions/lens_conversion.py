@@ -28,6 +28,9 @@ GRID = 25
 OPENINGS = (0.1, 100.0)
 """Focal length by the longer side of the image, 157 degrees across to half a degree: beyond, one has another unit."""
 
+WITHOUT_DISTORTION_READ = "or export image points and camera of undistorted images from the other program"
+WITHOUT_DISTORTION_WRITTEN = "or `aatri export` a run without `--measured`: image points and camera without distortion"
+
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 OURS = ("none", "bal", "opencv", "fisheye", "brown")
@@ -71,7 +74,7 @@ def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float 
         return exact
     fits = [_fitted(lens, name) for name in GENERAL if (name == "fisheye") == (FORMS[lens.form].family == "fisheye")]
     best = min(fits, key=lambda fit: fit.misfit_px)
-    tell_misfit(lens, best, reporter, allowed_px)
+    tell_misfit(lens, best, reporter, allowed_px, WITHOUT_DISTORTION_READ)
     return best.lens
 
 
@@ -91,7 +94,7 @@ def as_program_states(
     fisheye = FORMS[lens.form].family == "fisheye"
     alike = [form for form in forms if (FORMS[form].family == "fisheye") == fisheye]
     fit = _fitted(lens, (alike or list(forms))[-1])
-    tell_misfit(lens, fit, reporter, allowed_px)
+    tell_misfit(lens, fit, reporter, allowed_px, WITHOUT_DISTORTION_WRITTEN)
     return fit.lens
 
 
@@ -99,8 +102,8 @@ def _first_exact(lens: Lens, forms: Sequence[str]) -> Lens | None:
     return next((exact for form in forms if (exact := _exactly(lens, form)) is not None), None)
 
 
-def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: float) -> None:
-    """Say how well a distortion was fitted.
+def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: float, without: str) -> None:
+    """Say how well a distortion was fitted; `without` is the way that needs no fit.
 
     Raises
     ------
@@ -110,12 +113,11 @@ def tell_misfit(lens: Lens, fit: ConvertedLens, reporter: Reporter, allowed_px: 
     if fit.misfit_px == 0.0:
         return
     what = f"camera {lens.id}: its distortion ({lens.form}) has no exact like; {fit.lens.form} differs by up to"
-    text = f"{what} {fit.misfit_px:.2g} px"
+    text = f"{what} {fit.misfit_px:.3g} px"
     if not fit.misfit_px <= allowed_px:
         allowed = math.ceil(100 * fit.misfit_px) / 100
         remedy = f"`--lens-misfit {allowed:g}` (in a pipeline `lens_misfit_px: {allowed:g}` beside the path) takes it; "
-        remedy += "or take image points freed from distortion"
-        raise InputError(f"{text}, more than {allowed_px:g} px", where=lens.where, remedy=remedy)
+        raise InputError(f"{text}, more than {allowed_px:g} px", where=lens.where, remedy=remedy + without)
     reporter.log(text)
 
 

@@ -33,6 +33,9 @@ CARTESIAN = {
     ],
 }
 
+ENGINEERING = ("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS")
+"""What the WKT of a local system begins with, in capitals or not (ISO 19162)."""
+
 
 def geocentric_frame(system: Any) -> Frame:
     """Geocentric coordinates on the datum of a coordinate reference system of pyproj."""
@@ -122,7 +125,7 @@ def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
             transforms[key] = R, scale, transform.numbers(3, "translation")
     stated = chunk.optional("reference")
     text = stated.text if stated is not None else ""
-    if stated is None or not text or text.startswith("LOCAL_CS"):
+    if stated is None or not text or text.upper().startswith(ENGINEERING):
         frame = PLANE if text and transforms else LOCAL  # a chunk that is not transformed is a free model
         return ChunkFrame(transforms, frame, frame)
     try:
@@ -133,6 +136,9 @@ def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
         raise stated.error(
             f"the coordinate system {clipped(text)!r} is not understood", "export in a known one"
         ) from error
+    if flat.geodetic_crs is None:
+        what = f"the coordinate system {clipped(text)!r} has no horizontal part"
+        raise stated.error(what, "export in a geographic, projected or geocentric one, or a local one")
     axes = ("x", "y", "z") if flat.is_geocentric else ("east", "north", "up")
     if flat.is_geographic:
         axes = ("longitude", "latitude", "height")

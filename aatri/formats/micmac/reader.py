@@ -98,7 +98,7 @@ def read_project(path: Path, reporter: Reporter = SILENT) -> MicmacProject:
         project.files.append(file)
         if not (add_mmvii if root.tag == "Root" else add_v1)(project, root):
             others.append(project.files.pop().name)
-    others += [error.where for error in project.without_like.values()]
+    others += [f"{error.where} ({error.what})" for error in project.without_like.values()]
     if others:
         reporter.log(f"{path}: not read: {shown(others)}")
     if not project.files:

@@ -97,7 +97,7 @@ def read_photograph(path: Path) -> Photograph:
     Raises
     ------
     InputError
-        If it is not there, is no picture, or ends before its time.
+        If it is not there, is no picture, ends before its time, or states an impossible position.
     """
     Image = of_extra("PIL.Image", "images")
     try:
@@ -129,7 +129,7 @@ def read_photograph(path: Path) -> Photograph:
         f_mm,
         f35 * math.hypot(*size) / DIAGONAL_MM if f35 == f35 else f_mm * size[0] / _sensor_width_mm(exif, size[0]),
         _time(exif),
-        _place(gps),
+        _place(gps, path),
     )
 
 
@@ -195,14 +195,19 @@ def _time(exif: Any) -> float:
     return seconds + (float(f"0.{parts}") if parts.isdecimal() else 0.0)
 
 
-def _place(gps: Any) -> tuple[float, float, float]:
-    """Longitude, latitude, height; a receiver without a fix writes zeros."""
+def _place(gps: Any, path: Path) -> tuple[float, float, float]:
+    """Longitude, latitude, height; a receiver without a fix writes zeros, or 0/0."""
     try:
         latitude, longitude = (sum(float(v) / 60**k for k, v in enumerate(gps[tag])) for tag in (2, 4))
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
         return (math.nan,) * 3
-    if not (abs(latitude) <= 90 and abs(longitude) <= 180) or latitude == longitude == 0:
+    if math.isnan(latitude + longitude) or latitude == longitude == 0:
         return (math.nan,) * 3
+    for name, tag, value, most in (("latitude", 2, latitude, 90), ("longitude", 4, longitude, 180)):
+        if not 0 <= value <= most or any(not 0 <= float(part) <= 60 for part in gps[tag][1:]):
+            stated = " ".join(f"{float(part):g}" for part in gps[tag])
+            what = f"its GPS {name} is {stated}, which are no degrees, minutes and seconds"
+            raise InputError(what, where=str(path), remedy="write the position anew, or take it out of the EXIF data")
     latitude, longitude = (
         -v if _text(gps.get(t)) in "SW" and _text(gps.get(t)) else v for v, t in ((latitude, 1), (longitude, 3))
     )

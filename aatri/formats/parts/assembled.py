@@ -154,7 +154,8 @@ def _give_cameras(tables: JoinedParts) -> None:
     elif len(without):
         what = f"no source says which camera took {len(without)} images: {shown(images['id'][without].tolist(), 3)}"
         there = f"; cameras: {shown(ids, 5)}" if ids else ", and none gives a camera"
-        raise InputError(what + there, where=str(tables.files[0]), remedy="add the file with the cameras")
+        remedy = "add the file with the cameras, as a further `--from`, in a pipeline under `sources`"
+        raise InputError(what + there, where=str(tables.files[0]), remedy=remedy)
     missing = sorted({*images["camera"].tolist()} - {*ids})
     if missing:
         at = int(np.flatnonzero(images["camera"] == missing[0])[0])

@@ -116,6 +116,18 @@ def test_missing_and_equal_positions_are_no_observations(tmp_path: Path) -> None
     assert "2 of 4 photographs have the position of another one" in parts.notes[1]
 
 
+@pytest.mark.parametrize("latitude", [(50.0, 80.0, 0.0), (120.0, 0.0, 0.0), (50.0, 30.0, 75.0)])
+def test_a_latitude_that_is_no_angle_is_refused_by_name(tmp_path: Path, latitude: tuple[float, ...]) -> None:
+    path = _save(tmp_path, "a.jpg")
+    with Image.open(path) as picture:
+        exif = picture.getexif()
+        exif.get_ifd(0x8825)[2] = latitude
+        picture.save(path, exif=exif)
+    with pytest.raises(InputError, match=f"its GPS latitude is {latitude[0]:g} {latitude[1]:g}") as refused:
+        read_photographs(tmp_path)
+    assert "a.jpg" in refused.value.where
+
+
 def test_photographs_that_say_no_position_make_a_block_without_a_place(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         _save(tmp_path, name, position=False)
