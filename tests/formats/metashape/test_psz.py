@@ -1,4 +1,4 @@
-"""A project of Metashape as .psz: its document, and the tie points that lie beside it."""
+"""A project of Metashape as .psz: its document, the tie points that lie beside it, its local system."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.sources import read_source
 from aatri.progress import SILENT
-from tests.formats.metashape.test_metashape import local
+from tests.formats.metashape.test_metashape import LOCAL_CS, local, written
 
 
 def test_an_archive_holds_the_same(tmp_path: Path) -> None:
@@ -79,3 +79,9 @@ def test_tie_points_of_an_archive_are_in_the_world_and_without_those_that_metash
 def test_damaged_tie_points_are_refused_with_their_place(tmp_path: Path, damaged: bytes, message: str) -> None:
     with pytest.raises(AatriError, match=rf"p7.ply: {message}"):
         read_metashape(project(tmp_path, **{"p7.ply": damaged}))
+
+
+@pytest.mark.parametrize("system", [LOCAL_CS.lower(), 'ENGCRS["Local",EDATUM["Local"]'])
+def test_a_local_system_is_one_in_any_case_and_version_of_wkt(tmp_path: Path, system: str) -> None:
+    stated, other = (read_metashape(written(tmp_path, t)) for t in (local(), local().replace(LOCAL_CS, system)))
+    assert other.frame == stated.frame
