@@ -9,13 +9,14 @@ sigma_point from the covariances of the points or from their discrepancies, whic
 points count as collinear and the pair is not joined; so it is with fewer than 3 points. Where the smaller component
 reaches farther from that line than `LONGEST_LEVER` times the denominator, errors of the points grow as many times at
 its edge: such a pair is joined only if asked for (`weakly`). The similarity of a pair is that with the least sum of
-distances (geometry.similarity), which wrong points hardly disturb.
+distances (geometry.similarity), which wrong points hardly disturb, but one that lies far out along the line of the
+others: a number given to two places. Where common points do not fit each other the tie is tried without each of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -30,6 +31,8 @@ FEWEST_MIRRORED, CLEARLY = 5, 0.2
 """Fewer common points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
 MIRRORED = "fit only mirrored: an axis of one has the wrong sign"
+
+MISFIT = "do not fit each other"
 
 LONGEST_LEVER = 20.0
 """How many times the errors of common points may grow at the edge of the smaller component."""
@@ -90,6 +93,10 @@ class _Common:
     target: Float
     source_variance: Float
     target_variance: Float
+
+    def without(self, k: int) -> _Common:
+        """All but one."""
+        return _Common(*(np.delete(values, k, axis=0) for values in astuple(self)))
 
 
 def grow_components(
@@ -156,16 +163,35 @@ def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict
     """For each pair of components the similarity from the second to the first, and how well it is determined."""
     common = [_common(bodies[a], bodies[b]) for a, b in pairs]
     enough = [k for k, c in enumerate(common) if len(c.target) >= 3]
-    similarity, distance = _robust([common[k] for k in enough])
     ties = {pair: Tie(IDENTITY, np.inf, len(c.target), np.inf) for pair, c in zip(pairs, common)}
-    for k, s, d in zip(enough, similarity, distance):
-        a, b = (bodies[label] for label in pairs[k])
-        sigma, n, lever, by_noise = _weakest_rotation(common[k], s, d, (a, b))
-        far = n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
-        misfit = MIRRORED if far and _is_mirrored(common[k], d) else ""
-        misfit = "do not fit each other" if not misfit and by_noise <= WEAKEST_RAD < sigma else misfit
-        ties[pairs[k]] = Tie(s, sigma, n, lever, misfit)
+    for k, tie in zip(enough, _fitted([common[k] for k in enough], [_of_pair(bodies, pairs[k]) for k in enough])):
+        ties[pairs[k]] = _without_one(common[k], _of_pair(bodies, pairs[k])) or tie if tie.misfit == MISFIT else tie
     return ties
+
+
+def _of_pair(bodies: Mapping[int, _Body], pair: tuple[int, int]) -> tuple[_Body, _Body]:
+    return bodies[pair[0]], bodies[pair[1]]
+
+
+def _fitted(common: Sequence[_Common], bodies: Sequence[tuple[_Body, _Body]]) -> list[Tie]:
+    """Ties of pairs of bodies by common points, three or more of each."""
+    ties = []
+    for c, both, similarity, distance in zip(common, bodies, *_robust(common)):
+        sigma, n, lever, by_noise = _weakest_rotation(c, similarity, distance, both)
+        far = n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
+        misfit = MIRRORED if far and _is_mirrored(c, distance) else ""
+        misfit = MISFIT if not misfit and by_noise <= WEAKEST_RAD < sigma else misfit
+        ties.append(Tie(similarity, sigma, n, lever, misfit))
+    return ties
+
+
+def _without_one(common: _Common, bodies: tuple[_Body, _Body]) -> Tie | None:
+    """The best tie without one of the common points, where four or more are left and fit each other."""
+    n = len(common.target)
+    if n <= 4:
+        return None
+    ties = _fitted([common.without(k) for k in range(n)], [bodies] * n)
+    return min((tie for tie in ties if tie.joins(weakly=True)), key=lambda tie: tie.sigma_rad, default=None)
 
 
 def _is_mirrored(common: _Common, distance: Float) -> bool:

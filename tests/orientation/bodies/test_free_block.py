@@ -114,6 +114,23 @@ def test_common_points_that_do_not_fit_each_other_tie_nothing() -> None:
     assert ties[0, 1].sigma_rad > WEAKEST_RAD
 
 
+@pytest.mark.parametrize("n", [5, 7, 12])
+def test_one_number_at_two_places_parts_no_strips(n: int) -> None:
+    """Common points of two strips lie along their overlap; the last of them is another place in the second strip."""
+    chance = np.random.default_rng(n)
+    one = np.column_stack([np.linspace(0.0, 5.0, n), chance.uniform(-0.1, 0.1, n), chance.uniform(-0.2, 0.2, n)])
+    turn, scale, shift = exp_rotation(np.array([0.02, -0.3, 1.1])), 1.7, np.array([3.0, -1.0, 0.5])
+    other = one.copy()
+    other[-1] += [-4.0, 1.5, 0.1]
+    other = (other - shift) @ turn / scale  # one = shift + scale turn other
+    xyz = np.concatenate([one, other]) + chance.normal(0, 1e-4, (2 * n, 3))
+    points = BodyPoints(np.repeat([0, 1], n), np.tile(np.arange(n), 2), xyz, np.tile(1e-8 * np.eye(3), (2 * n, 1, 1)))
+    member, pose, _ = grow_components(points, 2)
+    assert member.tolist() == [0, 0]
+    np.testing.assert_allclose(pose[1].rotation, turn, rtol=0, atol=0.01)
+    assert pose[1].scale == pytest.approx(scale, rel=1e-3)
+
+
 def test_a_strip_that_its_ties_leave_open_stands_apart_and_other_gaps_are_still_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
