@@ -25,6 +25,7 @@ from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
 from aatri.observations.rolling_shutter import ROLLING, flown_velocities, row_time_basis
+from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.image_groups import ImageGroups
@@ -95,7 +96,9 @@ def bundle_input(source: ObservationSource, options: KindOptions, suspects: Susp
         Of earlier stages.
     """
     block, poses = source.block, source.start[POSE]
-    rejected = set() if suspects is None else suspected_rows(suspects)
+    rejected = set[tuple[str, int]]()
+    if suspects is not None:
+        rejected = suspected_rows(suspects) | rays_of_rejected_ties(block, source.image_points, suspects)
     strip, n = block.images.strip, len(block.images)
     return BundleInput(
         block.images.id,
@@ -159,6 +162,23 @@ def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
     """What earlier stages have rejected, by kind and row of its table."""
     rows = np.flatnonzero(staying_out(suspects) & (suspects.row >= 0))
     return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
+
+
+def rays_of_rejected_ties(block: Block, image_points: ImagePoints | None, suspects: Suspects) -> set[tuple[str, int]]:
+    """Image points of strips to points that do not tie them: another place may carry the number there."""
+    ties = np.flatnonzero((suspects.kind == STRIP_TIE) & staying_out(suspects))
+    if image_points is None or not len(ties):
+        return set()
+    strip_row, point_row = (
+        {name: k for k, name in enumerate(ids.tolist())} for ids in (block.strips.id, block.points.id)
+    )
+    pairs = zip(suspects.image[ties].tolist(), suspects.point[ties].tolist())
+    n, m = len(block.points), image_points.measurements
+    rejected = [
+        strip_row[strip] * n + point_row[point] for strip, point in pairs if strip in strip_row and point in point_row
+    ]
+    rows = np.flatnonzero(np.isin(block.images.strip[m.image].astype(np.int64) * n + m.point, rejected))
+    return {(IMAGE_POINT, row) for row in rows.tolist()}
 
 
 def origin_of(poses: Poses, xyz_m: Float) -> Float:

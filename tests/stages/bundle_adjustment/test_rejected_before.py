@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle.bundle_input import rays_of_rejected_ties
 from aatri.artifacts.suspects import staying_out
 from aatri.stages.bundle_adjustment.bundle import bundle
 from aatri.stages.initial_orientation.graph import graph
@@ -60,6 +61,19 @@ def test_a_right_observation_that_was_rejected_comes_back_alone(tmp_path: Path) 
     assert right in used
     assert wrong not in used
     assert_is_the_block(found, OF)
+
+
+def test_rays_of_a_strip_tie_that_was_rejected_stay_out_unless_they_fit(tmp_path: Path) -> None:
+    """Here they do: nothing is wrong with the tie."""
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=OF.xy_mm)
+    second = str(block.strips.id[block.images.strip[4]])
+    tie = replace(suspected("strip_tie", [-1]), image=np.array([second]), point=np.array(["p14"]))
+    rows = np.flatnonzero((OF.image > 2) & (OF.point == 14))
+    assert rays_of_rejected_ties(block, points, tie) == {("image_point", row) for row in rows.tolist()}
+    assert not rays_of_rejected_ties(block, points, replace(tie, verdict=np.array(["kept"])))
+    adjusted = bundle(block, points, start(OF, block, tie))
+    assert len(rows_of(adjusted, "image_point")) == len(OF.image)
+    assert_is_the_block(adjusted, OF)
 
 
 @pytest.mark.parametrize("kind", ["control", "position"])
