@@ -86,9 +86,7 @@ def shown(texts: Iterable[str], most: int = 20) -> str:
 
 def amounts(counts: Mapping[str, Any]) -> str:
     """Counts by plural names, without those that are 0: `15 images, 1 check point`."""
-    return ", ".join(
-        f"{n} {name.replace('_', ' ').removesuffix('s' if n == 1 else '')}" for name, n in counts.items() if n
-    )
+    return ", ".join(several(n, name.replace("_", " ").removesuffix("s")) for name, n in counts.items() if n)
 
 
 def several(n: int, noun: str, one: str = "", more: str = "") -> str:

@@ -69,7 +69,9 @@ def check(
     """
     from aatri.cli.arguments.locate import DEFAULT, in_folder
     from aatri.cli.arguments.planning import Request
+    from aatri.pipeline.run.workers import share_cores
 
+    share_cores(1)
     path = in_folder(project) if project != Path() else DEFAULT
     request = Request(str(path), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     checks = list(_checks(request))

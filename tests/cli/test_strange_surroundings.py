@@ -141,13 +141,14 @@ def test_no_thread_is_no_memory() -> None:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="address space is limited on Linux")
-@pytest.mark.parametrize("mebibytes", [450, 500, 550])
-def test_little_memory_ends_with_a_message(tmp_path: Path, mebibytes: int) -> None:
+@pytest.mark.parametrize("verb", ["run", "check"])
+@pytest.mark.parametrize("mebibytes", [450, 520, 600])
+def test_little_memory_ends_with_a_message(tmp_path: Path, mebibytes: int, verb: str) -> None:
     pipeline = tmp_path / "p" / "pipeline.yaml"
     pipeline.parent.mkdir()
     pipeline.write_text("run: out\nseed: 1\nstages:\n  block: {use: block/simulate, with: {preset: sample}}\n")
     program = "from aatri.cli.main import main; main()"
-    command = f"ulimit -v {1024 * mebibytes}; exec {sys.executable} -c '{program}' run {pipeline}"
+    command = f"ulimit -v {1024 * mebibytes}; exec {sys.executable} -c '{program}' {verb} {pipeline}"
     ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=120, check=False)
     assert ended.returncode == 8, ended.stderr
     assert "memory" in ended.stderr

@@ -104,7 +104,7 @@ def _values(source: Source, table: CsvTable, types: list[str], column: str) -> F
     in_units = {True: f"angles are in {units.angle or 'units.angle'}", False: "lengths are in units.ground"}
     for angle, unit in in_units.items():
         rows_of_kind = [k for k in bad if (types[k] in ANGLES) == angle]
-        table.complain(rows_of_kind, column, f"{column} is {{}}, not a number", unit)
+        table.complain_of_numbers(rows_of_kind, column, unit)
     if any(t in ANGLES for t in types):
         ask_for_angle_unit(source, "geodetic.csv has angles", "units")
     return values

@@ -77,14 +77,15 @@ class CsvTable:
             more = f"column {column}: {len(places) - MOST_PER_COLUMN} more cells of this kind"
             self.problems.add(more, str(self.path))
 
-    def complain_of_numbers(self, rows: Sequence[int], column: str) -> None:
-        """Add an error for each cell that is no number, with the reason."""
+    def complain_of_numbers(
+        self, rows: Sequence[int], column: str, remedy: str = "write it like -1234.5 or 1e-3, or leave the cell empty"
+    ) -> None:
+        """Add an error for each cell that is no number, or none of its unit, with the reason."""
         reasons: dict[str, list[int]] = {}
         for row in rows:
-            reasons.setdefault(what_is_wrong(self.cell(row, column)), []).append(row)
+            reasons.setdefault(what_is_wrong(self.cell(row, column)) or "not of this unit", []).append(row)
         for reason, of_reason in reasons.items():
-            what = f"{column} is {{}}: {reason}"
-            self.complain(of_reason, column, what, "write it like -1234.5 or 1e-3, or leave the cell empty")
+            self.complain(of_reason, column, f"{column} is {{}}: {reason}", remedy)
 
     def cell(self, row: int, column: str) -> str:
         """The cell as written, without outer blanks."""

@@ -40,6 +40,13 @@ LIMITS: dict[str, tuple[str, str, str, str, str]] = {
         "7.378,1,2,1e-200,",
         "too small for a quantity",
     ),
+    "square of a geodetic sigma": (
+        "geodetic.csv",
+        "1,2,141.42,0.003",
+        "1,2,141.42,1e-12",
+        "1,2,141.42,1e-200",
+        "sigma is '1e-200': too small for a quantity",
+    ),
     "square of a default sigma": (YAML, "[2, 3, 4]", "[2, 3, 1e-12]", "[2, 3, 1e-200]", "too small for a quantity"),
     "covariance of two coordinates": (GROUND, "1,2,3,0.5", "1,2,3,1.999999", "1,2,3,2.00001", "negative eigenvalue"),
     "position sigma": (EXTERIOR, "385.1,5,5,8", "385.1,5,5,0", "385.1,5,5,-1e-9", "0 (exact) or more"),
