@@ -31,8 +31,8 @@ _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_
 _KERNELS = "NUMBA_NUM_THREADS"
 
 LEAST_BYTES = 700_000_000
-"""Address space below which OpenBLAS, LLVM or a thread cannot start: they end the process, or try for ever. The tutorial's
-block of 15 images takes 674 MB at its peak (VmPeak, 2026, 64 bits); at 629 MB its stage `start` never ended."""
+"""Address space below which OpenBLAS, LLVM or a thread cannot start: they end the process, or try for ever. The block
+of the tutorial (15 images) takes up to 674 MB (VmPeak, 2026, 64 bits); at 629 MB its stage `start` never ended."""
 
 MOST_KEPT_BYTES = 500_000_000
 """Artifacts that stay in memory though the next stage does not need them: to read them back takes a second a GB."""
