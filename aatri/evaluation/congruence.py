@@ -123,7 +123,7 @@ def congruence(
         P = _without(P_all, rows, moved)
         statistics = np.full(m, -np.inf)
         for k in set(range(m)) - set(moved):
-            tested[k] = _is_determined(P, P_all, rows[k])
+            tested[k] = _is_determined(P, covariance, rows[k])
             if tested[k]:
                 statistics[k] = _gain(P, difference, rows[k]) / test.limit(len(rows[k]))
         worst = int(np.argmax(statistics)) if m else -1
@@ -198,10 +198,10 @@ def _without(P: Float, rows: Sequence[Int], out: list[int]) -> Float:
     return np.asarray(P - P[:, J] @ np.linalg.solve(P[np.ix_(J, J)], P[J]))
 
 
-def _is_determined(P: Float, P_all: Float, J: Int) -> bool:
-    """Whether the stable objects say where this one must be, in all its components."""
-    before = np.sqrt(np.maximum(np.diag(P_all)[J], 1e-300))
-    return bool(np.linalg.eigvalsh(P[np.ix_(J, J)] / np.outer(before, before))[0] > DETERMINED)
+def _is_determined(P: Float, C: Float, J: Int) -> bool:
+    """Whether the stable objects say where this one must be, in all its components, beside its own weight."""
+    sigma = np.sqrt(np.diag(C)[J])
+    return bool(np.linalg.eigvalsh(P[np.ix_(J, J)] * np.outer(sigma, sigma))[0] > DETERMINED)
 
 
 def _gain(P: Float, d: Float, J: Int) -> float:
@@ -234,7 +234,7 @@ def _result(
     tested = np.zeros(m, dtype=bool)
     for k, J in enumerate(rows):
         P = _without(P_all, rows, [other for other in moved if other != k]) if k in moved else stable
-        tested[k] = _is_determined(P, P_all, J)
+        tested[k] = _is_determined(P, C, J)
         limits[k] = test.limit(len(J))
         if not tested[k]:
             covariances.append(np.full((len(J), len(J)), np.nan))

@@ -18,7 +18,7 @@ from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.stated import compare_count, stated_counts
-from aatri.formats.text.number_text import numbers_of, whole_number_of
+from aatri.formats.text.number_text import numbers_of, what_is_wrong, whole_number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated
 from aatri.ids import clipped, did_you_mean
@@ -89,7 +89,8 @@ class _Row:
         words = self.words[start:stop]
         values, bad = numbers_of(words)
         if bad:
-            raise self.error(f"{clipped(words[bad[0]])!r} is no number", "write it like -1234.5")
+            word = words[bad[0]]
+            raise self.error(f"{clipped(word)!r}: {what_is_wrong(word)}", "write it like -1234.5")
         return values
 
     def integer(self, k: int) -> int:

@@ -127,6 +127,7 @@ def read_inpho(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
     marks = [(name, row) for name, photo in zip(names, photos) for e in photo.all("$PHOTO_POINTS") for row in e.rows]
     if marks:
         rows = [row for _, row in marks]
+        _check_one_layout(rows)
         parts.image_points = {
             "image": [name for name, _ in marks],
             "point": [row.words[0] for row in rows],
@@ -134,6 +135,16 @@ def read_inpho(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
             **places(rows, [path]),
         }
     return parts
+
+
+def _check_one_layout(rows: list[TextLine]) -> None:
+    """Image points `id x y ... { }` of a project have one number of words: a blank within a number makes one more."""
+    counts = [row.words.index("{") if "{" in row.words else len(row.words) for row in rows]
+    usual = max(set(counts), key=counts.count)
+    for row, count in zip(rows, counts):
+        if count != usual:
+            what = f"{count} words before the braces, other image points have {usual}: a blank within a number?"
+            raise row.error(what, "write id x y and what follows as in the other lines")
 
 
 def _sections(path: Path, reporter: Reporter) -> list[Section]:
