@@ -116,7 +116,7 @@ def test_image_points_of_points_of_two_rays_are_listed_as_uncontrolled(chain: Ch
     assert not set(np.flatnonzero(used & (rays >= 4)).tolist()) & listed
     assert np.abs(found.redundancy[np.isin(found.row, two) & (found.kind == "image_point")]).max() < 1e-8
     page = "".join(str(table) for table in reliability_tables(chain.bundle))
-    assert "Uncontrolled" in page
+    assert "Observations that nothing controls" in page
 
 
 def staying_in(chain: Chain) -> np.ndarray:
