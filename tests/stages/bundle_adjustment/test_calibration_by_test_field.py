@@ -74,7 +74,7 @@ def test_the_report_draws_the_image_errors_and_their_shape(calibration: Solution
     rms = float(np.sqrt((calibration.error_fields.error_um**2).sum(axis=1).mean()))
     assert f"RMS {rms:.2f} um" in errors
     assert "standard deviation" in errors
-    assert "without shift, scale, rotation and tilt" in shape
+    assert "Without shift, scale, rotation and tilt" in shape
 
 
 def test_the_covariances_hold_the_standard_deviations_of_the_parameters(calibration: Solution) -> None:

@@ -51,10 +51,10 @@ def test_a_distortion_is_told_with_its_size_as_an_adjustment_finds_it(distorted:
     factor = 1e3 * float(np.hypot(*half)) ** 3
     assert value == pytest.approx(factor * carried.parameters.value[k1], rel=0.05)
     assert sigma == pytest.approx(factor * carried.parameters.sigma[k1] * without.sigma0, rel=0.1)
-    axis, point, bend = re.search(r"moves (\S) of point (\S+) by (\S+) m", text).groups()
+    axis, point, bend = re.search(r"moves (\S) of point (\S+) by (\S+) mm", text).groups()
     row = without.points.id.tolist().index(point)
     moved = np.abs(carried.points.xyz_m - without.points.xyz_m)[row, "XYZ".index(axis)]
-    assert float(bend) == pytest.approx(moved, rel=0.1)
+    assert float(bend) == pytest.approx(1e3 * moved, rel=0.1)
 
 
 def test_of_a_lens_without_distortion_nothing_is_told() -> None:
