@@ -86,7 +86,7 @@ def test_a_loosened_parser_is_found_out(numbers: Numbers, monkeypatch: pytest.Mo
     anything = re.compile(r"(?s).+")
     monkeypatch.setattr(number_text, "_NUMBER", anything)
     monkeypatch.setattr(number_text, "_FOREIGN", re.compile(r"(?!)"))
-    for module in (number_text, csv_table, colmap_text):  # which asks the loosened pattern whether a refused text is a number
+    for module in (number_text, csv_table, colmap_text):  # it asks the loosened pattern whether a text is a number
         monkeypatch.setattr(module, "what_is_wrong", lambda _: "not a number")
     of_yaml = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(_[0-9]+)*(\.[0-9]*(_[0-9]+)?)?)([eE][-+]?[0-9]+)?")
     monkeypatch.setattr(strict_yaml, "_FLOAT", of_yaml)
