@@ -33,7 +33,7 @@ from typing import Any
 import yaml
 
 from tests.campaigns import harness
-from tests.campaigns.reached_modules import inserted, reached_modules
+from tests.campaigns.reached_modules import forget_aatri, inserted, reached_modules
 
 ROOT = Path(__file__).resolve().parents[2]
 WARM = ("numpy", "scipy.linalg", "scipy.stats", "scipy.sparse", "scipy.spatial", "h5py", "numba", "pydantic", "typer")
@@ -70,6 +70,7 @@ class Project:
 
     def enter(self) -> None:
         """In a forked process: the copy is the aatri that is imported."""
+        forget_aatri()
         sys.path.insert(0, str(self.tree))
         harness.without_report()
 

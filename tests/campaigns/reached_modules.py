@@ -30,6 +30,12 @@ def inserted(path: Path, line: str, chance: random.Random) -> None:
     path.write_text("\n".join([*lines[:at], " " * indent + line, *lines[at:]]) + "\n")
 
 
+def forget_aatri() -> None:
+    """Let aatri be imported anew: the campaign itself has modules of its own tree."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "aatri"]:
+        del sys.modules[name]
+
+
 def reached_modules(tree: Path, place: Path, use: str) -> frozenset[str]:
     """Names of the modules; `place` is a folder for the answer of that process."""
     answer = place / "reached.json"
@@ -39,6 +45,7 @@ def reached_modules(tree: Path, place: Path, use: str) -> frozenset[str]:
 
         os.environ["NUMBA_DISABLE_JIT"] = "1"  # modules are looked for, nothing is called
         numba.config.DISABLE_JIT = 1
+        forget_aatri()
         _enter_without_packages(tree)
         importlib.import_module("aatri.stages." + use.replace("/", "."))
         done: set[str] = set()
