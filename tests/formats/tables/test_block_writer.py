@@ -58,7 +58,7 @@ def test_the_real_rc30_block_goes_through_the_folder_unchanged(tmp_path: Path, s
 
 
 names = st.text(min_size=1, max_size=12).filter(is_valid)
-numbers = st.floats(-1e7, 1e7).map(float)
+numbers = st.floats(-1e7, 1e7).filter(lambda value: value == 0 or abs(value) >= 1e-100)  # smaller ones are refused
 
 
 @pytest.mark.slow
