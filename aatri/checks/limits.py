@@ -112,8 +112,7 @@ FAR_OFF, MISFIT, MOST_MISFITS, FEWEST_FITTING, NOT_EXCHANGED = 3.0, 1.3, 12, 6, 
 """Film images that are off by so many times what images of the better quarter are: beyond the first their neighbours
 may be bent too, beyond the second they may have another's marks. As many as the third are tried, the worst: more are no
 mistake of two or three rows. Fewer points than the fourth fit too easily (six leave a resection six of their twelve
-coordinates). The last is the probability that a pair of a block is named by chance, the start
-being off at random."""
+coordinates). The last is the probability that a pair of a block is named by chance."""
 
 FRAME_EFFECT_TOLD_M, FRAME_EFFECT_WARNED_M = 1e-4, 1e-3
 """Systematic errors of heights by the figure of the earth: below the first not worth a word, beyond the second a

@@ -15,9 +15,10 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects
+from aatri.checks.after.exchanged_marks import exchanged_marks
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
@@ -70,10 +71,15 @@ def adjusted_bundle(
     tangent = None if information is None else information.tangent_m
     source = observation_source(block, image_points, initial, parameters, tangent)
     source = with_row_times(source, options.readout_sigma)
-    inputs, share = _with_information(source, bundle_input(source, options, suspects), information, context)
+    stated = bundle_input(source, options, suspects, searched=searched)
+    inputs, share = _with_information(source, stated, information, context)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
     report([*notes, *findings_at_start(source, inputs, of_the_block=initial is None)], context)
-    done, groups, components = adjusted_block(source, inputs, options, context)
+    try:
+        done, groups, components = adjusted_block(source, inputs, options, context)
+    except (ConvergenceError, GeometryError):
+        report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)  # which may be the reason
+        raise
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
             "the Information takes no part: an image or point of it is not adjusted in this block",

@@ -1,12 +1,10 @@
 """What the variants by fiducial marks share: options and the way from marks to photo coordinates."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks, film_residuals
 from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
-from aatri.adapters.interior.usable_film import film_suspects, unusable_film
+from aatri.adapters.interior.usable_film import film_suspects, of_usable, snooped_marks, unusable_film
 from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block
@@ -16,7 +14,6 @@ from aatri.checks.after.outside_format import outside_format
 from aatri.checks.at_start.mark_numbers import mark_numbers
 from aatri.checks.finding import report
 from aatri.checks.limits import PHOTO_MARGIN
-from aatri.orientation.interior.fiducial_fit import snooped_fiducials
 from aatri.orientation.interior.film_deformation import without_deformation
 from aatri.plugin import Context, Field, Options
 
@@ -43,14 +40,11 @@ def oriented_film(block: Block, model: str, options: FiducialOptions, context: C
         context.log("no film image with comparator or pixel coordinates: no fiducial marks are needed")
     marks = film_marks(block, np.flatnonzero(film))
     report(mark_numbers(block, marks), context)
-    nominal = np.einsum("nii->ni", marks.nominal)
-    fit = snooped_fiducials(
-        model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal, limit=options.test_limit
-    )
+    fit = snooped_marks(marks, model, limit=options.test_limit)
     unusable = unusable_film(marks, fit, options.max_sigma0)
     report(film_findings(block, marks, fit, unusable), context)
-    usable = fit.determined & ~np.isin(np.arange(len(marks.image)), list(unusable))
-    fit = replace(fit, determined=usable)
+    fit = of_usable(fit, unusable)
+    usable, nominal = fit.determined, np.einsum("nii->ni", marks.nominal)
     calibrated = calibrated_interior(block, np.flatnonzero(block.images.active & ~film))
     interior = stacked([calibrated, film_interior(marks, fit)])
     undeformed = None

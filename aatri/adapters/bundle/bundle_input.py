@@ -87,7 +87,9 @@ def observation_source(
     return ObservationSource(block, image_points, origin, start, parameters, level, frame, geodesy, notes)
 
 
-def bundle_input(source: ObservationSource, options: KindOptions, suspects: Suspects | None = None) -> BundleInput:
+def bundle_input(
+    source: ObservationSource, options: KindOptions, suspects: Suspects | None = None, *, searched: bool = False
+) -> BundleInput:
     """All observations of a block, without what earlier stages have rejected: from here on there are arrays alone.
 
     Parameters
@@ -98,7 +100,9 @@ def bundle_input(source: ObservationSource, options: KindOptions, suspects: Susp
     block, poses = source.block, source.start[POSE]
     rejected = set[tuple[str, int]]()
     if suspects is not None:
-        rejected = suspected_rows(suspects) | rays_of_rejected_ties(block, source.image_points, suspects)
+        rejected |= suspected_rows(suspects)
+    if suspects is not None and searched:
+        rejected |= rays_of_rejected_ties(block, source.image_points, suspects)
     strip, n = block.images.strip, len(block.images)
     return BundleInput(
         block.images.id,

@@ -135,7 +135,7 @@ def _checked(
     placed = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     if not placed.all():
         names = shown(block.images.id[features.images[~placed]].tolist())
-        reporter.warn(f"film images without fiducial marks get no tie points: {names}")
+        reporter.warn(f"film images whose fiducial marks do not place them get no tie points: {names}")
     of_placed = np.asarray(placed[features.pairs].all(axis=1))
     enough = [k for k, rows in enumerate(features.matches) if of_placed[k] and len(rows) >= min_matches]
     if not enough:

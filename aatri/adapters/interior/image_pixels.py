@@ -7,14 +7,15 @@ import numpy as np
 
 from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
+from aatri.adapters.interior.usable_film import of_usable, snooped_marks, unusable_film
 from aatri.adapters.solution import stacked
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block, Cameras, FiducialPoints, MeasuredPoints, Points, Rejects
 from aatri.artifacts.builder import image_point_order
 from aatri.artifacts.image_points import Interior
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
-from aatri.orientation.interior.fiducial_fit import snooped_fiducials
 from aatri.tables.schema import Table, columns_of, tables_of
 
 T = TypeVar("T", bound=Table)
@@ -63,7 +64,7 @@ def places_in_images(block: Block) -> Float:
 def pixel_matrices(block: Block) -> Float:
     """Matrices (n_images, 2, 3) from pixels, counted from the centre of the first, to mm from the principal point.
 
-    Of scanned film by the measured fiducial marks, affine; NaN where an image has fewer than three.
+    Of scanned film by the measured fiducial marks, affine; NaN where an image has fewer than three that fit.
 
     Raises
     ------
@@ -87,13 +88,13 @@ def pixel_matrices(block: Block) -> Float:
 
 
 def _by_marks(block: Block, images: Int) -> Interior:
-    """Interior orientation of film images by their fiducial marks, marks with gross errors left out."""
+    """Affine interior orientation of the film images that interior_orientation/affine uses."""
     marks = film_marks(block, images)
-    nominal = np.einsum("nii->ni", marks.nominal)
-    fit = snooped_fiducials("affine", marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal)
+    fit = snooped_marks(marks, "affine")
+    fit = of_usable(fit, unusable_film(marks, fit, MAX_SIGMA0))
     if not fit.determined.any():
         raise InputError(
-            f"none of {len(images)} film images has three measured fiducial marks: pixels have no place on the film",
+            f"none of {len(images)} film images has three measured fiducial marks that fit: pixels have no place",
             where=block.name,
             remedy="run fiducial_marks/template before tie_points, or measure the marks (fiducials.csv)",
         )

@@ -1,5 +1,8 @@
 """Which film images can be used, by the fit of their fiducial marks, and what of the marks is suspect."""
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 
 from aatri.adapters.interior.film_marks import FilmMarks
@@ -9,7 +12,7 @@ from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.plane_transformations import open_basis
-from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks
+from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, snooped_fiducials
 from aatri.orientation.interior.fiducial_numbering import is_misfit
 from aatri.orientation.interior.film_deformation import prediction_sigma_mm
 
@@ -40,6 +43,19 @@ def _reason(marks: FilmMarks, fit: FiducialFit, k: int, max_sigma0: float) -> st
     if fit.sigma0[k] > max_sigma0:
         return f"sigma0 {fit.sigma0[k]:.1f}, beyond max_sigma0 = {max_sigma0:g}"
     return ""
+
+
+def snooped_marks(marks: FilmMarks, model: str, **limit: float) -> FiducialFit:
+    """Transformations of the images onto their marks, those with gross errors left out: `snooped_fiducials`."""
+    nominal = np.einsum("nii->ni", marks.nominal)
+    return snooped_fiducials(
+        model, marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present, nominal, **limit
+    )
+
+
+def of_usable(fit: FiducialFit, unusable: Collection[int]) -> FiducialFit:
+    """The fit without the images, by row of the marks, that cannot be used."""
+    return replace(fit, determined=fit.determined & ~np.isin(np.arange(len(fit.determined)), list(unusable)))
 
 
 def misfits(fit: FiducialFit, usable: Bool) -> Bool:

@@ -62,8 +62,9 @@ class _Places:
     column: Mapping[str, Int]
     """Of each scalar of a group, (blocks, k); n, one behind the last, where it is held."""
     group: str
+    """Name of the points; empty where there are none."""
     free: Bool
-    """Name of the points, and (points + 1, k) their free coordinates: none of the last, which stands for no point."""
+    """(points + 1, k). Their free coordinates; the last row stands for no point and has none."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ Test: sigma0 of kinds only where the search has not estimated standard deviation
 from aatri.checks.after.at_infinity import points_at_infinity
 from aatri.checks.after.correlations import high_correlations
 from aatri.checks.after.error_budget import error_budget
+from aatri.checks.after.exchanged_marks import exchanged_marks
 from aatri.checks.after.few_rays import points_of_few_rays
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
@@ -56,6 +57,7 @@ def findings_after(
         *left_out(inputs, result),
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
+        *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
         *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(inputs, result, done.scale),

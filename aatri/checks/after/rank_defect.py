@@ -44,7 +44,7 @@ _BORESIGHT = (
 
 _FREE = (
     "the datum is free, so it is not control that lacks: look for gross errors that bend the block "
-    "(`blunders: snooping`), or measure more points that join its images"
+    "(`blunders: robust_snooping`), or measure more points that join its images"
 )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.checks.finding import Finding
+from aatri.ids import several
 from aatri.observations.poses import FILM_PRIOR
 
 IMAGE_POINT = "image_point"
@@ -27,10 +28,7 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
     in_no_model, table = table.take(apart), table.take(~apart)
     if len(in_no_model):
         points = np.unique(in_no_model.point)
-        rays, of = (
-            f"{len(in_no_model)} ray{'s' * (len(in_no_model) > 1)}",
-            f"{len(points)} point{'s' * (len(points) > 1)}",
-        )
+        rays, of = several(len(in_no_model), "ray"), several(len(points), "point")
         text = f"{rays} to {of} in no model: the bundle is the first to check them"
         findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
     for kind in np.unique(table.kind).tolist():

@@ -9,7 +9,6 @@ from aatri.adapters.frame.adjustment_frame import poses_out_of
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
-from aatri.checks.at_start.exchanged_marks import exchanged_marks
 from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.at_start.sharp_conditions import sharp_conditions
@@ -38,8 +37,6 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
         *sharp_conditions(block, inputs.poses.shifted(inputs.origin_m).position_m, inputs.xyz_m + inputs.origin_m),
     ]
-    if source.image_points is not None:
-        findings += exchanged_marks(block, source.image_points, inputs.poses, inputs.xyz_m)
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(inputs)
         return [*findings, *attitude_conventions(source, inputs, state, before=True)]

@@ -18,6 +18,7 @@ from aatri.formats.parts.not_stated import stated_frame
 from aatri.formats.registry.recognised import format_named, recognised_file
 from aatri.formats.registry.settings import FRAME, Setting, SourceWithSettings, sources_of
 from aatri.formats.registry.variants import fuller_ones
+from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import Frame
 from aatri.ids import shown
@@ -107,7 +108,7 @@ def read_all(
 def _is_of_numbers(path: Path) -> bool:
     """Whether a file may be a list without a header: its first line has three numbers and more."""
     words = re.split(r"[\s,;]+", next(iter(FileView(path).lines), "").strip())
-    return sum(bool(re.fullmatch(r"[-+]?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?", word)) for word in words) >= 3
+    return sum(map(is_number, words)) >= 3
 
 
 def _read_of_several(

@@ -250,7 +250,7 @@ def _moved(free: FreeDatum, state: State, H: Mapping[str, Float], q: Float) -> d
     if not np.isfinite(T).all():
         raise ConvergenceError(
             "the block has run away from the start values of its datum: no similarity fits it onto them",
-            remedy="look for gross errors (`blunders: snooping`), or for exchanged numbers; start from better values",
+            remedy="look for gross errors (`blunders: robust_snooping`) or exchanged numbers; start from better values",
         )
     rotation = nearest_rotation(T[:3, :3] / np.exp(q[6]))
     poses: Poses = state[POSE]

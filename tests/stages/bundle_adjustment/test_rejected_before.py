@@ -10,7 +10,7 @@ import pytest
 
 from aatri.adapters.bundle.bundle_input import rays_of_rejected_ties
 from aatri.artifacts.suspects import staying_out
-from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.affine import affine
 from tests.stages.bundle_adjustment.test_bundle_input import (
@@ -74,6 +74,18 @@ def test_rays_of_a_strip_tie_that_was_rejected_stay_out_unless_they_fit(tmp_path
     adjusted = bundle(block, points, start(OF, block, tie))
     assert len(rows_of(adjusted, "image_point")) == len(OF.image)
     assert_is_the_block(adjusted, OF)
+
+
+def test_where_nothing_is_to_be_rejected_rays_of_a_rejected_strip_tie_take_part(tmp_path: Path) -> None:
+    rows, measured = np.flatnonzero((OF.image > 2) & (OF.point == 14)), OF.xy_mm.copy()
+    measured[rows] += [1.5, -2.0]
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), xy_mm=measured)
+    second = str(block.strips.id[block.images.strip[4]])
+    tie = replace(suspected("strip_tie", [-1]), image=np.array([second]), point=np.array(["p14"]))
+    searched = bundle(block, points, start(OF, block, tie))
+    assert set(searched.suspects.row[searched.suspects.kind == "image_point"].tolist()) == set(rows.tolist())
+    as_measured = bundle(block, points, start(OF, block, tie), options=BundleOptions(blunders="none", max_sigma0=1e4))
+    assert len(rows_of(as_measured, "image_point")) == len(OF.image)
 
 
 @pytest.mark.parametrize("kind", ["control", "position"])

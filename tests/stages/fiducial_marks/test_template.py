@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aatri.adapters.interior.image_pixels import pixel_matrices, with_fiducials
+from aatri.adapters.interior.image_pixels import from_first_pixel, pixel_matrices, with_fiducials
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.pixels.mark_search import best_place
@@ -101,8 +102,11 @@ def test_real_crosses_are_found_and_other_marks_are_not_taken_for_crosses(shared
 
 def test_pixels_of_film_lie_where_its_marks_put_them(tmp_path: Path) -> None:
     block = scanned_block(tmp_path / "a.tif")
-    with pytest.raises(InputError, match="none of 1 film images has three measured fiducial marks"):
+    with pytest.raises(InputError, match="none of 1 film images has three measured fiducial marks that fit"):
         pixel_matrices(block)
+    from_below = replace(block, cameras=replace(block.cameras, pixel_origin=np.array(["bottom-left-corner"])))
+    with pytest.raises(InputError, match=r"camera c: .*counted from bottom-left-corner"):
+        from_first_pixel(from_below)
     A, t = np.array([[0.0121, 0.0002], [-0.0003, -0.0119]]), np.array([-25.0, 26.0])
     marks = block.fiducials.xy_mm
     rows = np.arange(len(marks), dtype=np.int32)

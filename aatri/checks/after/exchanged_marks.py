@@ -7,8 +7,8 @@ median distance of a's points from a resection by the marks of b, and f_a = 2 n_
 
 is twice the logarithm of the likelihood ratio of two hypotheses without unknowns of their own, by the errors that the
 exchange leaves; where nothing is exchanged it exceeds 2 ln k with a probability of 1 / k at most, if the errors of the
-start are random. A wrong control point bends a start, and what it bends may look like marks of another film: a warning
-that ends no run.
+orientations are random. They are those adjusted: a wrong control point bends a start, and what it bends may look like
+marks of another film. Where the adjustment fails those of its start are all there is.
 
 Seen: two film images whose points do not fit by the marks of the same image.
 Test: T of each pair of the worst images, at 1e-4 for all of them, and each of the two better by the marks of the other.
@@ -37,8 +37,8 @@ from aatri.orientation.resection.start import start_orientation
 
 
 @dataclass(frozen=True)
-class _PointsOfStart:
-    """What images show of the points that a start has."""
+class _Oriented:
+    """What images show of points, both with coordinates."""
 
     block: Block
     image_points: ImagePoints
@@ -46,13 +46,13 @@ class _PointsOfStart:
     xyz_m: Float
 
     def rays(self, image: int) -> Int:
-        """Rows of the image's measurements."""
+        """Rows of the measurements of an image."""
         m = self.image_points.measurements
         rows = np.flatnonzero((m.image == image) & m.active)
         return rows[finite_rows(self.xyz_m[m.point[rows]]) & finite_rows(m.xy_mm[rows])]
 
     def worst(self, films: list[int]) -> tuple[list[int], list[int]]:
-        """Images that are far off what they see of the start, each resected, and those that fit worst."""
+        """Images that are far off what they see, each resected, and those that fit worst."""
         m, c_mm = self.image_points.measurements, self.block.cameras.principal_distance_mm[self.block.images.camera]
         rows = np.flatnonzero(m.active & np.isin(m.image, films))
         rows = rows[np.argsort(m.image[rows], kind="stable")]
@@ -68,7 +68,7 @@ class _PointsOfStart:
         far, worst = ([films[k] for k in order.tolist() if median_mm[k] > times * usual] for times in (FAR_OFF, MISFIT))
         return far, worst
 
-    def without(self, images: list[int]) -> "_PointsOfStart":
+    def without(self, images: list[int]) -> "_Oriented":
         """With the points that the other images intersect."""
         m, cameras = self.image_points.measurements, self.block.cameras
         used = m.active & finite_rows(m.xy_mm) & self.poses.oriented[m.image] & ~np.isin(m.image, images)
@@ -102,38 +102,40 @@ class _PointsOfStart:
         return np.asarray(of_other - of_own)
 
 
-def exchanged_marks(block: Block, image_points: ImagePoints, poses: Poses, xyz_m: Float) -> list[Finding]:
+def exchanged_marks(block: Block, image_points: ImagePoints | None, poses: Poses, xyz_m: Float) -> list[Finding]:
     """Pairs of film images whose points fit by the marks of the other.
 
     Parameters
     ----------
     block : Block
-    image_points : ImagePoints
+    image_points : ImagePoints, optional
     poses : Poses
-        Of the start.
+        As adjusted; where an adjustment fails, of its start.
     xyz_m : (n_points, 3) float64, m
-        Of the start, in the frame of the poses; NaN where unknown.
+        In the frame of the poses; NaN where unknown.
     """
+    if image_points is None:
+        return []
     measured = np.unique(block.fiducial_points.image)
     films = np.intersect1d(measured, image_points.interior.image).tolist()
     if len(films) < 2:
         return []
-    start = _PointsOfStart(block, image_points, poses, xyz_m)
-    far, worst = start.worst(films)
+    oriented = _Oriented(block, image_points, poses, xyz_m)
+    far, worst = oriented.worst(films)
     pairs = list(itertools.combinations(far or worst, 2))
     limit = 2 * np.log(max(len(pairs), 1) / NOT_EXCHANGED)
-    ratios = [(pair, _exchanged(start.without(far or list(pair)), *pair)) for pair in pairs]
+    ratios = [(pair, _exchanged(oriented.without(far or list(pair)), *pair)) for pair in pairs]
     return [_finding(block, pair, off_mm) for pair, (T, off_mm) in ratios if limit < T]
 
 
-def _exchanged(start: _PointsOfStart, a: int, b: int) -> tuple[float, tuple[float, float]]:
+def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float, float]]:
     """T, and by how much the two are off by their own marks, and by those of the other, mm."""
     gains, own, other = [], [], []
     for image, marks_of in ((a, b), (b, a)):
-        by_other, freedom = start.off_mm(image, marks_of)
+        by_other, freedom = oriented.off_mm(image, marks_of)
         if not np.isfinite(by_other):
             return 0.0, (np.inf, np.inf)
-        own.append(start.off_mm(image, image)[0])
+        own.append(oriented.off_mm(image, image)[0])
         other.append(by_other)
         gains.append(freedom * ((own[-1] / by_other) ** 2 - 1))
     return (sum(gains) if min(gains) > 0 else 0.0), (max(own), max(other))
