@@ -1,14 +1,15 @@
 """Film images with each other's image points, beside marks of their own.
 
-The marks of image b transform the image points of a as if these had been measured on the film of b. With o_ab the
-median distance of a's points from a resection by the marks of b, and f_a = 2 n_a - 6,
+The marks of image b transform the image points of a as if these had been measured on the film of b. With r_ab the
+residuals of a's points in a resection by the marks of b, known as an affine transformation is known by its marks,
 
-    T = f_a (o_aa^2 / o_ab^2 - 1) + f_b (o_bb^2 / o_ba^2 - 1)
+    Q_ab = min over affine e of |r_ab - e(points of a)|^2 + |e(marks of b)|^2,   T = (Q_aa - Q_ab + Q_bb - Q_ba) / s^2
 
-is twice the logarithm of the likelihood ratio of two hypotheses without unknowns of their own, by the errors that the
-exchange leaves; where nothing is exchanged it exceeds 2 ln k with a probability of 1 / k at most, if the errors of the
-orientations are random. They are those adjusted: a wrong control point bends a start, and what it bends may look like
-marks of another film. Where the adjustment fails those of its start are all there is.
+is twice the logarithm of the likelihood ratio of two hypotheses without unknowns of their own, s^2 the mean square that
+an affine transformation of its own leaves the two images (n_a and n_b points, 2 (n_a + n_b) - 24 degrees of
+freedom). Where nothing is exchanged T exceeds 2 ln k with a probability of 1 / k at most. Orientations are those
+adjusted: a wrong control point bends a start, and what it bends may look like marks of another film. Where the
+adjustment fails those of its start are all there is.
 
 Seen: two film images whose points do not fit by the marks of the same image.
 Test: T of each pair of the worst images, at 1e-4 for all of them, and each of the two better by the marks of the other.
@@ -60,7 +61,7 @@ class _Oriented:
         fit = resect_images(m.xy_mm[rows], m.sigma_mm[rows], m.image[rows], m.point[rows], c_mm, self.xyz_m, X0, R)
         of_image = m.image[rows]
         placed = fit.position_m[of_image], fit.ground_from_image[of_image]
-        off = _off(m.xy_mm[rows], c_mm[of_image], self.xyz_m[m.point[rows]], *placed)
+        off = _lengths(_residuals(m.xy_mm[rows], c_mm[of_image], self.xyz_m[m.point[rows]], *placed))
         off_of = np.split(off, np.cumsum(np.bincount(of_image, minlength=len(c_mm)))[:-1])
         median_mm = np.array([np.nanmedian(off_of[k]) if fit.resected[k] else np.inf for k in films])
         usual = float(np.quantile(median_mm, 0.25, method="lower"))
@@ -79,18 +80,23 @@ class _Oriented:
         xyz_m = intersect_rays(self.poses.position_m[image], direction, m.point[used], len(self.xyz_m))
         return replace(self, xyz_m=xyz_m)
 
-    def off_mm(self, image: int, marks_of: int) -> tuple[float, int]:
-        """By how much the image's points are off a resection by the marks of an image, their median in mm, and f."""
+    def by_marks(self, image: int, marks_of: int) -> tuple[Float, Float]:
+        """Photo coordinates of the image's points by the marks of an image, and their residuals, (n, 2), mm."""
         m, rows = self.image_points.measurements, self.rays(image)
         c_mm = float(self.block.cameras.principal_distance_mm[self.block.images.camera[image]])
         xy, xyz = m.xy_mm[rows] + self._moved(rows, image, marks_of), self.xyz_m[m.point[rows]]
         offered = (self.poses.position_m[image], self.poses.ground_from_image[image])
-        freedom = 2 * len(rows) - 6
         if len(rows) < FEWEST_FITTING or (start := start_orientation(xy, c_mm, xyz, offered=offered)) is None:
-            return np.inf, freedom
+            return xy, np.full_like(xy, np.inf)
         of_one, point = np.zeros(len(rows), np.int64), np.arange(len(rows))
         fit = resect_images(xy, m.sigma_mm[rows], of_one, point, np.array([c_mm]), xyz, start[0][None], start[1][None])
-        return float(np.median(_off(xy, c_mm, xyz, fit.position_m, fit.ground_from_image))), freedom
+        return xy, _residuals(xy, c_mm, xyz, fit.position_m, fit.ground_from_image)
+
+    def marks_mm(self, image: int) -> Float:
+        """Photo coordinates of an image's marks, (n, 2), mm."""
+        marks, interior = self.block.fiducial_points, self.image_points.interior
+        uv = marks.xy[marks.image == image]
+        return measured_to_photo(interior, np.full(len(uv), np.flatnonzero(interior.image == image)[0]), uv)
 
     def _moved(self, rows: Int, image: int, marks_of: int) -> Float:
         """What photo coordinates change where the marks of another image transform them, (n, 2), mm."""
@@ -130,23 +136,41 @@ def exchanged_marks(block: Block, image_points: ImagePoints | None, poses: Poses
 
 def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float, float]]:
     """T, and by how much the two are off by their own marks, and by those of the other, mm."""
-    gains, own, other = [], [], []
-    for image, marks_of in ((a, b), (b, a)):
-        by_other, freedom = oriented.off_mm(image, marks_of)
-        if not np.isfinite(by_other):
-            return 0.0, (np.inf, np.inf)
-        own.append(oriented.off_mm(image, image)[0])
-        other.append(by_other)
-        gains.append(freedom * ((own[-1] / by_other) ** 2 - 1))
-    return (sum(gains) if min(gains) > 0 else 0.0), (max(own), max(other))
+    own = [oriented.by_marks(image, image) for image in (a, b)]
+    other = [oriented.by_marks(image, marks_of) for image, marks_of in ((a, b), (b, a))]
+    off_own, off_other = (max(float(np.median(_lengths(r_mm))) for _, r_mm in pair) for pair in (own, other))
+    off_mm = (off_own, off_other)
+    if not np.isfinite(off_other):
+        return 0.0, (np.inf, np.inf)
+    freedom = sum(2 * len(xy_mm) - 12 for xy_mm, _ in other)
+    if freedom < 1:
+        return 0.0, off_mm
+    none = np.zeros((0, 2))
+    variance = sum(_square_left(*fit, none) for fit in other) / freedom
+    marks_mm = [oriented.marks_mm(image) for image in (a, b)]
+    gains = [_square_left(*own[k], marks_mm[k]) - _square_left(*other[k], marks_mm[1 - k]) for k in (0, 1)]
+    return (sum(gains) / variance if min(gains) > 0 else 0.0), off_mm
 
 
-def _off(xy_mm: Float, c_mm: Float | float, xyz_m: Float, position_m: Float, ground_from_image: Float) -> Float:
-    """Distances of image points from where orientations see their points, (n,), mm."""
+def _square_left(xy_mm: Float, residuals_mm: Float, marks_mm: Float) -> float:
+    """Q: what an affine transformation leaves of residuals, where at the marks it is observed to be zero, mm^2."""
+    if not np.isfinite(residuals_mm).all():
+        return np.inf
+    at = np.vstack([xy_mm, marks_mm])
+    design, observed = np.column_stack([at, np.ones(len(at))]), np.vstack([residuals_mm, np.zeros_like(marks_mm)])
+    return float(((observed - design @ np.linalg.lstsq(design, observed, rcond=None)[0]) ** 2).sum())
+
+
+def _residuals(xy_mm: Float, c_mm: Float | float, xyz_m: Float, position_m: Float, ground_from_image: Float) -> Float:
+    """Where orientations see their points, less the image points, (n, 2), mm."""
     n = len(xy_mm)
     X0, R = np.broadcast_to(position_m, (n, 3)), np.broadcast_to(ground_from_image, (n, 3, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.linalg.norm(project(in_image_axes(X0, R, xyz_m), np.zeros(n) + c_mm) - xy_mm, axis=1))
+        return np.asarray(project(in_image_axes(X0, R, xyz_m), np.zeros(n) + c_mm) - xy_mm)
+
+
+def _lengths(residuals_mm: Float) -> Float:
+    return np.asarray(np.linalg.norm(residuals_mm, axis=1))
 
 
 def _finding(block: Block, pair: tuple[int, int], off_mm: tuple[float, float]) -> Finding:
