@@ -23,11 +23,7 @@ from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio
-from aatri.orientation.bodies.free_body import FreeBody, levelled
-
-LEVEL_RAD = 0.1
-"""By how much the images of a strip are tilted in the mean, where nothing else tells: near-vertical photographs stay
-below 3 to 5 degrees (Kraus, Photogrammetry); from steeper ones none begins."""
+from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, levelled
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
 """Models given by coordinates, without images: joined, brought to the ground and adjusted as independent models.
 
-Perspective centres are points with a standard deviation of their own. Models are first joined by common points to free
-components, none of them averaged for the adjustment that follows; a component is laid onto its control by one
-similarity, and from there all models are adjusted together. One model is an absolute orientation.
+Perspective centres are points with a standard deviation of their own. From where the models lie on the ground about
+(`models_on_ground`) all are adjusted together. One model is an absolute orientation.
 """
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_adjustment import ModelSettings
+from aatri.adapters.strips.models_on_ground import models_on_ground
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
@@ -18,24 +18,17 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import angle_covariance, skew
-from aatri.geometry.similarity import Similarity, compose, transform
+from aatri.geometry.similarity import Similarity, compose
 from aatri.notes import Note
-from aatri.observations.control import Control, control_of, observed_control
-from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, Poses
+from aatri.observations.control import control_of, observed_control
+from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import BODY, MODEL_TIE
-from aatri.orientation.bodies.absolute import OrientationSettings, orient_body
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.components import TIE_LIMIT, Component, join_strips, strip_names
 from aatri.orientation.bodies.deformation import Misfit, rms_m, search_notes
-from aatri.orientation.bodies.free_body import FreeBody, concerning
 from aatri.orientation.bodies.independent_models import adjust_models
 from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, model_ties
 from aatri.orientation.bodies.similarity_ties import similarities_of
-
-START_LIMIT = 5.0
-"""Test statistic of wrong control where a component is laid onto it, in sigma: as in the absolute orientation."""
 
 
 def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Solution, list[Note]]:
@@ -57,7 +50,7 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
     covariance = variance[:, None, None] * np.eye(3)
     body_points = BodyPoints(model.astype(np.int64), coordinates.point.astype(np.int64), x, covariance)
     origin = pieces.origin_of(control, positions_of(block))
-    start, notes = _start(block, control, body_points, names, origin)
+    start, notes = models_on_ground(block, control, body_points, names, origin)
     chosen = np.flatnonzero([s is not None for s in start])
     place = np.full(len(names), -1)
     place[chosen] = np.arange(len(chosen))
@@ -86,91 +79,6 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
     return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, settings), notes
-
-
-def _start(
-    block: Block, control: Control, points: BodyPoints, names: Text, origin: Float
-) -> tuple[list[Similarity | None], list[Note]]:
-    """Every model on the ground, reduced to the origin, about; None where its component has too little control.
-
-    What control leaves open of a component may be determined by its points common with those on the ground.
-    """
-    free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
-    what = [strip_names(c, names.tolist(), "model") for c in free.components]  # the largest first
-    oriented, failed, together = dict[int, Similarity](), dict[int, GeometryError](), list[int]()
-    places, more = control, True
-    while more:
-        before = len(oriented)
-        for k, component in enumerate(free.components):
-            first = int(component.strips[0])
-            pairs = {j: frozenset((first, int(free.components[j].strips[0]))) for j in oriented}
-            against = [what[j] for j, pair in pairs.items() if pair in free.contradicting]
-            if k in oriented:
-                continue
-            if against:
-                failed[k] = GeometryError(f"{what[k]}: its points common with {against[0]} do not fit")
-                continue
-            try:
-                oriented[k] = _oriented(block, places, component, what[k], origin)
-                together += [k] if places is not control else []
-            except GeometryError as error:
-                failed.setdefault(k, error)
-        more = before < len(oriented) < len(what)
-        places = _carried(control, {k: (free.components[k], to) for k, to in oriented.items()}, origin)
-    joined = tuple(
-        f"{one} and {other} have " for one in what for other in what for k in together if what[k] in (one, other)
-    )
-    apart = [f"not joined: {text}" for text in free.unjoined if not text.startswith(joined)]
-    left = [error for k, error in failed.items() if k not in oriented]
-    if not oriented:
-        raise GeometryError("; ".join([*(e.what for e in left), *apart]), remedy=left[0].remedy)
-    start = list[Similarity | None]([None] * len(names))
-    for k, to in oriented.items():
-        for strip, pose in zip(free.components[k].strips.tolist(), free.components[k].component_from_strip):
-            start[strip] = compose(to, pose)
-    notes = [Note("note", f"{what[k]}: determined by control and points common with other models") for k in together]
-    return start, notes + [Note("warning", text) for text in (*apart, *(f"left out: {e.what}" for e in left))]
-
-
-def _oriented(block: Block, places: Control, component: Component, what: str, origin: Float) -> Similarity:
-    """A component laid onto the places of its points."""
-    ids = block.points.id
-    observed, body = observed_control(places, origin, ids[places.point]), _body(component, len(ids))
-
-    def seen(_: Similarity) -> tuple[Observed, ...]:
-        return concerning(observed, body)
-
-    settings = OrientationSettings(START_LIMIT)
-    return orient_body(seen, body, settings, what=what, image_ids=np.array([what]), point_ids=ids).ground_from_body
-
-
-def _carried(control: Control, oriented: dict[int, tuple[Component, Similarity]], origin: Float) -> Control:
-    """Control, and beside it the points of components on the ground where they lie."""
-    parts, taken = [control], set(control.point.tolist())
-    for component, to in oriented.values():
-        new = np.flatnonzero([p not in taken for p in component.point.tolist()])
-        taken |= set(component.point[new].tolist())
-        R, n = to.scale * to.rotation, len(new)
-        parts.append(
-            Control(
-                np.full(n, -1, dtype=np.int32),
-                component.point[new].astype(np.int32),
-                transform(to, component.xyz[new]) + origin,
-                R @ component.covariance[new] @ R.T,
-                np.ones((n, 3), dtype=bool),
-                np.zeros((n, 3), dtype=bool),
-            )
-        )
-    return Control(*(np.concatenate([getattr(c, f) for c in parts]) for f in Control.__dataclass_fields__))
-
-
-def _body(component: Component, n_points: int) -> FreeBody:
-    """A component as a body, seen from above as models are, whose Z is upwards: no image of it is known."""
-    xyz, covariance = np.full((n_points, 3), np.nan), np.full((n_points, 3, 3), np.nan)
-    xyz[component.point], covariance[component.point] = component.xyz, component.covariance
-    above = component.xyz.mean(axis=0) + np.ptp(component.xyz, axis=0).max() * np.array([0.0, 0.0, 1.0])
-    typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
-    return FreeBody(Poses(above[None], np.eye(3)[None]), xyz, covariance, typical * np.eye(3)[None], 1.0)
 
 
 def _solution(

@@ -32,6 +32,10 @@ from aatri.orientation.bodies.similarity_ties import similarities_of, similarity
 
 LEVELLED = "levelled"
 
+LEVEL_RAD = 0.1
+"""By how much the images of a strip are tilted in the mean, where nothing else tells: near-vertical photographs stay
+below 3 to 5 degrees (Kraus, Photogrammetry); from steeper ones none begins."""
+
 WIDEST = 3
 """Components of a record, at most, that takes part; those of many that are correlated are for the bundle."""
 

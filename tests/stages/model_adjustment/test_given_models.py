@@ -254,3 +254,41 @@ def test_a_model_whose_control_and_common_points_lie_on_a_line_is_left_out_by_ca
     assert told.warnings[1].startswith("left out: model b: not determined: rotation about the line through point D0")
     at = solution.points.id.tolist().index("N1")
     assert np.isnan(solution.points.xyz_m[at]).all()
+
+
+def two_by_each_other(seed: int, x_m: tuple[float, float]) -> tuple[list[str], dict[str, Float], dict[str, Float]]:
+    """Two models with two control points each, at x of 0 and 1000 m, and two common points at the given x."""
+    rng = np.random.default_rng(seed)
+    plan = {"A0": (0, 0), "A1": (0, 900), "B0": (1000, 50), "B1": (1000, 950), "N0": (250, 500), "N1": (750, 400)}
+    plan |= {"K0": (x_m[0], 100), "K1": (x_m[1], 1000)}
+    truth = {p: np.array([*xy, 25 * rng.normal()]) for p, xy in plan.items()}
+    lines = []
+    for model, names in (("a", "A0 A1 K0 K1 N0"), ("b", "K0 K1 B0 B1 N1")):
+        R = Rotation.from_euler("xyz", [0.1 * rng.normal(), 0.1 * rng.normal(), rng.uniform(-3, 3)]).as_matrix()
+        scale = 1 / rng.uniform(300, 500)
+        for name in names.split():
+            x = scale * R @ truth[name] + rng.normal(0, SIGMA, 3)
+            lines.append(" ".join([model, name, *map(repr, x.tolist())]))
+    return lines, {p: xyz for p, xyz in truth.items() if p[0] in "AB"}, truth
+
+
+def test_two_models_determine_each_other(tmp_path: Path) -> None:
+    """By hand: 10 points of models and 4 of control, 2 models and 8 points: redundancy 4."""
+    squares = []
+    for seed in range(6):
+        lines, control, truth = two_by_each_other(seed, (300.0, 700.0))
+        solution = solved(tmp_path, lines, control, sigma=SIGMA)
+        assert solution.redundancy == 3 * 10 + 3 * 4 - 2 * 7 - 3 * 8
+        new = [k for k, p in enumerate(solution.points.id.tolist()) if p[0] in "NK"]
+        off = solution.points.xyz_m[new] - np.array([truth[p] for p in solution.points.id[new].tolist()])
+        squares += [d @ np.linalg.solve(C, d) / 3 for d, C in zip(off, solution.points.covariance_m2[new])]
+    assert 0.45 < np.mean(squares) < 1.78  # 99.9 % of chi2(42) / 42: some seven free coordinates of each block
+
+
+def test_two_models_that_turn_together_about_parallel_lines_are_refused(tmp_path: Path) -> None:
+    """Common points midway between both lines of control rise alike in both models: nothing sees the tilts."""
+    lines, control, _ = two_by_each_other(1, (500.0, 500.0))
+    with pytest.raises(GeometryError, match="model a: not determined: rotation about the line through point A0") as no:
+        solved(tmp_path, lines, control, sigma=SIGMA)
+    assert "model b: not determined: rotation about the line through point B0 and point B1" in str(no.value)
+    assert "model a and model b have 2 common points, 3 are needed" in str(no.value)
