@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,25 @@ from aatri.report.page import write_report
 from aatri.report.printing import write_pdf
 from tests.made_solutions import made_block
 from tests.report.test_network import adjusted_network
-from tests.report.test_page import made_artifacts, make_run
+from tests.report.test_page import STAGES, made_artifacts, make_run
 from tests.report.test_pictures import in_pixels
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")]
+
+BROKEN_OR_CUT = """width => {
+    const broken = [...document.querySelectorAll("td")].filter(td => td.offsetParent && td.childNodes.length === 1)
+        .filter(({ firstChild: text }) => text.nodeType === Node.TEXT_NODE && /^\\S{1,16}$/.test(text.data))
+        .filter(({ firstChild: text }) => {
+            const range = document.createRange();
+            range.selectNode(text);
+            return range.getClientRects().length > 1;
+        });
+    const wide = [...document.querySelectorAll("table")].filter(t => t.getBoundingClientRect().right > width + 1);
+    return [...broken, ...(matchMedia("print").matches ? wide : [])].map(e => e.textContent);
+}"""
+"""Ids in cells that stand on two lines; on paper tables that go over its edge, too."""
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +54,16 @@ def _complete(folder: Path) -> Path:
     return make_run(folder, made_artifacts(made_block(columns=12)))
 
 
+def _long_names(folder: Path) -> Path:
+    block = made_block(columns=9)
+    ids = np.array([f"DJI_20260101120000_{k:04d}_D" for k in range(len(block.images))])
+    block = replace(block, images=replace(block.images, id=ids))
+    stages = [("block_of_the_northern_valley", "block/tables", {}, "Block"), *STAGES[1:]]
+    stages[1] = ("bundle", "bundle_adjustment/" + "bundle_with_parameters" * 2, {"block": stages[0][0]}, "Solution")
+    artifacts = made_artifacts(block, suspects=_suspect("valley-north-01"))
+    return make_run(folder, {stages[0][0]: artifacts.pop("block"), **artifacts}, declared=stages)
+
+
 def _failed(folder: Path) -> Path:
     run = make_run(folder, {"block": made_block()}, status="failed")
     store.fail(run, "bundle", {"what": "control is collinear", "remedy": "add a control point", "options": {}})
@@ -47,11 +71,15 @@ def _failed(folder: Path) -> Path:
 
 
 def _wrong_control(folder: Path) -> Path:
-    suspects = Suspects(
+    return make_run(folder, made_artifacts(suspects=_suspect("p00")))
+
+
+def _suspect(point: str) -> Suspects:
+    return Suspects(
         kind=["control"],
         row=[0],
         image=[""],
-        point=["p00"],
+        point=[point],
         stage=["bundle_adjustment"],
         size=[1.0],
         unit=["m"],
@@ -59,7 +87,6 @@ def _wrong_control(folder: Path) -> Path:
         test=[9.0],
         verdict=["rejected"],
     )
-    return make_run(folder, made_artifacts(suspects=suspects))
 
 
 def _calibrated(folder: Path) -> Path:
@@ -90,6 +117,7 @@ def _large(folder: Path) -> Path:
     "made",
     [
         _complete,
+        _long_names,
         _failed,
         _wrong_control,
         _calibrated,
@@ -98,7 +126,17 @@ def _large(folder: Path) -> Path:
         _large,
         lambda folder: make_run(folder, {}, status="interrupted"),
     ],
-    ids=["complete", "failed", "gross error", "calibration", "photographs", "network", "large", "nothing"],
+    ids=[
+        "complete",
+        "long names",
+        "failed",
+        "gross error",
+        "calibration",
+        "photographs",
+        "network",
+        "large",
+        "nothing",
+    ],
 )
 def test_no_error_no_request_and_nothing_wider_than_the_screen(made, browser: sync_api.Browser, tmp_path: Path) -> None:
     address = write_report(made(tmp_path / "run")).as_uri()
@@ -114,7 +152,9 @@ def test_no_error_no_request_and_nothing_wider_than_the_screen(made, browser: sy
         page.wait_for_timeout(50)
         assert said == []
         assert asked == [address]
+        page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(BROKEN_OR_CUT, width) == []
         page.close()
 
 

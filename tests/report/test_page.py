@@ -66,8 +66,8 @@ class Elements(HTMLParser):
         self.text += data
 
 
-def make_run(folder: Path, artifacts, *, status="done", **record):
-    stages = [{"stage": s, "use": u, "from": f, "kind": k} for s, u, f, k in STAGES]
+def make_run(folder: Path, artifacts, *, status="done", declared=STAGES, **record):
+    stages = [{"stage": s, "use": u, "from": f, "kind": k} for s, u, f, k in declared]
     overview = {"pipeline": "p/pipeline.yaml", "seed": 1, "started": "2026-01-01T00:00:00+00:00", "stages": stages}
     store.begin(folder, overview | {"status": status})
     for name, artifact in artifacts.items():
