@@ -105,6 +105,8 @@ def _accuracy(figures: Mapping[str, float]) -> str:
             n = int(figures[count])
             lengths = listed(*rms_alike(values.values(), n))
             return f"{text.format(lengths, _and(values), counted(n, 'point'))}{_theory(figures, what)}."
+    if not figures:
+        return "The accuracy was not evaluated."
     theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
     known = f"; by their standard deviations new points are known to {together(theory)}" if theory else ""
     return f"Nothing independent is known of the accuracy: there is no check point{known}."

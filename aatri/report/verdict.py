@@ -79,10 +79,10 @@ def _converged(stage: StageView | None, solution: Solution | None) -> Light:
     if stage is None or solution is None:
         return Light(title, NONE, "no solution")
     if not len(solution.history):
-        return Light(title, NONE, f"{stage.name} keeps no history of iterations")
+        return Light(title, NONE, f"{stage.name} records no iterations")
     decrement = float(solution.history.decrement[-1])
     count = "1 iteration" if solution.iterations == 1 else f"{number(solution.iterations)} iterations"
-    words = f"{stage.name}: {count}, last decrement {decrement:.1e}"
+    words = f"{stage.name}: {count}, the last step {decrement:.1e} of the standard deviations"
     return Light(title, GOOD if decrement <= CONVERGED else LOOK, words)
 
 
@@ -91,7 +91,8 @@ def _sigma0(stage: StageView | None, to_follow: str) -> Light:
     figures = stage.metrics if stage else {}
     redundancy = round(figures.get("sigma0_redundancy") or figures.get("redundancy") or 0)
     if stage is None or sigma0 is None or redundancy < 1:
-        return Light("sigma0", NONE, "no redundancy" if stage else "no solution")
+        lacks = f"{stage.name} has no {'redundancy' if redundancy < 1 else 'sigma0'}" if stage else "no solution"
+        return Light("sigma0", NONE, lacks)
     scale = float(figures.get("sigma_scale") or 1.0)
     if to_follow:  # strips and similarities leave to it what they do not model
         return Light("sigma0", NONE, f"{stage.name}: {sigma0:.3f}, not judged before {to_follow} is done")
@@ -113,7 +114,8 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
         return Light(title, NONE, "no solution")
     rejected = staying_out(solution.suspects)
     others = int((~rejected).sum())
-    own = rejected & np.isin(solution.suspects.kind, np.unique(solution.residuals.kind))
+    of_stage = solution.suspects.stage == stage.use.partition("/")[0]
+    own = rejected & (of_stage | np.isin(solution.suspects.kind, np.unique(solution.residuals.kind)))
     words = f"{stage.name}: {_by_kind(solution, own)} rejected"
     words += f", {number(others)} kept or readmitted" if others else ""
     if (rejected & ~own).any():

@@ -30,14 +30,16 @@ def _page(folder: Path, **changes) -> dict:  # type: ignore[no-untyped-def]
     return json.loads((folder / "run" / "report.json").read_text())
 
 
-def _suspects(kind: str, verdict: str, *sizes: tuple[str, float, tuple[float, float, float]]) -> Suspects:
+def _suspects(
+    kind: str, verdict: str, *sizes: tuple[str, float, tuple[float, float, float]], role: str = "bundle_adjustment"
+) -> Suspects:
     n = len(sizes)
     return Suspects(
         kind=[kind] * n,
         row=list(range(n)),
         image=[""] * n,
         point=[name for name, _, _ in sizes],
-        stage=["bundle_adjustment"] * n,
+        stage=[role] * n,
         size=[size for _, size, _ in sizes],
         unit=["m"] * n,
         sigma=[0.02] * n,
@@ -73,7 +75,7 @@ def test_ties_of_strips_that_were_left_out_on_the_way_are_no_suspects_of_the_bun
     tmp_path: Path, kind: str, state: str
 ) -> None:
     """The bundle adjusts their image points, and tests these."""
-    page = _page(tmp_path, suspects=_suspects(kind, "rejected", ("p00", 0.1, (0.0, 0.0, 0.1))))
+    page = _page(tmp_path, suspects=_suspects(kind, "rejected", ("p00", 0.1, (0.0, 0.0, 0.1)), role="strip_adjustment"))
     (light,) = (light for light in page["internal"] if light["title"] == "Suspects")
     assert light["state"] == state
 
@@ -100,6 +102,26 @@ def test_without_check_points_nothing_independent_is_claimed(tmp_path: Path) -> 
     assert "Check points agree" not in page["judgement"]
     assert page["judgement"].startswith(("No check point was measured", "Nothing independent is known"))
     assert page["accuracy_statement"] == ""
+
+
+def test_what_nobody_evaluated_is_not_said_to_lack_check_points(tmp_path: Path) -> None:
+    """A run that ends with a start, which has no residuals of its image points, no iterations and no sigma0."""
+    block = made_block()
+    suspects = _suspects("image_point", "rejected", ("p00", 0.1, (0.0, 0.0, 0.1)))
+    start = replace(made_solution(block, suspects=suspects), sigma0=np.nan)
+    residuals, history = start.residuals, start.history
+    start = replace(
+        start, residuals=residuals.take(residuals.kind == "control"), history=history.take(np.zeros(0, int))
+    )
+    run = make_run(tmp_path / "run", {"block": block, "bundle": start})
+    write_report(run)
+    page = json.loads((run / "report.json").read_text())
+    assert "The accuracy was not evaluated." in page["judgement"]
+    assert "no check point" not in page["judgement"]
+    words = {light["title"]: (light["state"], light["words"]) for light in page["internal"]}
+    assert words["Convergence"] == ("none", "bundle records no iterations")
+    assert words["sigma0"] == ("none", "bundle has no sigma0")
+    assert words["Suspects"] == ("look", "bundle: 1 image point rejected; listed below")
 
 
 def test_a_contradiction_is_said_first(tmp_path: Path) -> None:

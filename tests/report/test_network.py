@@ -102,7 +102,9 @@ def test_points_and_observations_are_listed_with_their_tests(adjusted) -> None:
     second = dict(zip(observations.heads, observations.rows[1]))
     assert second["used"] == "yes"
     assert float(second["redundancy"]) > 0
-    assert any(row[0] == "relative_distance" for row in observations.rows)
+    assert first["unit"] == "mm"
+    assert float(first["sigma"]) == 3.0
+    assert any(row[0] == "relative distance" for row in observations.rows)
 
 
 def test_shapes_are_told_by_how_they_lie_and_by_their_residuals(tmp_path: Path) -> None:
@@ -125,7 +127,7 @@ def test_shapes_are_told_by_how_they_lie_and_by_their_residuals(tmp_path: Path) 
     second, first = (dict(zip(made.heads, row)) for row in made.rows)
     assert first["shape"] == "plane"
     assert first["normal or axis"] == "bearing 90.000, slope 60.000 deg"
-    assert (first["held"], first["used"], first["rejected"]) == ("sigma 1.00 mm", "4", "0")
+    assert (first["sigma"], first["used"], first["rejected"]) == ("1.00 mm", "4", "0")
     assert second["points"] == "A, P"
     bearing, dip = np.degrees(np.arctan2(-50, -30)) % 360, np.degrees(np.arctan(50 * slope / np.hypot(50, 30)))
     assert second["normal or axis"] == f"bearing {bearing:.3f}, slope {dip:.3f} deg"

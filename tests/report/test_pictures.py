@@ -22,7 +22,7 @@ from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from
 from aatri.report.drawing.scales import Scale, log_scale, near, plan_of, round_below, thinned
 from aatri.report.drawing.svg import drawn, text
-from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures
+from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures, ties_picture
 from aatri.report.plotting import plotted
 from aatri.report.sections.tables import by_axis, without_axis
 from aatri.report.sections.tie_points import tie_point_pictures
@@ -202,6 +202,23 @@ def test_only_points_far_beyond_what_an_image_point_measures_are_red(sigma_m: fl
     assert "measures 12.9 mm on the ground" in height.caption
 
 
+def test_classes_of_a_legend_differ_by_their_names_and_one_is_no_range() -> None:
+    """Ties of 1, 23 and 24 points; standard deviations between 12.40 and 12.55 mm."""
+    block = made_block(columns=4)
+    pairs = (np.array([0, 0, 0, 1, 1, 2]), np.array([1, 2, 3, 2, 3, 3]), np.array([1, 1, 23, 23, 24, 24]))
+    solution = made_solution(block)
+    ties = ties_picture(block, solution, pairs)
+    assert ties is not None
+    names = [marks.name for marks in ties.marks if marks.shape == "segments"]
+    assert names == ["1 to 5 common points", "6 to 22 common points", "23 common points", "24 or more"]
+    assert list(ties.marks[0].tells) == ["1 common point"] * 2
+    covariance = np.einsum("n,ij->nij", np.linspace(12.40e-3, 12.55e-3, len(block.points)) ** 2, np.eye(3))
+    _, height = sigma_pictures(block, replace(solution, points=replace(solution.points, covariance_m2=covariance)))
+    classes = [marks.name for marks in height.marks]
+    assert len(set(classes)) == len(classes)
+    assert "12.42 mm to 12.44 mm" in classes
+
+
 def in_pixels(block: Block, **images) -> Block:
     """The block as of a digital camera of 2300 x 2300 pixels of 0.1 mm, rows down from the upper left corner."""
     of_camera = {"kind": ["digital"], "image_coordinates": ["pixel"], "pixel_size_mm": [[0.1, 0.1]]}
@@ -233,7 +250,7 @@ def test_the_cells_of_an_image_are_those_in_which_its_points_lie() -> None:
     picture = _tie_point_pictures(block)["cells"]
     few = [(m.ids, m.tells) for m in picture.marks if m.colour == "red" and m.ids]
     assert few == [([block.images.id[0]], ["1 of 64 cells"])]
-    assert "1 of 18 images have one in less than 30%" in picture.caption
+    assert "1 of 18 images has a point in less than 30%" in picture.caption
     assert FEW == FEWEST_CELLS
 
 

@@ -38,7 +38,7 @@ def test_reliability_is_told_by_kind_and_by_the_largest_tests_in_use() -> None:
     by_kind, largest, effects = reliability_tables(full_solution())
     kinds = {row[0]: row for row in by_kind.rows}
     # the rejected image point takes no part: redundancy 0.6 and 0.7
-    assert kinds["image point"][1:6] == ("mm", "2", "0.65", "0.6", "0")
+    assert kinds["image point"][1:6] == ("um", "2", "0.65", "0.6", "0")
     assert kinds["control point"][-1] == "0.9"
     assert [(row[0], row[2], row[7]) for row in largest.rows] == [
         ("control point", "p00", "-0.90"),
@@ -184,6 +184,8 @@ def test_root_mean_squares_are_told_to_their_own_standard_deviation(rms_m: list[
         (0.00174533, 1.456e-05, "rad", ("360.0", "3.0", "″")),  # 0.1 deg
         (153.84, 0.0, "px", ("153.84", "0", "px")),
         (0.0, 1e-9, "mm^-2", ("0e+00", "1.0e-09", "mm^-2")),
+        (np.radians(26.6), 7.8e-6, "rad", ("26.60000", "0.00045", "deg")),  # the orientation of a set of directions
+        (7.8e-5, 7.8e-6, "rad", ("16.1", "1.6", "″")),
     ],
 )
 def test_estimates_are_told_to_their_standard_deviation(

@@ -13,6 +13,7 @@ _BY_NAME = {
     **dict.fromkeys(("drift X", "drift Y", "drift Z"), "m/s (m/image without times)"),
     "time offset": "s",
     "tau_m": "m",
+    "orientation": "rad",
     **{f"boresight {axis}": "rad" for axis in "xyz"},
     **{f"mount {axis}": "m" for axis in "XYZ"},
     **{f"mount turn about {axis}": "rad" for axis in "xyz"},

@@ -84,8 +84,8 @@ def cells_picture(names: Text, filled: Bool, images: Int) -> Picture:
     few = int((share[images] < FEW).sum())
     caption = (
         f"Cells of the images, {columns} x {rows} each, that have an image point in use; in the mean "
-        f"{share[images].mean():.0%}. {few:,} of {len(images):,} images have one in less than {FEW:.0%}: nothing ties "
-        "the rest of them, which bends the block."
+        f"{share[images].mean():.0%}. Nothing ties the rest of an image, and a block with many empty cells bends: "
+        f"{few:,} of {len(images):,} images {'has' if few == 1 else 'have'} a point in less than {FEW:.0%}."
     )
     caption += f" Drawn: the {len(drawn)} with the fewest." if len(drawn) < len(images) else ""
     return Picture("cells", "Cells with a point", caption, marks, ground=False, width=900.0)

@@ -9,11 +9,13 @@ from aatri.adjustment.statistics.limits import WEAK_DATUM
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.ids import several
 from aatri.report.drawing.charts import counts_chart
 from aatri.report.drawing.picture import Marks, Picture, steps_of
 from aatri.report.drawing.plan import footprints, ground_positions, image_positions
 from aatri.report.drawing.rays import measured_on_ground_m, used_rays
 from aatri.report.drawing.scales import length_text, near, round_below, thinned
+from aatri.units import alike
 
 CELLS = 48
 """Cells of the overlap along the longer side of the block, more where images are small."""
@@ -122,9 +124,9 @@ def intersection_angles(block: Block, solution: Solution) -> Float:
     image, point = used_rays(block, solution)
     xyz, centre = solution.points.xyz_m, solution.images.position_m
     good = np.isfinite(xyz[point]).all(axis=1) & np.isfinite(centre[image]).all(axis=1)
-    several = np.flatnonzero(np.bincount(point[good], minlength=len(xyz)) > 1)
+    crossing = np.flatnonzero(np.bincount(point[good], minlength=len(xyz)) > 1)
     of_point = np.zeros(len(xyz), dtype=bool)
-    of_point[several[thinned(len(several))]] = True
+    of_point[crossing[thinned(len(crossing))]] = True
     good &= of_point[point]
     order = np.flatnonzero(good)[np.argsort(point[good], kind="stable")]
     away = centre[image[order]] - xyz[point[order]]
@@ -178,8 +180,9 @@ def ties_picture(block: Block, solution: Solution | None, pairs: tuple[Int, Int,
     for k, (low, high) in enumerate(zip([1, *edges], [*edges, 10**9])):
         of = drawn[(count[drawn] >= low) & (count[drawn] < high)]
         ends = np.stack([centres[left[of]], centres[right[of]]], axis=1)
-        name = f"{low} to {high - 1} common points" if high < 10**9 else f"{low} or more"
-        tells = [f"{n} common points" for n in count[of].tolist()]
+        name = f"{low} or more" if high == 10**9 else several(low, "common point")
+        name = f"{low} to {several(high - 1, 'common point')}" if low < high - 1 < 10**9 - 1 else name
+        tells = [several(n, "common point") for n in count[of].tolist()]
         ids = [f"{a} to {b}" for a, b in zip(block.images.id[left[of]], block.images.id[right[of]])]
         marks.append(Marks("segments", ends, "blue", name, WIDTHS[k], ids=ids, tells=tells))
     images = np.flatnonzero(located)
@@ -215,7 +218,8 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
         low, high = np.quantile(values[rows], [0.05, 0.95])
         step = round_below(max((high - low) / 3, 1e-9 * high))
         edges = step * (np.ceil(low / step) + np.arange(4))
-        lengths = [length_text(float(edge)) for edge in edges]
+        texts, unit = alike(edges.tolist(), step)
+        lengths = [f"{text} {unit}" for text in texts]
         names = [
             f"below {lengths[0]}",
             *(f"{a} to {b}" for a, b in pairwise(lengths)),

@@ -21,7 +21,7 @@ def camera_tables(block: Block) -> list[PageTable]:
         "camera": cameras.id,
         "kind": cameras.kind,
         "distortion": cameras.distortion,
-        "unknown": [_unknown(block, k) for k in range(len(cameras))],
+        "unknown parameters": [_unknown(block, k) for k in range(len(cameras))],
         "principal distance mm": (cameras.principal_distance_mm, "{:.4f}".format),
         **axes(("principal point x mm", "y mm"), cameras.principal_point_mm, "{:.4f}".format),
         "format": (cameras.format, lambda size: " x ".join(f"{v:g}" for v in size)),

@@ -18,7 +18,7 @@ def frame_tables(block: Block) -> list[PageTable]:
     """The declared frames, and the frame of the adjustment where there is an Earth."""
     frames = block.frames
     columns: Columns = {"frame": frames.id, "axes": frames.axes, "CRS": frames.crs, "vertical": frames.vertical}
-    of_block = all_rows("Frames of the input, the first of them that of all results", columns)
+    of_block = all_rows("Coordinate frames of the input; results are in the first", columns)
     return present(of_block, _of_adjustment(block))
 
 

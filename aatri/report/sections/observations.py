@@ -5,7 +5,7 @@ import numpy as np
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import Solution
 from aatri.report.sections.tables import Columns, PageTable, all_rows
-from aatri.report.view.numbers import number
+from aatri.report.view.numbers import in_trade_unit, number, spoken
 from aatri.units import DASH
 
 OF_POINTS = ("image_point", "control")
@@ -33,18 +33,19 @@ def listed(solution: Solution, chosen: Bool, names: str, caption: str) -> PageTa
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(residuals.residual) / np.where(residuals.sigma > 0, residuals.sigma, np.nan)
     rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size[rows], axis=1)), kind="stable")]
-    ids = residuals.image if names == "image" else residuals.point
+    units = [in_trade_unit(unit) for unit in residuals.unit[rows].tolist()]
+    factor = np.array([f for f, _ in units])[:, None]
     columns: Columns = {
-        "observation": residuals.kind,
-        names: ids,
-        "used": np.where(residuals.active, "yes", "rejected"),
-        "unit": residuals.unit,
-        "residual": (residuals.residual, _each),
-        "sigma": (residuals.sigma, _each),
+        "observation": (residuals.kind[rows], spoken),
+        names: (residuals.image if names == "image" else residuals.point)[rows],
+        "used": np.where(residuals.active[rows], "yes", "rejected"),
+        "unit": [unit for _, unit in units],
+        "residual": (factor * residuals.residual[rows], _each),
+        "sigma": (factor * residuals.sigma[rows], _each),
     }
     if tests is not None:
-        columns |= {"redundancy": (tests.redundancy, _each), "w": (tests.test, _each)}
-    return all_rows(f"{caption}, the largest residuals first", columns, rows)
+        columns |= {"redundancy": (tests.redundancy[rows], _each), "w": (tests.test[rows], _each)}
+    return all_rows(f"{caption}, the largest residuals first", columns)
 
 
 def _each(values: Float) -> str:

@@ -10,7 +10,7 @@ from aatri.evaluation.statistics import rmse_interval
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.sections.uncontrolled import UNCONTROLLED, uncontrolled_table
-from aatri.report.view.numbers import angle_units, number, spoken
+from aatri.report.view.numbers import angle_units, in_trade_unit, number, spoken
 from aatri.units import DASH, digits
 
 
@@ -74,9 +74,8 @@ def _by_kind(solution: Solution) -> PageTable | None:
         finite = np.isfinite(r)
         if not finite.any():
             continue
-        unit = str(residuals.unit[np.flatnonzero(of_kind)[0]])
-        detectable, effect = size[np.isfinite(size)], tests.external[of_kind]
-        moved = tests.point_moved_m[of_kind]
+        factor, unit = in_trade_unit(str(residuals.unit[np.flatnonzero(of_kind)[0]]))
+        effect = tests.external[of_kind]
         rows.append(
             (
                 spoken(str(kind)),
@@ -85,17 +84,17 @@ def _by_kind(solution: Solution) -> PageTable | None:
                 number(float(r[finite].mean())),
                 number(float(r[finite].min())),
                 number(int((r[finite] < UNCONTROLLED).sum())),
-                number(float(np.median(detectable))) if len(detectable) else DASH,
-                number(float(detectable.max())) if len(detectable) else DASH,
-                _of(np.nanmedian, effect),
-                _of(np.nanmax, effect),
-                _of(np.nanmax, moved),
-                _of(np.nanmax, np.abs(w)),
+                _of(np.median, factor * size),
+                _of(np.max, factor * size),
+                _of(np.median, effect),
+                _of(np.max, effect),
+                _of(np.max, 1e3 * tests.point_moved_m[of_kind]),
+                _of(np.max, np.abs(w)),
             )
         )
     heads = (
         *("observations", "unit", "tested", "mean redundancy", "smallest", "uncontrolled", "median detectable error"),
-        *("largest", "median external", "largest external", "largest effect on a point (m)", "largest |w|"),
+        *("largest", "median external", "largest external", "largest effect on a point mm", "largest |w|"),
     )
     caption = (
         "Reliability by kind; detectable with 80 % at a level of 0.1 %; external: largest effect of such an error on "
@@ -105,7 +104,8 @@ def _by_kind(solution: Solution) -> PageTable | None:
 
 
 def _of(figure: Callable[[Float], float], values: Float) -> str:
-    return number(float(figure(values))) if np.isfinite(values).any() else DASH
+    finite = values[np.isfinite(values)]
+    return number(float(figure(finite))) if len(finite) else DASH
 
 
 def _worst_effects(solution: Solution) -> PageTable | None:

@@ -38,7 +38,7 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
         "shape": control.type[conditions],
         "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in conditions],
         "normal or axis": lying,
-        "held": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
+        "sigma": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
         "used": np.array([len(of_shape) for of_shape in v]),
         "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(conditions, v)]),
         **lengths("RMS_residual", np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v])),
@@ -48,7 +48,7 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
 
 
 def _sigma_text(sigma_m: float) -> str:
-    return "exact" if sigma_m == 0 else f"sigma {together([sigma_m])}"
+    return "exact" if sigma_m == 0 else together([sigma_m])
 
 
 def _points(solution: Solution, rows: Int) -> Float:

@@ -83,7 +83,8 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
             digits(decimals(units.small_per_rad * size[1])),
         )
     columns["image points"] = images.image_points
-    caption = "Orientations: omega, phi, kappa; standard deviations of the turns about the ground axes"
+    caption = "Orientations: omega, phi, kappa"
+    caption += "; standard deviations of the turns about the ground axes" if known.any() else ""
     return all_rows(caption, columns, _flown(block, solution), kept=True)
 
 

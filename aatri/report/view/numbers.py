@@ -66,8 +66,15 @@ def in_trade_unit(unit: str) -> tuple[float, str]:
 
 
 def estimate(value: float, sigma: float, unit: str) -> tuple[str, str, str]:
-    """A value, its standard deviation and their unit of the trade, written to two digits of the standard deviation."""
-    factor, unit = in_trade_unit(unit)
+    """A value, its standard deviation and their unit of the trade, written to two digits of the standard deviation.
+
+    Angles beyond a degree, as orientations of sets of directions, are told in degrees or gon.
+    """
+    units, factor = angle_units.get(), 1.0
+    if unit == "rad" and abs(value) > ANGLE_RAD["deg"]:
+        factor, unit = units.per_rad, units.angle
+    else:
+        factor, unit = in_trade_unit(unit)
     value, sigma = factor * value, factor * sigma
     if not sigma > 0:
         return f"{value:.6g}", number(sigma), unit
