@@ -1,11 +1,15 @@
-"""Labels in pictures: within it to the last pixel, and never over each other."""
+"""Labels in pictures: within it to the last pixel, and never over each other; what legends call their classes."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aatri.report.drawing.labels import AWAY_PX, CHARACTER_PX, LINE_PX, Labels
+from aatri.report.drawing.ties import sigma_pictures, ties_picture
+from tests.made_solutions import made_block, made_solution
 
 WIDE = 3 * CHARACTER_PX
 
@@ -30,3 +34,20 @@ def test_marks_are_not_written_over() -> None:
     labels = Labels(200.0, 100.0)
     labels.keep_free(np.array([[50.0 + AWAY_PX + WIDE, 50.0]]), 4.0)
     assert labels.around(np.array([[50.0, 50.0]]), ["abc"])[0][2] == "end"
+
+
+def test_classes_of_a_legend_differ_by_their_names_and_one_is_no_range() -> None:
+    """Ties of 1, 23 and 24 points; standard deviations between 12.40 and 12.55 mm."""
+    block = made_block(columns=4)
+    pairs = (np.array([0, 0, 0, 1, 1, 2]), np.array([1, 2, 3, 2, 3, 3]), np.array([1, 1, 23, 23, 24, 24]))
+    solution = made_solution(block)
+    ties = ties_picture(block, solution, pairs)
+    assert ties is not None
+    names = [marks.name for marks in ties.marks if marks.shape == "segments"]
+    assert names == ["1 to 5 common points", "6 to 22 common points", "23 common points", "24 or more"]
+    assert list(ties.marks[0].tells) == ["1 common point"] * 2
+    covariance = np.einsum("n,ij->nij", np.linspace(12.40e-3, 12.55e-3, len(block.points)) ** 2, np.eye(3))
+    _, height = sigma_pictures(block, replace(solution, points=replace(solution.points, covariance_m2=covariance)))
+    classes = [marks.name for marks in height.marks]
+    assert len(set(classes)) == len(classes)
+    assert "12.42 mm to 12.44 mm" in classes

@@ -22,7 +22,7 @@ from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from
 from aatri.report.drawing.scales import Scale, log_scale, near, plan_of, round_below, thinned
 from aatri.report.drawing.svg import drawn, text
-from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures, ties_picture
+from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures
 from aatri.report.plotting import plotted
 from aatri.report.sections.tables import by_axis, without_axis
 from aatri.report.sections.tie_points import tie_point_pictures
@@ -200,23 +200,6 @@ def test_only_points_far_beyond_what_an_image_point_measures_are_red(sigma_m: fl
     height = sigma_pictures(block, replace(solution, points=replace(solution.points, covariance_m2=covariance)))[1]
     assert [name for marks in height.marks for name in marks.ids if marks.colour == "red"] == red
     assert "measures 12.9 mm on the ground" in height.caption
-
-
-def test_classes_of_a_legend_differ_by_their_names_and_one_is_no_range() -> None:
-    """Ties of 1, 23 and 24 points; standard deviations between 12.40 and 12.55 mm."""
-    block = made_block(columns=4)
-    pairs = (np.array([0, 0, 0, 1, 1, 2]), np.array([1, 2, 3, 2, 3, 3]), np.array([1, 1, 23, 23, 24, 24]))
-    solution = made_solution(block)
-    ties = ties_picture(block, solution, pairs)
-    assert ties is not None
-    names = [marks.name for marks in ties.marks if marks.shape == "segments"]
-    assert names == ["1 to 5 common points", "6 to 22 common points", "23 common points", "24 or more"]
-    assert list(ties.marks[0].tells) == ["1 common point"] * 2
-    covariance = np.einsum("n,ij->nij", np.linspace(12.40e-3, 12.55e-3, len(block.points)) ** 2, np.eye(3))
-    _, height = sigma_pictures(block, replace(solution, points=replace(solution.points, covariance_m2=covariance)))
-    classes = [marks.name for marks in height.marks]
-    assert len(set(classes)) == len(classes)
-    assert "12.42 mm to 12.44 mm" in classes
 
 
 def in_pixels(block: Block, **images) -> Block:
