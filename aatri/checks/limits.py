@@ -49,6 +49,12 @@ LEAST_SHARED, LEAST_SHARE, LEAST_IMAGES, MOST_AT_ONE_PLACE = 5, 0.5, 2, 20
 """Points two images must share to be one image given twice (as many as orient one to the other), and of the points of
 each; images in which two points must coincide to be one; rows of one place that are compared with each other."""
 
+COMPARED_POINTS, FEWEST_ACROSS, NEARER = 200, 3, 0.8
+"""Points of an image, on average, by which images are compared in their strips: all where it has no more. Neighbours of
+two images of different strips by which they may be exchanged: no image is nearer to both neighbours of another than
+the middle between them. Share of the distance to the image beside it at which another is nearer: one exchanged with
+the next is at half of it, and places of tilted images are out by a tenth."""
+
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-15, 1e12
 """Of standard deviations in the units of the Block: in m the size of an atomic nucleus, and beyond Jupiter."""
 
@@ -112,7 +118,7 @@ FAR_OFF, MISFIT, MOST_MISFITS, FEWEST_FITTING, NOT_EXCHANGED = 3.0, 1.3, 12, 6, 
 """Film images that are off by so many times what images of the better quarter are: beyond the first their neighbours
 may be bent too, beyond the second they may have another's marks. As many as the third are tried, the worst: more are no
 mistake of two or three rows. Fewer points than the fourth fit too easily (six leave a resection six of their twelve
-coordinates). The last is the probability that a pair of a block is named by chance."""
+coordinates). The last is the probability that a pair of a block is named by chance, of images in strips as well."""
 
 FRAME_EFFECT_TOLD_M, FRAME_EFFECT_WARNED_M = 1e-4, 1e-3
 """Systematic errors of heights by the figure of the earth: below the first not worth a word, beyond the second a

@@ -28,6 +28,7 @@ from aatri.checks.as_read.control_place import control_off_the_block
 from aatri.checks.as_read.control_rays import control_rays, photo_mm
 from aatri.checks.as_read.copies import without_copies
 from aatri.checks.as_read.coverage import coverage
+from aatri.checks.as_read.exchanged_images import exchanged_images
 from aatri.checks.as_read.frame import outside_of_its_frame
 from aatri.checks.as_read.measured_twice import measured_twice, of_image_and_point
 from aatri.checks.as_read.positions import without_impossible_positions
@@ -129,7 +130,8 @@ def _held_against_control(block: Block, active: Bool) -> list[Finding]:
     covered = coverage(cameras, camera[rows], xy_mm[rows])
     if any(finding.level == "error" for finding in covered):
         return [*figures, *covered]
-    return [*figures, *covered, *outside_of_its_frame(block), *angles_that_differ(block, xy_mm, usable)]
+    exchanged = exchanged_images(block, xy_mm, usable)
+    return [*figures, *covered, *outside_of_its_frame(block), *angles_that_differ(block, xy_mm, usable), *exchanged]
 
 
 def _outside_format(block: Block) -> Bool:

@@ -8,6 +8,8 @@ import pytest
 
 from aatri.progress import Silent
 from tests.checks.as_read.test_screening import Written, rejects
+from tests.reading import read_block
+from tests.small_blocks import Small, Told, flown
 
 
 def more_images(points: int) -> Written:
@@ -92,3 +94,34 @@ def test_every_reject_is_said_aloud(tmp_path: Path) -> None:
         "rejected: image_point few/p0: its image is rejected",
         "rejected: image_point i1/p3: outside the image format",
     ]
+
+
+# Ids exchanged
+
+
+def exchanged_by_screening(small: Small, folder: Path) -> list[str]:
+    heard = Told()
+    read_block(small.write(folder), heard)
+    return [text.split("images ")[1].split(" fit")[0] for text in heard.warnings if "ids exchanged" in text]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("102", "103"), ("101", "102"), ("102", "104"), ("103", "205"), ("101", "203"), ("102", "105")],
+)
+def test_two_images_with_each_others_ids_are_named_by_the_points_of_their_neighbours(
+    tmp_path: Path, first: str, second: str
+) -> None:
+    small = flown(2, 6, points=40, apart_m=1200.0)  # strips that share no point
+    other = {first: second, second: first}
+    small.rays = {(other.get(i, i), p): xy for (i, p), xy in small.rays.items()}
+    assert exchanged_by_screening(small, tmp_path / "b") == [f"{first} and {second}"]
+
+
+def test_images_in_order_stay_unnamed_under_clouds_and_with_few_points(tmp_path: Path) -> None:
+    small = flown(3, 6, points=40, apart_m=200.0)
+    assert exchanged_by_screening(small, tmp_path / "clear") == []
+    cloudy = {(i, p): xy for (i, p), xy in small.rays.items() if i not in ("102", "205") or xy[0] < -20.0}
+    few = {(i, p): xy for (i, p), xy in cloudy.items() if i not in ("104", "301") or p.endswith(("1", "4"))}
+    small.rays = few
+    assert exchanged_by_screening(small, tmp_path / "cloudy") == []

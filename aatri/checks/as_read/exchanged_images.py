@@ -1,0 +1,165 @@
+"""Two images of strips with each other's ids, by the points that they share with their neighbours.
+
+    a    neighbour in its strip of image i, and not of image j; or of j and not of i
+    n    points of a that the one beside it shows and the other does not,     f    the other way round
+
+A neighbour shares more with the image beside it than with one farther away. Where f is larger at every neighbour of i
+and of j, the order fits with the two ids exchanged. Of two images of one strip those beside both say nothing; two of
+different strips must have three neighbours, which no place of two images suits that are in order.
+
+Seen: images that exchanged their ids on the way from measuring; a sequence that is not that of the flight.
+Test: a sign test of the points, each once: for or against the order at more of the neighbours. Against it is 1/2, or
+the share of the larger image in the points of both where these differ, for an image of few points shares few. The
+probability times the number of pairs of images is below `NOT_EXCHANGED`; and by a plane conformal fit of the common
+points the farther image lies nearer to each neighbour: cloud and water take points away, not places. Of pairs that
+explain each other's neighbours the one stays that most points are for.
+Source: McNemar 1947 (sign test of correlated proportions).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.special import bdtrc
+
+from aatri.adapters.imported import read_at
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import Block
+from aatri.checks.as_read.measured_twice import of_image_and_point
+from aatri.checks.finding import Finding
+from aatri.checks.limits import COMPARED_POINTS, FEWEST_ACROSS, NEARER, NOT_EXCHANGED
+from aatri.ids import printable
+
+Complex = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class _Strips:
+    """Images beside each other, and the points that images show, some of them where there are very many."""
+
+    beside: Int
+    """(n, 2). The images before and after each in its strip; -1 none."""
+    strip: Int
+    start: Int
+    """(n + 1,). First image point of each image."""
+    point: Int
+    place_mm: Complex
+    """(k,), x + i y. From the middle of the image; by image and point."""
+
+    def telling(self, image: Int, other: Int) -> Int:
+        """Neighbours of images that are farther from the others, (m, 2); -1 where one is not."""
+        a = self.beside[image]
+        known = (a >= 0) & (a != other[:, None]) & (self.beside[a] != other[:, None, None]).all(axis=2)
+        return np.where(known, a, -1)
+
+    def shown(self, image: int) -> tuple[Int, Complex]:
+        """Points of an image, and where they lie."""
+        rows = slice(self.start[image], self.start[image + 1])
+        return self.point[rows], self.place_mm[rows]
+
+    def distance_mm(self, image: int, other: int) -> float:
+        """From the middle of an image to that of another, by their common points."""
+        points, others = self.shown(image), self.shown(other)
+        _, rows, of_other = np.intersect1d(points[0], others[0], return_indices=True)
+        z, w = points[1][rows], others[1][of_other]
+        if len(z) < 2:
+            return float("nan")
+        dz, dw = z - z.mean(), w - w.mean()
+        return float(abs(z.mean() - (dw.conj() @ dz) / max((dw.conj() @ dw).real, 1e-30) * w.mean()))
+
+
+def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
+    """Warnings of pairs of images that fit the order of their strips with their ids exchanged.
+
+    Parameters
+    ----------
+    xy_mm : (k, 2) float64, mm
+        Image points, from the middle of the image.
+    usable : (k,) bool
+    """
+    if not (block.images.strip >= 0).any():
+        return []
+    strips = _strips_of(block, xy_mm, usable)
+    n = int((strips.beside >= 0).any(axis=1).sum())
+    judged = [(*_sign_test(strips, *pair), pair) for pair in _pairs_out_of_order(strips)]
+    findings: list[Finding] = []
+    exchanged: set[int] = set()
+    for _, probability, pair in sorted(judged):
+        probability *= n * (n - 1) / 2
+        by = {*pair, *strips.beside[list(pair)].ravel().tolist()}
+        if probability < NOT_EXCHANGED and not by & exchanged:  # an image out of place says nothing of its neighbours
+            exchanged |= set(pair)
+            findings.append(_finding(block, *pair, probability))
+    return findings
+
+
+def _strips_of(block: Block, xy_mm: Float, usable: Bool) -> _Strips:
+    images, points = block.images, block.image_points
+    order = np.lexsort((images.sequence, images.strip))  # equal ones in the order of their ids, as they are paired
+    order = order[images.active[order] & (images.strip[order] >= 0)]
+    beside = np.full((len(images), 2), -1)
+    following = images.strip[order[1:]] == images.strip[order[:-1]]
+    before, after = order[:-1][following], order[1:][following]
+    beside[after, 0], beside[before, 1] = before, after
+    every = 1 + len(points) // (COMPARED_POINTS * len(images))
+    rows = of_image_and_point(block, usable & (points.point % every == 0))
+    start = np.searchsorted(points.image[rows], np.arange(len(images) + 1))
+    return _Strips(beside, images.strip, start, points.point[rows], xy_mm[rows] @ np.array([1, 1j]))
+
+
+def _pairs_out_of_order(strips: _Strips) -> list[tuple[int, int]]:
+    """Pairs of images that share more with all neighbours of each other than these share with their own."""
+    n = len(strips.beside)
+    ones = np.ones(len(strips.point), dtype=np.int32)
+    seen = csr_array((ones, strips.point, strips.start), shape=(n, int(strips.point.max(initial=0)) + 1))
+    common = (seen @ seen.T).tocsr()
+    a = np.repeat(np.arange(n), np.diff(common.indptr))
+    out_of_order: list[Int] = []
+    for side in range(2):
+        i, j = strips.beside[a, side], common.indices
+        with_own = np.asarray(common[np.arange(n), strips.beside[:, side]]).ravel()[a]
+        more = (i >= 0) & (common.data > with_own) & (j != a) & (strips.beside[a] != j[:, None]).all(axis=1)
+        out_of_order.append(i[more] * n + j[more])
+    key, count = np.unique(np.concatenate(out_of_order), return_counts=True)
+    i, j = key // n, key % n
+    own, others = ((strips.telling(x, y) >= 0).sum(axis=1) for x, y in ((i, j), (j, i)))
+    one_strip = strips.strip[i] == strips.strip[j]
+    every = count == own
+    agreed = (one_strip & (others == 0)) | (
+        (one_strip | (own + others >= FEWEST_ACROSS)) & np.isin(j * n + i, key[every])
+    )
+    return sorted({(min(pair), max(pair)) for pair in zip(i[every & agreed].tolist(), j[every & agreed].tolist())})
+
+
+def _sign_test(strips: _Strips, i: int, j: int) -> tuple[int, float]:
+    """Points in favour of the order, less those against it, and the probability of so many against it.
+
+    Probability 1 where a place is in favour.
+    """
+    points, signs = [], []
+    for beside, other in ((i, j), (j, i)):
+        for a in strips.telling(np.array([beside]), np.array([other]))[0].tolist():
+            if a >= 0 and strips.distance_mm(a, other) > NEARER * strips.distance_mm(a, beside):
+                return 0, 1.0
+            of_a = strips.shown(a)[0] if a >= 0 else strips.point[:0]
+            points.append(of_a)
+            signs.append(np.isin(of_a, strips.shown(other)[0]) * 1 - np.isin(of_a, strips.shown(beside)[0]))
+    _, of_point = np.unique(np.concatenate(points), return_inverse=True)
+    balance = np.bincount(of_point, weights=np.concatenate(signs))
+    f, n = int((balance > 0).sum()), int((balance < 0).sum())
+    sizes = [len(strips.shown(image)[0]) for image in (i, j)]
+    return int(-balance.sum()), float(bdtrc(f - 1, n + f, max(sizes) / sum(sizes))) if f else 1.0
+
+
+def _finding(block: Block, i: int, j: int, probability: float) -> Finding:
+    first, second = (printable(str(name)) for name in block.images.id[[i, j]])
+    text = (
+        f"images {first} and {second} fit the order of their strips with their ids exchanged: each shares more points "
+    )
+    text += "with the neighbours of the other than with its own"
+    remedy = "exchange the two ids in image_points.csv"
+    if block.images.strip[i] == block.images.strip[j]:
+        remedy += ", or their sequence in images.csv"
+    where, rows = read_at(block, block.images, i), {"image": np.array([i, j])}
+    return Finding("exchanged_images", "warning", text, remedy, where=where, rows=rows, significance=probability)
