@@ -39,6 +39,7 @@ from aatri.orientation.bodies.datum_analysis import (
     given_places,
 )
 from aatri.orientation.bodies.datum_start import (
+    THINNEST,
     Observe,
     centroid_start,
     closed_start,
@@ -178,7 +179,7 @@ def _start(
             return closed
         _analysed(observed, use, body, scaled(observed, use, body, level), settings, what)
         if settings.start == "closed":
-            return searched_start(observe, body, use)[0]
+            return searched_start(observe, body, use, closed_start(places, x, THINNEST))[0]
         return (two_point_start if settings.start == "two_points" else centroid_start)(places, x, body, what)
 
     try:

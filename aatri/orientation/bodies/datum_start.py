@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjusting.added_variance import whitener_beside
+from aatri.adjusting.added_variance import observed_components, whitener_beside
 from aatri.adjustment.records import Records, times, whitened
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import State, Unknowns
@@ -37,8 +37,9 @@ from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.similarity_ties import LABELS
 
-COLLINEAR = 0.01
-"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below this."""
+COLLINEAR, THINNEST = 0.01, 1e-8
+"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first;
+down to the second they are one start among others."""
 
 HEADINGS = 12
 """Starts: every 30 degrees one."""
@@ -54,7 +55,8 @@ SMALLEST = 0.1
 ITERATIONS, TOLERANCE = 60, 0.1
 
 ROUGH_M = 0.1
-"""Standard deviation of the points of a body, about, beside which exact coordinates are weighed."""
+"""Standard deviation of the points of a body, about, beside which exact coordinates are weighed; or half of the
+coordinates are weaker: against those of kilometres even these would leave the rest open to rounding."""
 
 UPWARDS = 0.7
 """Sine of the elevation above which images look upwards: such an end counts only where there is no other."""
@@ -63,13 +65,13 @@ Observe = Callable[[Similarity], tuple[Observed, ...]]
 """Where a body lies -> the observations that concern it, of all kinds."""
 
 
-def closed_start(places: GivenPlaces, x: Float) -> Similarity | None:
+def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR) -> Similarity | None:
     """Ground from body, by places known in full; None where these do not determine it. `x` are they in the body."""
     full = np.flatnonzero(places.given.all(axis=1))
     if len(full) < 3:
         return None
     spread = np.linalg.svd(x[full] - x[full].mean(axis=0), compute_uv=False)
-    if spread[1] ** 2 <= COLLINEAR * spread[0] ** 2:
+    if spread[1] ** 2 <= collinear * spread[0] ** 2:
         return None
     return robust_closed_form(x[full], places.observed_m[full])[0]
 
@@ -82,7 +84,9 @@ def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity, itera
         return float("inf")
 
 
-def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similarity, float]:
+def searched_start(
+    observe: Observe, body: FreeBody, use: Bool, offered: Similarity | None = None
+) -> tuple[Similarity, float]:
     """Ground from body, by all observations together, and their cost.
 
     Parameters
@@ -90,6 +94,8 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similar
     observe : callable
     use : (n,) bool
         Observations that count, kind by kind.
+    offered : Similarity, optional
+        A start beside the headings.
 
     Raises
     ------
@@ -99,10 +105,11 @@ def searched_start(observe: Observe, body: FreeBody, use: Bool) -> tuple[Similar
     """
     failure: GeometryError | ConvergenceError | None = None
     ends = list[tuple[bool, float, Similarity]]()
-    for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS:
-        rotation = exp_rotation(np.array([0.0, 0.0, turn])) @ levelling(body.up)
+    turns = [exp_rotation(np.array([0.0, 0.0, turn])) for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS]
+    starts = [Similarity(np.zeros(3), 1.0, turn @ levelling(body.up)) for turn in turns]
+    for start in starts if offered is None else [offered, *starts]:
         try:
-            to_ground, cost = _adjusted(observe, body, use, Similarity(np.zeros(3), 1.0, rotation))
+            to_ground, cost = _adjusted(observe, body, use, start)
         except (ConvergenceError, GeometryError) as error:
             failure = failure or error
             continue
@@ -131,7 +138,10 @@ def _used(observed: Sequence[Observed], use: Bool) -> list[Observed]:
     """Those that count, exact ones nearly so."""
     edges = np.cumsum([len(o) for o in observed])[:-1]
     used = [o.take(np.flatnonzero(part)) for o, part in zip(observed, np.split(use, edges))]
-    weights = [whitener_beside(o, o.covariances(), ROUGH_M**2) for o in used]
+    covariances = [o.covariances() for o in used]
+    variance_m2 = [np.einsum("nii->ni", C)[observed_components(o)] for o, C in zip(used, covariances) if o.unit == "m"]
+    rough_m2 = max(ROUGH_M**2, float(np.median(np.concatenate([np.zeros(1), *variance_m2]))))
+    weights = [whitener_beside(o, C, rough_m2) for o, C in zip(used, covariances)]
     return [replace(o, records=replace(o.records, whitener=T)) for o, T in zip(used, weights)]
 
 

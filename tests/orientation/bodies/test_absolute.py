@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import GeometryError
-from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, MadeBody, active, off_m
+from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, TRUE, MadeBody, active, off_m
 
 
 def by_control(ground, given):
@@ -113,3 +113,17 @@ def test_precise_control_and_weaker_positions_work_together() -> None:
     found = made.control(range(4), [ALL] * 4, 0.01).positions(1.0, error=np.array([0.5, 0, 0])).oriented()
     # Weights 1 : 10,000: the systematic 0.5 m of the positions hardly moves the block.
     assert off_m(found.ground_from_body) < 0.002
+
+
+def test_photographs_towards_a_wall_are_oriented_by_places_hardly_off_their_line() -> None:
+    """No heading of an image that looks down is near; control far from the positions, which are poor."""
+    along, across = np.array([0.0, 0.0, 700.0, 1600.0]), np.array([150.0, 0.0, 250.0, 500.0])
+    along[0] = 5500.0
+    places = np.outer(along, [0.6, 0.8, 0.0]) + np.outer(across, [-0.8, 0.6, 0.0]) + [0.0, 0.0, 60.0]
+    made = MadeBody(places[:1], places[1:])
+    upright = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+    poses = replace(made.body.poses, ground_from_image=made.body.poses.ground_from_image @ upright)
+    made.body = replace(made.body, poses=poses)
+    error = np.array([[6.0, -8.0, 15.0], [-7.0, 2.0, -12.0], [4.0, 6.0, 20.0]])
+    oriented = made.control([0], [ALL], 0.0).positions(12.0, error=error).oriented()
+    assert np.linalg.norm(oriented.ground_from_body.translation - TRUE.translation) < 100.0
