@@ -30,6 +30,8 @@ from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose
+from aatri.geometry.vectors import finite_rows
+from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
@@ -47,6 +49,10 @@ IMAGES_ALONE = (
     "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "
     "`positions: {use: false}`"
 )
+FEWEST_OTHERS, MOST_SHARED = 4, 30
+"""Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
+conditions); of more points than the second one wrong does not spoil the start."""
+
 OPEN = 1e-8
 """The same below which a motion is held where the datum is free."""
 
@@ -127,20 +133,60 @@ def _otherwise(
     failure: AatriError,
 ) -> tuple[OnGround | None, list[Note]]:
     """A component that observations of its own leave open: by its neighbours, or hardly determined; else None."""
-    beside = observed_by_neighbours(ground.block, [part.component for part in done], component, rays)
-    if beside:
-        try:
-            oriented, _ = oriented_by(replace(ground, beside=beside), body_of(component, rays), settings, what)
-            to = oriented.ground_from_body
-            text = f"{what}: oriented by the images and points it shares with others; without them {failure.what}"
-            return OnGround(component.moved(to), None, to), [Note("note", text)]
-        except (ConvergenceError, GeometryError):
-            pass
+    beside = _by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
+    if not isinstance(beside, str):
+        part, left_out = beside
+        if left_out:
+            return part, [Note("warning", f"{what}: {left_out}")]
+        text = f"{what}: oriented by the images and points it shares with others; without them {failure.what}"
+        return part, [Note("note", text)]
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        return None, [_apart(ground.block, component, failure.what)]
+        reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
+        return None, [_apart(ground.block, component, reason)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
+
+
+def _by_neighbours(
+    ground: GroundObserved,
+    component: ImageComponent,
+    rays: ImagePointRows,
+    neighbours: Sequence[ImageComponent],
+    what: str,
+    settings: OrientationSettings,
+) -> tuple[OnGround, str] | str:
+    """A component by what it shares with others, without a point that contradicts all else, and which; or why not."""
+
+    def oriented(own: ImageComponent) -> tuple[OnGround, OrientedBody] | None:
+        beside = observed_by_neighbours(ground.block, neighbours, own, rays)
+        if not beside:
+            return None
+        body, _ = oriented_by(replace(ground, beside=beside), body_of(own, rays), settings, what)
+        return OnGround(own.moved(body.ground_from_body), None, body.ground_from_body), body
+
+    try:
+        part = oriented(component)
+        return "" if part is None else (part[0], "")
+    except GeometryError as error:
+        return error.what.removeprefix(f"{what}: ")
+    except ConvergenceError as error:
+        reason = error.what
+    shared = np.flatnonzero(np.any([finite_rows(c.xyz) for c in neighbours], axis=0) & finite_rows(component.xyz))
+    fits = list[tuple[float, int, OnGround]]()
+    for point in shared.tolist() if FEWEST_OTHERS < len(shared) <= MOST_SHARED else []:
+        try:
+            part = oriented(component.without_point(point, rays))
+        except (ConvergenceError, GeometryError):
+            continue
+        if part is not None and part[1].tied.tau_m == 0:
+            fits.append((part[1].tied.sigma0, point, part[0]))
+    names = ground.block.points.id
+    if not fits:
+        return f"{reason}: points it shares contradict each other: {shown(names[shared])}"
+    _, point, best = min(fits, key=lambda fit: fit[:2])
+    text = f"oriented by the {len(shared) - 1} points it shares with others that fit each other, without {names[point]}"
+    return best, f"{text}: two objects may carry the number"
 
 
 def _apart(block: Block, component: ImageComponent, reason: str) -> Note:

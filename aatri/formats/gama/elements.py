@@ -97,6 +97,8 @@ class _Reader:
     def _coordinates(self, e: XmlElement) -> None:
         """Observed coordinates: points with a covariance matrix over all of them."""
         first = len(self.network.coordinates)
+        if not any(child.tag == "cov-mat" for child in e.children):
+            raise e.error("coordinates have no cov-mat", "give it, or of exact coordinates fix='xy'")
         for child in self._children(e, ("point", "cov-mat")):
             if child.tag == "point":
                 self._point(child)

@@ -86,8 +86,7 @@ def _without_element(
     if new:
         first = min(p.line for p in new.values())
         reporter.warn(
-            f"{path}:{first}: {len(new)} points have no <point>, and are taken as new ones without "
-            f"coordinates: {shown(list(new))}"
+            f"{path}:{first}: no <point>, taken as new ones without coordinates ({len(new)}): {shown(list(new))}"
         )
     return new
 

@@ -81,6 +81,12 @@ class ImageComponent:
         """Standard deviation of its rays over the one a priori; that of rays which fit exactly is no zero."""
         return max(self.spread, LEAST_SPREAD)
 
+    def without_point(self, point: int, rays: ImagePointRows) -> ImageComponent:
+        """The same where its images do not show a point."""
+        xyz = self.xyz.copy()
+        xyz[point] = np.nan
+        return replace(self, xyz=xyz, kept=self.kept & (rays.point != point))
+
     def moved(self, to: Similarity) -> ImageComponent:
         """The same after a similarity."""
         poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)

@@ -99,6 +99,7 @@ def test_a_negative_exponent_makes_no_degrees(tmp_path: Path) -> None:
         ("utf-8", "ascii", 2, "not ascii"),
         ("<gama-local ", '<!DOCTYPE gama-local [<!ENTITY e "5">]><gama-local ', 2, "entity"),
         ("1100.25", "11&nix;00", 7, "entity"),
+        ('<obs from="A">', '<coordinates><point id="E" x="1" y="2"/></coordinates><obs from="A">', 9, "no cov-mat"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(tmp_path: Path, old: str, new: str, line: int, what: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from aatri.stages.image_refinement.systematic import SystematicOptions, systemat
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.small_blocks import adjusted_by, flown, off_m
 from tests.stages.initial_orientation.test_datum import rejected_of, some_ends, with_distances
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
@@ -229,3 +232,26 @@ def test_positions_shifted_by_more_than_a_block_bends_are_left_out() -> None:
     e = block.exterior
     initial_of(replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, 8.0]))), told)
     assert any("observed positions (24) contradict all else" in text for text in told.warnings)
+
+
+def test_a_number_given_to_two_places_costs_no_strip_that_hangs_on_four_others(tmp_path: Path) -> None:
+    small = flown(2, 5, points=40, apart_m=450.0)
+    strip = {point: {small.strip[i][0] for i, p in small.rays if p == point} for point in small.xyz_m}
+    often = Counter((small.strip[i][0], p) for i, p in small.rays)
+    both = [p for p in small.xyz_m if min(often["S1", p], often["S2", p]) > 1]
+    corners = [min(both, key=lambda p: a * small.xyz_m[p][0] + b * small.xyz_m[p][1]) for a in (1, -1) for b in (3, -3)]
+    small.rays = {
+        (i, p): xy
+        for (i, p), xy in small.rays.items()
+        if small.strip[i][0] == "S1" or strip[p] == {"S2"} or p in corners
+    }
+    small.control, small.observed = dict.fromkeys(small.seen_by("102")[:6], "XYZ"), {}
+    first, second = (
+        next(p for p in strip if strip[p] == {of} and often[of, p] > 1 and p not in small.control)
+        for of in ("S1", "S2")
+    )
+    small.rays = {(i, first if p == second else p): xy for (i, p), xy in small.rays.items()}
+    done = adjusted_by("graph", small.write(tmp_path / "b"))
+    assert any(f"without {first}: two objects may carry the number" in text for text in done.warnings)
+    assert done.bundle.images.oriented.all()
+    assert off_m(small, done.bundle) < 1.0
