@@ -10,12 +10,12 @@ from aatri.formats.lists.list_columns import ListColumns, columns_of_header
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, words_of
 
-NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|\s+(?=[(\[])", re.IGNORECASE)
+NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|(?<!\s)\s+(?=[(\[])", re.IGNORECASE)
 """Before a height or a unit: the second word of a header between blanks is no column of its own."""
 UNITS = re.compile(r"\(\s*position in (\w+),\s*orientation in (deg|grad|gon|rad)", re.IGNORECASE)
 """The line of units that Applanix writes above its list."""
-FEWEST = 3
-"""Columns that a list has at least."""
+FEWEST, MOST = 3, 200
+"""Columns that a list has at least, and names that a line may have to be its header."""
 MOST_BEFORE = 50
 """A header stands within so many lines, after the preamble of a report."""
 
@@ -53,7 +53,7 @@ def proposed(lines: list[str]) -> ListForm | None:
         of_header = separator_of(text, FEWEST)
         names = header_cells(text, of_header)
         separator = separator_of(below, len(names)) or (of_header if of_header in below else "")
-        columns = columns_of_header(names, cells(below, separator)) if below and len(names) >= FEWEST else None
+        columns = columns_of_header(names, cells(below, separator)) if below and FEWEST <= len(names) <= MOST else None
         if columns is not None:
             return ListForm(columns, separator, k + 1)
     return None

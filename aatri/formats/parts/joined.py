@@ -1,7 +1,8 @@
 """The parts of several sources as those of one: images, cameras and points are the same where their names match.
 
-The first source that has images says which there are; what others say of images goes by the rule of
-`conventions.names`. Of two sources that give the same thing
+The first source that has images says which there are; where it is a list of image points alone, as of an image or a
+strip, all such lists of its format do. What others say of images goes by the rule of `conventions.names`. Of two
+sources that give the same thing
 
 - a measured or observed value comes before a start value, whichever file it is in;
 - two start values, or two cameras of a name: the first source wins, by a warning where they differ;
@@ -55,7 +56,7 @@ def joined(sources: Sequence[BlockParts], reporter: Reporter) -> JoinedParts:
     if base is None:
         what = f"no source has images or image points: {', '.join(p.format for p in sources)}"
         raise InputError(what, where=str(files[0]) if files else "", remedy="add the file with the image points")
-    images = _image_names(tables[base])
+    images = _images_of_lists(tables, sources, base)
     for k, of_source in enumerate(tables):
         if k != base:
             _rename_images(of_source, images, sources[k], reporter)
@@ -76,6 +77,16 @@ def _image_names(tables: dict[str, Rows]) -> list[str]:
     listed = [tables["images"].get("id"), tables["image_points"].get("image"), tables["exterior"].get("image")]
     columns = listed[:2] if tables["images"] or tables["image_points"] else listed
     return list(dict.fromkeys(str(name) for column in columns if column is not None for name in column.tolist()))
+
+
+def _images_of_lists(tables: Sequence[dict[str, Rows]], sources: Sequence[BlockParts], base: int) -> list[str]:
+    """Images of the base; of lists of image points, those of every further list of its format too."""
+    images = _image_names(tables[base])
+    for k, of_source in enumerate(tables):
+        lists = all(t["image_points"] and not t["images"] for t in (of_source, tables[base]))
+        if k != base and lists and sources[k].format == sources[base].format:
+            images += matched(_image_names(of_source), images, OF_IMAGES).unmatched
+    return images
 
 
 def _rename_images(tables: dict[str, Rows], images: list[str], parts: BlockParts, reporter: Reporter) -> None:

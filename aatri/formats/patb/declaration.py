@@ -8,7 +8,7 @@ from aatri.formats.patb.writer import write_patb
 
 _NUMBER = r"\s*[-+]?[0-9]+\.[0-9]*"
 _RECORDS = (
-    re.compile(rf"\s*\S+(?:{_NUMBER}){{3}}\s*"),
+    re.compile(rf"\s*\S{{1,16}}(?:{_NUMBER}){{3}}\s*"),
     re.compile(rf"(?:{_NUMBER}){{5}}\s*"),
     re.compile(rf"(?:{_NUMBER}){{4}}\s*"),
 )

@@ -23,6 +23,7 @@ from aatri.formats.parts.of_block import parts_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.tables.reader import read_block
 from aatri.formats.tables.writer import write_block
+from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import places
 from aatri.formats.wucaps.reader import read_wucaps
 from aatri.formats.wucaps.writer import write_oriented
@@ -75,9 +76,9 @@ def _gama(view: FileView) -> str:
 
 
 def _dbat(view: FileView) -> str:
-    head = [len(line.split()) for line in view.lines[1:5]]
-    plain = all(re.fullmatch(rf"\s*(?:{_NUMBER}\s*)+", line) for line in view.lines[1:5])
-    return "the head of a PhotoModeler export" if head == [4, 9, 10, 10] and plain else ""
+    rows = [line.split() for line in view.lines[1:5]]
+    is_head = [len(row) for row in rows] == [4, 9, 10, 10] and all(is_number(word) for row in rows for word in row)
+    return "the head of a PhotoModeler export" if is_head else ""
 
 
 def _dbat_control(view: FileView) -> str:

@@ -57,6 +57,20 @@ def test_names_that_match_nothing_at_all_are_an_error() -> None:
         join(images("a", "b"), camera("cam"), positions("gps.txt", "X", "Y"))
 
 
+def test_lists_of_image_points_of_one_format_add_their_images_and_others_do_not() -> None:
+    """SOCET has a file of an image, IGN one of the ties and one of the control: the second was refused, or lost rays."""
+    lists = [images(*names, file=f"{k}.txt") for k, names in enumerate((("a.tif", "b"), ("A", "c"), ("d",)))]
+    for parts in lists:
+        parts.images = {}
+    block, heard = join(*lists, camera("cam"))
+    assert block.images.id.tolist() == ["a.tif", "b", "c", "d"]
+    assert np.bincount(block.image_points.image).tolist() == [6, 3, 3, 3]
+    assert not heard.warnings
+    lists[2].format = "other"
+    with pytest.raises(InputError, match=r"2.txt: none of its 1 image names is one of the block"):
+        join(*lists, camera("cam"))
+
+
 def test_control_comes_before_a_start_value_whichever_file_is_first() -> None:
     start = ground("start.txt", "p0", "p1", z=7.0, role=[[APPROXIMATE] * 3] * 2)
     block, heard = join(images("a", "b"), camera("cam"), start, ground("control.txt", "P0", z=5.0, role=CONTROL))

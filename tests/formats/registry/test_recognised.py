@@ -57,6 +57,17 @@ def test_a_list_of_numbers_below_a_remark_is_no_list_of_control(tmp_path: Path) 
     assert recognised(tmp_path / "gcp.txt")[0].format.name == "odm_gcp"
 
 
+@pytest.mark.parametrize(
+    "row", ["1" * 16_000 + "x", "1.5 " * 4_000 + "x.jpg", "1,5," * 4_000 + ";", " " * 16_000 + "x"]
+)
+def test_a_long_line_of_any_file_does_not_hold_up_recognition(tmp_path: Path, row: str) -> None:
+    """A pattern tried all ways to part digits into numbers: no end for images.txt of COLMAP without its points."""
+    for name in ("images.txt", "images.dat"):
+        (tmp_path / name).write_text(f"{row}\n" * 8)
+    with pytest.raises(AatriError, match="of no known format"):
+        recognised(tmp_path)
+
+
 def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("Dear colleague\n")
     with pytest.raises(AatriError, match=r"notes.txt begins with 'Dear colleague'") as caught:
