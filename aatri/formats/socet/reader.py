@@ -56,7 +56,7 @@ class SocetPoint(NamedTuple):
 
 def read_points(
     path: Path, title: str, flags: int, widths: tuple[int, ...], reporter: Reporter = SILENT
-) -> tuple[dict[str, str], list[SocetPoint]]:
+) -> tuple[dict[str, TextLine], list[SocetPoint]]:
     """The header and the points of a file.
 
     Parameters
@@ -79,7 +79,7 @@ def read_points(
     at = next((k for k, line in enumerate(lines[1:], 1) if re.fullmatch("[0-9]{1,8}", " ".join(line.words))), None)
     if at is None or at + 1 >= len(lines):
         raise lines[-1].error("the number of points is not there", EXPORT)
-    header = {line.words[0]: " ".join(line.words[1:]) for line in lines[1:at]}
+    header = {line.words[0]: line for line in lines[1:at]}
     count, points, k, first = lines[at].count(0), list[SocetPoint](), at + 2, dict[str, TextLine]()
     while k < len(lines):
         head, below = lines[k], lines[k + 1 : k + 1 + len(widths)]
@@ -120,7 +120,7 @@ def read_gpf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         if point.flags[1] not in KINDS:
             raise point.at.error(f"point {point.id} is of kind {point.flags[1]}", "known are 0 to 6")
     yxz = np.array([point.rows[0] for point in points]).reshape(-1, 3)
-    degrees = header.get("GXP_XY_UNITS") == DEGREES
+    degrees = "GXP_XY_UNITS" in header and header["GXP_XY_UNITS"].words[1:] == [DEGREES]
     inside = (np.abs(yxz[:, :2]) <= [math.pi / 2, 2 * math.pi]).all(axis=1)
     radians = not header and bool(inside.any())
     if radians and not inside.all():
@@ -135,7 +135,9 @@ def read_gpf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         "socet_gpf",
         [path],
         name=path.stem,
-        frame=_geographic(header, reading.crs, path) if degrees or radians else PLANE,
+        frame=_geographic(header, reading.crs, points[0], "degrees" if degrees else "radians")
+        if degrees or radians
+        else PLANE,
         notes=[f"{len(points) - len(used)} points are not used"] if len(used) < len(points) else [],
         ground_points={
             "point": [point.id for point in used],
@@ -174,15 +176,35 @@ def read_ipf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     )
 
 
-def _geographic(header: dict[str, str], crs: str | None, path: Path) -> Frame:
+def _geographic(header: dict[str, TextLine], crs: str | None, first: SocetPoint, unit: str) -> Frame:
     """Longitude, latitude, height on what is said, or on the ellipsoid of the header."""
-    if crs is None and {"A_EARTH", "E_EARTH"} <= header.keys():
-        a, e = (float(header[key]) for key in ("A_EARTH", "E_EARTH"))
-        crs = f"+proj=longlat +a={a!r} +b={a * math.sqrt(1 - e * e)!r} +no_defs +type=crs"
+    crs = crs or _on_ellipsoid(header)
     if crs is None:
-        what = "latitudes and longitudes, and the file names no datum"
-        remedy = (
-            "say its coordinate system, or the planet's: `--set crs=EPSG:4979`, in a pipeline `crs:` beside the path"
-        )
-        raise InputError(what, where=str(path), remedy=remedy)
+        latitude, longitude, _ = first.rows[0]
+        place = f"point {first.id} is at latitude {latitude:.6g}, longitude {longitude:.6g} {unit}"
+        what = f"{place}, and no line of the file names the ellipsoid"
+        raise first.at.error(what, f"say its coordinate system: {_proposal(first.at.path)}")
     return Frame("socet", ("longitude", "latitude", "height"), crs)
+
+
+def _on_ellipsoid(header: dict[str, TextLine]) -> str | None:
+    """Longitude and latitude on the ellipsoid that A_EARTH, m, and E_EARTH, its first eccentricity, state."""
+    if not {"A_EARTH", "E_EARTH"} <= header.keys():
+        return None
+    a, e = header["A_EARTH"].number(1), header["E_EARTH"].number(1)
+    if a <= 0 or not 0 <= e < 1:
+        raise header["E_EARTH"].error(f"an ellipsoid of A_EARTH {a:g}, E_EARTH {e:g}", "a > 0 in m, 0 <= e < 1")
+    return f"+proj=longlat +a={a!r} +b={a * math.sqrt(1 - e * e)!r} +no_defs +type=crs"
+
+
+def _proposal(path: Path) -> str:
+    """How to say the ellipsoid: that of a project of SOCET beside the file, where there is one."""
+    for project in sorted(path.parent.glob("*.prj")):
+        try:
+            crs = _on_ellipsoid({line.words[0]: line for line in word_lines(project)})
+        except InputError:
+            continue
+        if crs is not None:
+            return f'by {project.name} beside it `--set "crs={crs}"`, in a pipeline `crs: {crs}` beside the path'
+    of_mars = "crs=+proj=longlat +a=3396190 +b=3376200 +no_defs +type=crs"
+    return f'on Earth `--set crs=EPSG:4979`, on Mars `--set "{of_mars}"`, in a pipeline `crs:` beside the path'

@@ -58,7 +58,7 @@ def test_names_that_match_nothing_at_all_are_an_error() -> None:
 
 
 def test_lists_of_image_points_of_one_format_add_their_images_and_others_do_not() -> None:
-    """SOCET has a file of an image, IGN one of the ties and one of the control: the second was refused, or lost rays."""
+    """SOCET has a file of an image, IGN one of ties and one of control: the second was refused, or lost rays."""
     lists = [images(*names, file=f"{k}.txt") for k, names in enumerate((("a.tif", "b"), ("A", "c"), ("d",)))]
     for parts in lists:
         parts.images = {}

@@ -12,6 +12,7 @@ import pytest
 from aatri.errors import AatriError
 from aatri.formats.parts.format import Reading
 from aatri.formats.socet.reader import read_gpf, read_ipf, read_points
+from aatri.frames.conversion import crs_of
 
 GPF = """GROUND POINT FILE
 2
@@ -104,8 +105,28 @@ def test_units_order_and_roles(tmp_path: Path) -> None:
     np.testing.assert_allclose(ground["xyz_m"][0], [math.degrees(2.38), math.degrees(0.085), -2697.5], rtol=1e-15)
     assert ground["role"].tolist() == [[3, 3, 1], [3, 3, 3]]
     np.testing.assert_array_equal(ground["sigma_m"], [[0.0, 0.0, 1.7], [0.0, 0.0, 0.0]])
-    with pytest.raises(AatriError, match=r"latitudes and longitudes, and the file names no datum"):
-        read_gpf(written(tmp_path, GPF))
+
+
+def test_a_missing_ellipsoid_is_asked_for_with_the_line_to_add(tmp_path: Path) -> None:
+    """MARS2000 has b = 3376200 m; the line that is proposed is taken as it stands."""
+    path = written(tmp_path, GPF, "p.gpf")
+    what = r"p.gpf:4: point A is at latitude 0.085, longitude 2.38 radians, and no line of the file names the ellipsoid"
+    with pytest.raises(AatriError, match=what + r"(?s:.*)on Earth `--set crs=EPSG:4979`, on Mars"):
+        read_gpf(path)
+    (tmp_path / "a.prj").write_text('GEOGCS["WGS 84"]\n')
+    (tmp_path / "m.prj").write_text("PROJECT_FILE m\nA_EARTH  3.39619e6\nE_EARTH  1.08339143554195e-001\n")
+    with pytest.raises(AatriError, match=r"as m.prj beside it has it, `--set \"crs=") as refused:
+        read_gpf(path)
+    proposed = str(refused.value).partition('"crs=')[2].partition('"')[0]
+    frame = read_gpf(path, Reading(crs=proposed)).frame
+    assert frame is not None
+    assert crs_of(frame).ellipsoid.semi_minor_metre == pytest.approx(3376200.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("stated", ["A_EARTH x\nE_EARTH 0.1", "A_EARTH 3396190\nE_EARTH 1.5"])
+def test_an_ellipsoid_of_the_header_that_is_none_is_refused(tmp_path: Path, stated: str) -> None:
+    with pytest.raises(AatriError, match=r"img_1.ipf:[23]: "):
+        read_gpf(written(tmp_path, GPF.replace("\n2\n", f"\n{stated}\nGXP_XY_UNITS 8\n2\n")))
 
 
 DAMAGE = [

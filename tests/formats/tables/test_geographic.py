@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from pathlib import Path
 
@@ -109,6 +110,21 @@ def test_the_map_is_the_utm_zone_on_the_datum(crs: str, zone: str) -> None:
     assert own.name == "utm55s"
     assert zone in ("", own.crs)
     assert crs_of(own).geodetic_crs.datum.name == crs_of(frame).geodetic_crs.datum.name
+
+
+def test_the_map_of_a_sphere_is_its_transverse_mercator() -> None:
+    """x = R / 2 ln((1 + B) / (1 - B)), y = R atan(tan phi / cos dlambda), B = cos phi sin dlambda (Snyder)."""
+    from aatri.frames.conversion import Frame, convert
+    from aatri.frames.own_map import utm_of
+
+    mars = Frame("g", ("longitude", "latitude", "height"), "+proj=longlat +R=3396190 +no_defs +type=crs")
+    place = np.array([[136.4, -4.5, -2700.0]])
+    own = utm_of(mars, place[0, 1], place[0, 0])
+    phi, off = math.radians(-4.5), math.radians(136.4 - 135.0)
+    B = math.cos(phi) * math.sin(off)
+    x, y = 3396190 / 2 * math.log((1 + B) / (1 - B)), 3396190 * math.atan(math.tan(phi) / math.cos(off))
+    moved, _ = convert(place, np.zeros((1, 3, 3)), mars, own)
+    np.testing.assert_allclose(moved, [[5e5 + x, y, -2700.0]], atol=1e-4)
 
 
 @pytest.mark.parametrize("vertical", ["", ", vertical: EPSG:5773"])
