@@ -25,10 +25,13 @@ def utm_of(frame: Frame, latitude_deg: float, longitude_deg: float) -> Frame:
     zone = int((longitude_deg + 180.0) % 360.0 // 6.0) + 1
     half = "N" if latitude_deg >= 0 else "S"
     datum = crs_of(frame).geodetic_crs.to_2d()
-    name, conversion = f"{datum.name} / UTM zone {zone}{half}", UTMConversion(str(zone), half)
-    if datum.ellipsoid.semi_major_metre == datum.ellipsoid.semi_minor_metre:
-        conversion = TransverseMercatorConversion(longitude_natural_origin=6 * zone - 183, false_easting=5e5)
-        name = f"{datum.name} / transverse Mercator, zone {zone}"
+    is_sphere = datum.ellipsoid.semi_major_metre == datum.ellipsoid.semi_minor_metre
+    name = f"{datum.name} / transverse Mercator, zone {zone}" if is_sphere else f"{datum.name} / UTM zone {zone}{half}"
+    conversion = (
+        TransverseMercatorConversion(longitude_natural_origin=6 * zone - 183, false_easting=5e5)
+        if is_sphere
+        else UTMConversion(str(zone), half)
+    )
     made = ProjectedCRS(conversion=conversion, name=name, geodetic_crs=datum)
     code = made.to_authority(min_confidence=SURE)
     return Frame(

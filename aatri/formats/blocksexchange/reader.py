@@ -6,13 +6,15 @@ principal point count from the centre of the first pixel. The distortion is forw
     u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
 
 AspectRatio, Skew and angles omega, phi, kappa in degrees are read in the way that the points of the file show (`ways`).
-An image is called by its file name, by its whole path where that stands for two. Poses are start values. Control in
+An image is called by its file name, by its whole path where that stands for two; a photogroup by its name, with its
+number where two have one. Poses are start values. Control in
 another system than the block's is converted to that.
 
 Source: Bentley, CC Orientations (BlocksExchange) format description.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +49,15 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     if (version := root.get("version")) not in VERSIONS:
         raise root.error(f"version {clipped(version)!r}", f"versions {', '.join(VERSIONS)} are read: export anew")
     block = root.one("Block")
-    groups = block.all("Photogroups", "Photogroup")
+    every = block.all("Photogroups", "Photogroup")
+    groups = [group for group in every if group.all("Photo")]
     if not groups:
-        raise block.error("no Photogroup", "export the block with its photos")
+        raise block.error("no Photogroup with photos", "export the block with its photos")
     frame = _frame(root, block)
     way = way_of(block, groups, geographic=frame.geographic)
     lenses = [lens_of(group, k, way) for k, group in enumerate(groups, 1)]
+    ids = [lens.id for lens in lenses]
+    lenses = [replace(of, id=f"{of.id} {k}") if of.id in ids[: k - 1] else of for k, of in enumerate(lenses, 1)]
     parts = BlockParts(
         "blocksexchange",
         [path],
@@ -60,6 +65,8 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         frame=frame,
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
+    if len(groups) < len(every):
+        parts.notes.append(f"{len(every) - len(groups)} photogroups without photos are not read")
     if len(open_ways(groups)) > 1:
         parts.notes.append(f"{way}: so its own measured points are where it projects them")
     parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}

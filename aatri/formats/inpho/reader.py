@@ -226,8 +226,8 @@ def _orientation(entry: Entry, c: float | None) -> tuple[list[float], np.ndarray
 
 
 def _not_read(sections: Sequence[Section]) -> list[str]:
-    """Blocks and keys that would matter and are not read."""
-    blocks = {s.head.words[0] for s in sections if s.head.words[0] in ("$CONTROL_POINTS", "$NAVIGATION")}
+    """Blocks, and keys that would matter, that are not read."""
+    blocks = {s.head.words[0] for s in sections} - {"$PROJECT", "$PHOTO", "$CAMERA", "$CAMERA_DEFINITION"}
     keys = {e.line.words[0] for s in sections for e in s.entries}
     unread = sorted(
         blocks | {key for key in keys if "DISTORTION" in key or key in ("$FIDUCIALS", "$COORDINATE_SYSTEM")}

@@ -118,11 +118,8 @@ def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
     transforms = {}
     for key, element in [("", chunk), *((c.get("id"), c) for c in chunk.all("components", "component"))]:
         transform = element.optional("transform")
-        if transform is not None and transform.optional("rotation") is not None:
-            R, scale = transform.numbers(9, "rotation").reshape(3, 3), transform.number("scale", default=1.0)
-            if not is_rotation(R) or scale <= 0:
-                raise transform.error(f"its rotation is none, or the scale {scale:g} is not positive", "export again")
-            transforms[key] = R, scale, transform.numbers(3, "translation")
+        if transform is not None and (transform.text or transform.optional("rotation") is not None):
+            transforms[key] = _similarity(transform)
     stated = chunk.optional("reference")
     text = stated.text if stated is not None else ""
     if stated is None or not text or text.upper().startswith(ENGINEERING):
@@ -145,6 +142,20 @@ def frame_of_chunk(chunk: XmlElement) -> ChunkFrame:
     code = flat.to_authority(min_confidence=100)
     reference = Frame("metashape", axes, ":".join(code) if code else flat.to_wkt(), vertical)
     return ChunkFrame(transforms, geocentric_frame(flat) if transforms else LOCAL, reference)
+
+
+def _similarity(transform: XmlElement) -> tuple[Float, float, Float]:
+    """Rotation, scale and origin: as three elements, or as a matrix [s R, T; 0 1] by rows (PhotoScan before 1.1)."""
+    if transform.children:
+        R, scale = transform.numbers(9, "rotation").reshape(3, 3), transform.number("scale", default=1.0)
+        origin = transform.numbers(3, "translation")
+    else:
+        matrix = transform.numbers(16).reshape(4, 4)
+        scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
+        R, origin = matrix[:3, :3] / scale if scale > 0 else matrix[:3, :3], matrix[:3, 3]
+    if not is_rotation(R) or scale <= 0:
+        raise transform.error(f"its rotation is none, or the scale {scale:g} is not positive", "export again")
+    return R, scale, origin
 
 
 def _with_ties(targets: Mapping[str, Any], ties: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,7 @@ from aatri.progress import SILENT, Reporter
 
 WANTED = "cameras or markers of Metashape as XML, or a .psz"
 DOCUMENT = "doc.xml"
+ENABLED = ("true", "1")
 
 
 def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
@@ -54,7 +55,7 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     root = _root(path, archive)
     if root.tag == "calibration":
         return _calibration(root, path, reading, reporter)
-    chunk = _chunk(root)
+    chunk, others = _chunk(root)
     cameras, disabled = cameras_of(chunk)
     sensors = sensors_of(chunk, {camera.sensor for camera in cameras})
     lenses = [sensor.lens for sensor in sensors.values() if sensor.lens is not None]
@@ -65,6 +66,8 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
         pixel_axes=PIXEL_AXES["metashape"],
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
+    if others:
+        parts.notes.append(f"{len(others)} chunks are not enabled, or empty, and are left out: {shown(others)}")
     if disabled:
         parts.notes.append(f"{len(disabled)} images are not enabled, and are left out: {shown(disabled)}")
     if cameras:
@@ -133,19 +136,21 @@ def _root(path: Path, archive: Archive | None) -> XmlElement:
     return read_xml(path, ("document",), WANTED, decoded_xml(archive.bytes_of(DOCUMENT), archive.at(DOCUMENT)))
 
 
-def _chunk(root: XmlElement) -> XmlElement:
-    chunks = [*root.all("chunk"), *root.all("chunks", "chunk")]
-    if len(chunks) > 1:
-        chunks = [c for c in chunks if c.get("enabled", "true") == "true"] or chunks
+def _chunk(root: XmlElement) -> tuple[XmlElement, list[str]]:
+    """The chunk that is enabled and not empty, and the labels of the others."""
+    every = [*root.all("chunk"), *root.all("chunks", "chunk")]
+    chunks = [c for c in every if c.get("enabled", "true") in ENABLED] or every
+    chunks = [c for c in chunks if any(e.children for kind in ("cameras", "markers") for e in c.all(kind))] or chunks
     if len(chunks) > 1:
         names = shown([c.get("label", "?") for c in chunks])
-        raise chunks[1].error(f"{len(chunks)} chunks: {names}", "a block is one: export the cameras of one chunk")
+        remedy = 'a block is one: disable the others in Metashape, or enabled="false" in their <chunk>'
+        raise chunks[1].error(f"{len(chunks)} chunks: {names}", remedy)
     if not chunks or not (chunks[0].all("cameras") or chunks[0].all("markers")):
         what = "no chunk with cameras or markers"
         if root.get("path"):
             what = f"a pointer to {clipped(root.get('path'))}, {what}"
         raise root.error(what, "export the cameras and the markers as XML, or save the project as .psz")
-    return chunks[0]
+    return chunks[0], [c.get("label", "?") for c in every if c is not chunks[0]]
 
 
 def _settings(chunk: XmlElement) -> dict[str, float]:
@@ -202,7 +207,7 @@ def _references(cameras: list[ImageElement], default: float) -> list[tuple[Image
     rows = []
     for camera in cameras:
         stated, enabled = _reference(camera.at, default), camera.at.optional("reference")
-        if stated is not None and enabled is not None and enabled.get("enabled", "true") in ("true", "1"):
+        if stated is not None and enabled is not None and enabled.get("enabled", "true") in ENABLED:
             if not np.isfinite(stated[0]).all():
                 raise enabled.error(f"the position of {clipped(camera.name)} lacks a coordinate", "give x, y and z")
             rows.append((camera, *stated))
@@ -221,7 +226,7 @@ def _targets(markers: list[XmlElement], default: float) -> tuple[list[dict[str, 
         names[number] = name
         stated = _reference(marker, default)
         if stated is not None:
-            enabled = marker.one("reference").get("enabled", "true") in ("true", "1")
+            enabled = marker.one("reference").get("enabled", "true") in ENABLED
             role = CONTROL if enabled else CHECK
             roles = [role if np.isfinite(value) else NO_ROLE for value in stated[0]]
             targets.append({"point": name, "xyz_m": stated[0], "sigma_m": stated[1], "role": roles, "at": marker})
@@ -239,7 +244,7 @@ def _give_marks(
         if marker.get("marker_id") not in points:
             raise marker.error(f"marker {clipped(marker.get('marker_id'))} is not listed", "export the markers again")
         for place in marker.all("location"):
-            if place.get("pinned", "true") not in ("true", "1"):
+            if place.get("pinned", "true") not in ENABLED:
                 own += 1
             elif place.get("camera_id") in images:
                 xy = [place.parsed(place.get(axis), axis) for axis in "xy"]

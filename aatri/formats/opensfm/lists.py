@@ -148,7 +148,7 @@ def _crs(text: str, first: TextLine) -> str:
     if re.match(r"EPSG:[0-9]{4,6}(\+[0-9]{4,6})?$|[A-Z_]+\[|.*\+(proj|init)=", text, re.IGNORECASE):
         return text
     what = f"{clipped(text)!r} names no coordinate system"
-    raise first.error(what, "write EPSG:2180, WGS84 UTM 17N, a PROJ text, WKT, or say `crs` at the source")
+    raise first.error(what, "write EPSG:2180, WGS84 UTM 17N, a PROJ text, WKT, or say it: `--set crs=EPSG:...`")
 
 
 def _frame(crs: str, text: str, first: TextLine) -> Frame:

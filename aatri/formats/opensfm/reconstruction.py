@@ -65,6 +65,11 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     parts.ground_points = _points(document, [k for k in number if frame != LOCAL or used[_first(shots["of"], k)]])
     if rigs := [name for k in number for name in _mounted(document, k)]:
         parts.notes.append(f"{len(rigs)} rig cameras are not read as rigs, their images stand alone: {shown(rigs)}")
+    shots_of = [document.get(dict, k, "shots") for k in number]
+    located = [name for shots in shots_of for name, shot in shots.items() if shot.get("gps_position")]
+    if located:
+        what = f"gps_position of {len(located)} shots is not read: {shown(located)}"
+        parts.notes.append(f"{what}; give the photographs or geo.txt beside it")
     if any(document.get(dict, k, "points", default={}) for k in number):
         parts.notes.append("its points are start values of those that tracks.csv measures")
     return parts

@@ -1,6 +1,7 @@
 """Places of OPF: of captures and control, as stated in systems of their own and as the project has projected them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ from aatri.formats.opf.project import OpfProject, SceneFrame, frame_of
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.json_text import JsonText, Key
-from aatri.frames.conversion import Frame
+from aatri.frames.conversion import Frame, crs_of
+from aatri.frames.own_map import utm_of
 from aatri.progress import Reporter
 
 Projected = dict[int | str, tuple[Float, Float]]
@@ -51,6 +53,23 @@ def placed(
             covariance = np.array([np.diag(np.square(p.sigma_m)) for p in own])
         placed |= {p.name: (xyz[k], covariance[k]) for k, p in enumerate(own)}
     return placed
+
+
+def scene_of_places(*tables: tuple[JsonText | None, str]) -> SceneFrame | None:
+    """The map of the first geolocation, of a project without a scene; the UTM zone where that is in degrees."""
+    for document, table in tables:
+        for k in range(len(document.get(list, table)) if document is not None else 0):
+            assert document is not None
+            if "geolocation" not in document.get(dict, table, k):
+                continue
+            place = located(document, (table, k, "geolocation"), "", k)
+            if not place.frame.geographic:
+                east_first = ("x", "y", "z") if "x" in place.frame.axes else ("east", "north", "up")
+                return SceneFrame(replace(place.frame, axes=east_first), np.zeros(3))
+            at, parts = dict(zip(place.frame.axes, place.xyz)), crs_of(place.frame).sub_crs_list
+            own = utm_of(place.frame, at["latitude"], at["longitude"])
+            return SceneFrame(replace(own, vertical=parts[1].to_wkt() if parts else ""), np.zeros(3))
+    return None
 
 
 def projected_places(project: OpfProject, scene: SceneFrame) -> Projected:

@@ -95,11 +95,11 @@ class OpfProject:
             raise self.document.fault(keys, f"{clipped(uri)!r} {error.what}", remedy)
         return self.path.parent / unquote(parts.path)
 
-    def scene(self) -> SceneFrame:
-        """The frame of processing coordinates, and their shift."""
+    def scene(self) -> SceneFrame | None:
+        """The frame of processing coordinates, and their shift; None where the project does not say it."""
         document = self.open("scene-reference-frame")
         if document is None:
-            return SceneFrame(PLANE, np.zeros(3))
+            return None
         keys = ("base_to_canonical",)
         scale = document.numbers(*keys, "scale", count=3)
         if scale != [1.0, 1.0, 1.0]:

@@ -20,10 +20,10 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.opf.captures import Attitude, attitudes_of, in_scene, rigs_of
-from aatri.formats.opf.places import Located, Projected, located, placed, projected_places
+from aatri.formats.opf.places import Located, Projected, located, placed, projected_places, scene_of_places
 from aatri.formats.opf.project import OpfProject, SceneFrame
 from aatri.formats.opf.tracks import read_tracks
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.geometry.rotations import rotation_from_angles
@@ -42,13 +42,19 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     """
     project = OpfProject(path)
     name_of = _camera_list(project)
-    scene = project.scene()
     input_cameras = project.open("input-cameras")
     if input_cameras is None:
         raise InputError("no item input_cameras, which has the sensors", where=f"{project.path}:1", remedy=EXPORT)
     sensor_of, lenses, positions = _input_cameras(input_cameras, name_of)
-    attitudes, unread = attitudes_of(input_cameras, name_of)
-    calibrated = project.open("calibrated-cameras")
+    attitudes, notes = attitudes_of(input_cameras, name_of)
+    calibrated, control = project.open("calibrated-cameras"), project.open("input-control-points")
+    stated, scene = _calibrated(calibrated, name_of), project.scene()
+    if scene is None:
+        scene = scene_of_places((input_cameras, "captures"), (control, "gcps"))
+        if scene is not None and stated:
+            notes.append("no item scene_reference_frame: the calibrated places are in a system of their own, not read")
+            stated = {}
+        scene = scene or SceneFrame(PLANE, np.zeros(3))
     if calibrated is not None:
         lenses |= _sensors(calibrated, {key: lens.size_px for key, lens in lenses.items()}, lenses)
     used = [lenses[key] for key in dict.fromkeys(sensor_of.values())]
@@ -57,7 +63,7 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         project.files,
         name=project.name,
         frame=scene.frame,
-        notes=[*project.notes, *unread],
+        notes=[*project.notes, *notes],
         pixel_axes=PIXEL_AXES["opf"],
         **camera_parts(used, reporter, allowed_px=reading.lens_misfit_px),
         images={"id": [name_of[key] for key in sensor_of], "camera": [lenses[key].id for key in sensor_of.values()]},
@@ -66,9 +72,8 @@ def read_opf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     places = placed(project, positions, projected, scene, reporter)
     if (rigs := rigs_of(input_cameras, {key: lens.id for key, lens in lenses.items()}, list(sensor_of))) is not None:
         parts.images, parts.others = {**parts.images, **rigs[0]}, {"rig_members": rigs[1]}
-    stated = _calibrated(calibrated, name_of)
     parts.exterior = _exterior(stated, places, scene, attitudes, project.files, reporter)
-    marks = _control(project, parts, name_of, projected, scene, reporter)
+    marks = _control(project, control, parts, name_of, projected, scene, reporter)
     if "sparse" in project.resources:
         marks += read_tracks(project.resources["sparse"], name_of, project.files)
     if marks:
@@ -111,6 +116,8 @@ def _input_cameras(
         sizes[document.get(int, "sensors", k, "id")] = (width, height)
     sensor_of: dict[int, int] = {}
     positions = []
+    if not document.get(list, "captures"):
+        raise document.fault(("captures",), "no captures", EXPORT)
     for i, capture in enumerate(document.get(list, "captures")):
         for j, _ in enumerate(document.get(list, "captures", i, "cameras")):
             keys: tuple[Key, ...] = ("captures", i, "cameras", j)
@@ -135,7 +142,7 @@ def _sensors(
     for k, _ in enumerate(document.get(list, "sensors")):
         keys: tuple[Key, ...] = ("sensors", k, "internals")
         key = document.get(int, "sensors", k, "id")
-        if key not in (before or used):
+        if key not in (before if used is None else used):
             continue
         if (kind := document.get(str, *keys, "type")) != "perspective":
             what = f"sensor {key} is of the type {kind!r}, which has no like here"
@@ -206,6 +213,7 @@ def _exterior(
 
 def _control(
     project: OpfProject,
+    document: JsonText | None,
     parts: BlockParts,
     name_of: dict[int, str],
     projected: Projected,
@@ -213,12 +221,12 @@ def _control(
     reporter: Reporter,
 ) -> list[tuple[Any, ...]]:
     """Control and check points to the parts; the marks of these and of tie points."""
-    document = project.open("input-control-points")
     if document is None:
         return []
     file, points, marks = project.files.index(document.path), list[Located](), list[tuple[Any, ...]]()
     roles, lines, first = list[int](), list[int](), dict[str, int]()
     for table in ("gcps", "mtps"):
+        document.get(list, table)
         for k, line in enumerate(document.lines(table).values()):
             keys: tuple[Key, ...] = (table, k)
             point = document.get(str, *keys, "id")

@@ -233,7 +233,11 @@ def _has_positions(parts: BlockParts) -> bool:
 def _without_coordinates(parts: BlockParts, target: Frame, reporter: Reporter) -> BlockParts:
     if _has_control(parts) or _has_positions(parts):
         what = "its control or positions have no declared frame that could be converted"
-        raise InputError(f"{what} to {target.crs}", where=str(parts.files[0]), remedy="say its `crs` at the source")
+        raise InputError(
+            f"{what} to {target.crs}",
+            where=str(parts.files[0]),
+            remedy="say its system: `--set crs=EPSG:...`, in a pipeline `crs:` beside its path",
+        )
     if parts.ground_points or parts.exterior:
         reporter.log(f"{parts.files[0]}: a free model; its orientations and points are no start values here")
     return replace(parts, ground_points={}, exterior={}, frame=None)

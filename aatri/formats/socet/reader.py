@@ -205,6 +205,8 @@ def _proposal(path: Path) -> str:
         except InputError:
             continue
         if crs is not None:
-            return f'by {project.name} beside it `--set "crs={crs}"`, in a pipeline `crs: {crs}` beside the path'
+            return (
+                f'as {project.name} beside it has it, `--set "crs={crs}"`, in a pipeline `crs: {crs}` beside the path'
+            )
     of_mars = "crs=+proj=longlat +a=3396190 +b=3376200 +no_defs +type=crs"
     return f'on Earth `--set crs=EPSG:4979`, on Mars `--set "{of_mars}"`, in a pipeline `crs:` beside the path'

@@ -46,6 +46,20 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
+def test_two_photogroups_of_one_name_are_two_cameras_and_one_without_photos_is_told(tmp_path: Path) -> None:
+    group = TEXT[TEXT.index("<Photogroup>") : TEXT.index("</Photogroups>")]
+    second = group.replace("<Id>0<", "<Id>8<").replace("<Id>1<", "<Id>9<").replace("a.jpg", "b.jpg")
+    fisheye = group[: group.index("<Photo>")].replace("Perspective", "Fisheye") + "</Photogroup>"
+    more = second.replace(">10</Focal", ">12</Focal") + fisheye + "</Photogroups>"
+    parts = read_blocksexchange(written(tmp_path, TEXT.replace("</Photogroups>", more)))
+    assert parts.notes == ["1 photogroups without photos are not read"]
+    block = assembled([parts])
+    camera = dict(zip(block.images.id.tolist(), block.images.camera.tolist()))
+    assert block.cameras.id.tolist() == ["cam", "cam 2"]
+    assert camera == {"C:\\f\\a.jpg": 0, "C:\\g\\a.jpg": 0, "C:\\f\\b.jpg": 1, "C:\\g\\b.jpg": 1}
+    assert block.cameras.principal_distance_mm.tolist() == [pytest.approx(10.0), pytest.approx(12.0)]
+
+
 def test_a_point_is_projected_by_the_formula(tmp_path: Path) -> None:
     """f = 10 mm / 20 mm * 4000 px = 2000 px; P in the camera: (2, -1, 10), so u = 0.2, v = -0.1, r^2 = 0.05."""
     u, v, r2 = 0.2, -0.1, 0.05

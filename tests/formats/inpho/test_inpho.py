@@ -102,7 +102,9 @@ def test_two_cameras_of_an_old_version_are_called_by_their_type(tmp_path: Path) 
 
 def test_what_is_not_read_is_told(tmp_path: Path) -> None:
     notes = read_inpho(written(tmp_path, project()), Reading(), SILENT).notes
-    assert "not read: $CONTROL_POINTS" in notes[0]
+    assert "not read: $CONTROL_POINTS, $COORDINATE_SYSTEM_SET; " in notes[0]
+    strip = "$STRIP\n  $STRIP_ID : 1\n$END\n"
+    assert "$STRIP" in read_inpho(written(tmp_path, project() + strip), Reading(), SILENT).notes[0]
     assert "image from ground, as the lines of the flight show" in notes[1]
 
 

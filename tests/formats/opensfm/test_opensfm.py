@@ -81,6 +81,16 @@ def test_control_and_positions_of_lists_are_joined_by_names(tmp_path: Path) -> N
     assert {Path(p).name for p in block.files.path} == {"reconstruction.json", "tracks.csv", "gcp_list.txt", "geo.txt"}
 
 
+def test_positions_of_shots_that_are_not_read_are_told(tmp_path: Path) -> None:
+    folder = write_project(tmp_path)
+    document = json.loads((folder / "reconstruction.json").read_text())
+    document[0]["shots"]["IMG_3.JPG"]["gps_position"] = [1.0, 2.0, 3.0]
+    (folder / "reconstruction.json").write_text(json.dumps(document))
+    notes = read_source(folder / "reconstruction.json", Reading(), SILENT).notes
+    what = "gps_position of 1 shots is not read: IMG_3.JPG; give the photographs or geo.txt beside it"
+    assert what in notes
+
+
 def _json(change: str, value: object) -> object:
     def changed(folder: Path) -> Path:
         path = folder / "reconstruction.json"

@@ -102,6 +102,29 @@ def changed(folder: Path, change: Callable[[dict[str, Any]], None]) -> BlockPart
     return read_opf(folder)
 
 
+@pytest.mark.parametrize("system", ["EPSG:32650", "EPSG:4979"])
+def test_a_project_without_a_scene_is_in_the_map_of_its_geolocations(tmp_path: Path, system: str) -> None:
+    """Not yet calibrated, or with calibrated places whose system nothing says; it was refused as without a frame."""
+    folder = written(tmp_path / "p")
+    project = json.loads((folder / "project.opf").read_text())
+    project["items"] = [item for item in project["items"] if item["type"] != "scene_reference_frame"]
+    (folder / "project.opf").write_text(json.dumps(project))
+    place = [500011.0, 4000020.0, 130.0]
+    if system == "EPSG:4979":
+        path, to_degrees = folder / "input-cameras.json", pyproj.Transformer.from_crs("EPSG:32650", "EPSG:4979")
+        stated = json.loads(path.read_text())
+        own = {"definition": system}
+        stated["captures"][1]["geolocation"] |= {"crs": own, "coordinates": list(to_degrees.transform(*place))}
+        path.write_text(json.dumps(stated))
+    parts = read_opf(folder)
+    assert any("the calibrated places are in a system of their own, not read" in note for note in parts.notes)
+    assert parts.exterior["image"] == ["flight 1/b.jpg"]
+    block = assembled([parts])
+    assert pyproj.CRS(str(block.frames.crs[0])).equals(pyproj.CRS("EPSG:32650"))
+    np.testing.assert_allclose(block.exterior.position_m, [place], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(parts.ground_points["xyz_m"][0], [500012.5, 4000021.0, 110.0], rtol=0, atol=1e-6)
+
+
 def test_yaw_pitch_roll_of_captures_is_told(tmp_path: Path) -> None:
     def turn(stated: dict[str, Any]) -> None:
         angles = {"angles_deg": [0.0, 0.0, 0.0], "sigmas_deg": [5.0, 5.0, 5.0]}
@@ -181,6 +204,9 @@ DAMAGE = [
     ({"calibrated_cameras": ('"perspective"', '"fisheye"')}, r"cameras.json:\d+: sensor 1 is of the type 'fisheye'"),
     ({"input_cameras": ('"sensor_id": 1', '"sensor_id": 3')}, r"input-cameras.json:\d+: sensor 3 is not there"),
     ({"camera_list": ("b.jpg", "a.jpg")}, r"camera-list.json:\d+: flight 1/a.jpg is of two cameras"),
+    ({"input_control_points": ('"mtps"', '"ties"')}, r"input-control-points.json:\d+: 'mtps' is missing"),
+    ({"input_control_points": ('"gcps": [', '"gcps": 7, "x": [')}, r"input-control-points.json:\d+: 'gcps' is not"),
+    ({"input_cameras": ('"captures": [', '"captures": [], "x": [')}, r"input-cameras.json:\d+: no captures"),
     ({"scene_reference_frame": ("32650", "4326")}, r"frame.json:\d+: the base is no map"),
     ({"scene_reference_frame": ("1.0,\n   1.0", "0.3048,\n   1.0")}, r"frame.json:\d+: the scale from the base"),
 ]
