@@ -112,8 +112,8 @@ class OrientedBlock:
         return np.where(np.isfinite(size), size, PIXEL_MM)
 
     @cached_property
-    def rays(self) -> Rays:
-        """Image points from the image centre, in px.
+    def photo_coordinates(self) -> tuple[Float, Bool]:
+        """Image coordinates (m, 2), mm from the image centre, y up, row by row, and which of them are rays.
 
         Raises
         ------
@@ -124,19 +124,23 @@ class OrientedBlock:
         """
         block, image_points = self.block, self.image_points
         measured = block.image_points if image_points is None else image_points.measurements
-        used, camera = measured.active.copy(), block.images.camera[measured.image]
+        used = measured.active.copy()
         if self.solution is not None:
             used &= self.oriented[measured.image] & finite_rows(self.xyz_m)[measured.point]
             used &= ~_rejected(self.solution, len(measured))
-        if image_points is None:
-            xy_mm = _measured_mm(block, self.solution, used)
-        else:
-            xy_mm = _corrected_mm(self, image_points)
+        xy_mm = _measured_mm(block, self.solution, used) if image_points is None else _corrected_mm(self, image_points)
         used &= finite_rows(xy_mm)
         if self.solution is not None and not used.any():
             raise GeometryError("no image point of an oriented image and a solved point", remedy="export a later stage")
+        return xy_mm, used
+
+    @cached_property
+    def rays(self) -> Rays:
+        """The rays of `photo_coordinates`, px from the image centre, y down."""
+        xy_mm, used = self.photo_coordinates
+        measured = self.block.image_points if self.image_points is None else self.image_points.measurements
         rows = np.flatnonzero(used)
-        pixel_mm = self.pixel_mm[camera[rows]]
+        pixel_mm = self.pixel_mm[self.block.images.camera[measured.image[rows]]]
         xy_px, sigma_px = xy_mm[rows] / pixel_mm * Y_DOWN, measured.sigma_mm[rows] / pixel_mm
         return Rays(measured.image[rows], measured.point[rows], xy_px, sigma_px)
 

@@ -7,6 +7,7 @@ no place in these files and is told: standard deviations, positions, attitudes, 
 written with the fewest digits that give them back.
 """
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -35,8 +36,28 @@ _LAST = "-99 0 0"
 
 
 def write_oriented(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
-    """Write an oriented block, its solution in files beside; what the files do not hold is told."""
-    tell(write_wucaps(oriented.block, folder, oriented.image_points, oriented.solution), reporter)
+    """Write an oriented block, its solution in files beside; what the files do not hold is told.
+
+    With corrected image points it is as the Solution has it: principal distance, rays without the distortion that the
+    bundle took off, from the principal point, and without those that were rejected.
+
+    Raises
+    ------
+    InputError
+        As `write_wucaps`; or if the camera keeps a distortion.
+    """
+    block, image_points, solution = oriented.block, oriented.image_points, oriented.solution
+    if image_points is not None and solution is not None:
+        bent = next((lens for lens in oriented.lenses if lens.form != "none"), None)
+        if bent is not None:
+            what = f"distortion {bent.form} has no place in the files"
+            raise InputError(what, where=f"camera {bent.id}", remedy="export the Solution of a bundle, or as tables")
+        xy_mm, used = oriented.photo_coordinates
+        measured, cameras = image_points.measurements, solution.cameras
+        xy_mm = xy_mm - cameras.principal_point_mm[block.images.camera[measured.image]]
+        image_points = replace(image_points, measurements=replace(measured, xy_mm=xy_mm, active=used))
+        block = replace(block, cameras=replace(block.cameras, principal_distance_mm=cameras.principal_distance_mm))
+    tell(write_wucaps(block, folder, image_points, solution), reporter)
 
 
 def write_wucaps(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
@@ -16,8 +17,9 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.formats.bal.writer import write_bal_problem
 from aatri.formats.colmap.writer import write_colmap_model
-from aatri.formats.parts.format import Writing
+from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.wucaps.writer import write_oriented
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -81,7 +83,10 @@ def test_a_distortion_table_is_refused(made: tuple[Block, Solution], tmp_path: P
 def test_rays_are_exported_free_of_the_distortion_that_is_known_or_that_self_calibration_found(
     tmp_path: Path, known: bool
 ) -> None:
-    """Independent check: pinhole projection of the written model meets its written rays as the noise is, 1 um."""
+    """Independent check: pinhole projection of the written model meets its written rays as the noise is, 1 um.
+
+    COLMAP, and WuCAPS, whose image points kept what the bundle takes off, 24 um, beside a camera without distortion.
+    """
     camera = {
         "kind": "digital",
         "principal_distance_mm": 50.0,
@@ -115,6 +120,35 @@ def test_rays_are_exported_free_of_the_distortion_that_is_known_or_that_self_cal
             misfit_px.append(np.hypot(*(cameras[0] * u[:2] / u[2] + cameras[1:3] - (column, row))))
     noise_px = 1.0 / 6.0  # 1 um of pixels of 6 um; residuals are smaller than the noise by the share of redundancy
     assert 0.3 * noise_px < np.sqrt(np.mean(np.square(misfit_px)) / 2) < noise_px
+    write_oriented(OrientedBlock(block, solution, points), tmp_path / "wucaps", AS_USUAL, Told())
+    misfit_mm = _misfits_of_wucaps(tmp_path / "wucaps")
+    assert len(misfit_mm) == len(misfit_px)
+    assert 0.3e-3 < np.sqrt(np.mean(np.square(misfit_mm)) / 2) < 1e-3
+
+
+def _misfits_of_wucaps(folder: Path) -> list[float]:
+    """Written photo coordinates against the results beside: north, east, up; R = Ry(-phi) Rx(omega) Rz(kappa)."""
+    lines = {
+        name: [row.split() for row in (folder / f"{name}.DAT").read_text().splitlines()]
+        for name in ("PRECAI", "PREPHI", "RESORI", "RESPNT")
+    }
+    c_mm, *principal_point = map(float, lines["PRECAI"][1])
+    assert principal_point == [0.0, 0.0]
+    xyz = {row[0]: np.array(row[1:4], float)[[1, 0, 2]] for row in lines["RESPNT"] if len(row) > 3}
+    pose = {}
+    for name, *numbers in (row for row in lines["RESORI"] if len(row) > 6):
+        north, east, up, phi, omega, kappa = map(float, numbers[:6])
+        turn = Rotation.from_euler("YXZ", [-phi, omega, kappa], degrees=True).as_matrix()
+        pose[name] = np.array([east, north, up]), turn
+    misfits, image = list[float](), ""
+    for row in lines["PREPHI"]:
+        if len(row) == 2:
+            image = row[0].lstrip("-")
+        elif len(row) == 3 and row[0] != "-99":
+            X0, R = pose[image]
+            u = R.T @ (xyz[row[0]] - X0)
+            misfits.append(float(np.hypot(*(-c_mm * u[:2] / u[2] - np.array(row[1:], float)))))
+    return misfits
 
 
 def _written(folder: Path) -> tuple[Float, list[tuple[Float, Float, Float]], dict[int, Float]]:
