@@ -128,35 +128,6 @@ def test_a_point_falls_where_the_formula_puts_it_in_both_dialects(
     np.testing.assert_allclose(block.exterior.position_m[block.exterior.image == 0], [[21.0, 42.0, 103.0]])
 
 
-def test_a_transform_as_one_matrix_is_that_of_three_elements(tmp_path: Path) -> None:
-    """PhotoScan before 1.1 has [s R, T; 0 1] by rows: it was taken for none."""
-    parts = ("<rotation>1 0 0 0 1 0 0 0 1</rotation>", "<rotation>0.6 -0.8 0 0.8 0.6 0 0 0 1</rotation>")
-    three = local(OLD, "0.9.1").replace(*parts)
-    at = three.index("<transform><rotation>")
-    matrix = "<transform>1.2 -1.6 0 1 1.6 1.2 0 2 0 0 2 3 0 0 0 1</transform>"
-    one = f"{three[:at]}{matrix}{three[three.index('</transform>', at) + 12 :]}"
-    exterior = [read_metashape(written(tmp_path, text)).exterior for text in (three, one)]
-    for column in ("position_m", "ground_from_image"):
-        np.testing.assert_allclose(exterior[0][column], exterior[1][column], rtol=0, atol=1e-12)
-    with pytest.raises(AatriError, match=r"its rotation is none"):
-        read_metashape(written(tmp_path, one.replace("1.2 -1.6", "1.2 -1.7")))
-
-
-def test_of_several_chunks_the_one_that_is_enabled_and_not_empty_is_read_and_the_others_are_told(
-    tmp_path: Path,
-) -> None:
-    text = local()
-    chunk = text[text.index("<chunk") : text.index("</document>")]
-    off = chunk.replace('"Chunk 1" enabled="true"', '"old" enabled="0"')
-    empty = '<chunk label="new" enabled="1"><cameras/><markers/></chunk>'
-    several = text.replace("</document>", f"{off}{empty}</document>")
-    parts = read_metashape(written(tmp_path, several))
-    assert parts.notes[0] == "2 chunks are not enabled, or empty, and are left out: old, new"
-    assert parts.images["id"] == ["a.jpg", "b.jpg"]
-    with pytest.raises(AatriError, match=r"2 chunks: Chunk 1, old(?s:.*)disable the others in Metashape, or enabled="):
-        read_metashape(written(tmp_path, several.replace('enabled="0"', 'enabled="true"')))
-
-
 def test_a_calibration_file_is_the_camera_of_a_document_with_the_same_parameters(tmp_path: Path) -> None:
     path = tmp_path / "cam.xml"
     size = "<projection>frame</projection><width>4000</width><height>3000</height>"

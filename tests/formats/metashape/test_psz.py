@@ -1,4 +1,4 @@
-"""A project of Metashape as .psz: its document, the tie points that lie beside it, its local system."""
+"""A project of Metashape: .psz with its document and tie points, local systems, the transform of a chunk, chunks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.sources import read_source
 from aatri.progress import SILENT
-from tests.formats.metashape.test_metashape import LOCAL_CS, local, written
+from tests.formats.metashape.test_metashape import LOCAL_CS, OLD, local, written
 
 
 def test_an_archive_holds_the_same(tmp_path: Path) -> None:
@@ -85,3 +85,32 @@ def test_damaged_tie_points_are_refused_with_their_place(tmp_path: Path, damaged
 def test_a_local_system_is_one_in_any_case_and_version_of_wkt(tmp_path: Path, system: str) -> None:
     stated, other = (read_metashape(written(tmp_path, t)) for t in (local(), local().replace(LOCAL_CS, system)))
     assert other.frame == stated.frame
+
+
+def test_a_transform_as_one_matrix_is_that_of_three_elements(tmp_path: Path) -> None:
+    """PhotoScan before 1.1 has [s R, T; 0 1] by rows: it was taken for none."""
+    parts = ("<rotation>1 0 0 0 1 0 0 0 1</rotation>", "<rotation>0.6 -0.8 0 0.8 0.6 0 0 0 1</rotation>")
+    three = local(OLD, "0.9.1").replace(*parts)
+    at = three.index("<transform><rotation>")
+    matrix = "<transform>1.2 -1.6 0 1 1.6 1.2 0 2 0 0 2 3 0 0 0 1</transform>"
+    one = f"{three[:at]}{matrix}{three[three.index('</transform>', at) + 12 :]}"
+    exterior = [read_metashape(written(tmp_path, text)).exterior for text in (three, one)]
+    for column in ("position_m", "ground_from_image"):
+        np.testing.assert_allclose(exterior[0][column], exterior[1][column], rtol=0, atol=1e-12)
+    with pytest.raises(AatriError, match=r"its rotation is none"):
+        read_metashape(written(tmp_path, one.replace("1.2 -1.6", "1.2 -1.7")))
+
+
+def test_of_several_chunks_the_one_that_is_enabled_and_not_empty_is_read_and_the_others_are_told(
+    tmp_path: Path,
+) -> None:
+    text = local()
+    chunk = text[text.index("<chunk") : text.index("</document>")]
+    off = chunk.replace('"Chunk 1" enabled="true"', '"old" enabled="0"')
+    empty = '<chunk label="new" enabled="1"><cameras/><markers/></chunk>'
+    several = text.replace("</document>", f"{off}{empty}</document>")
+    parts = read_metashape(written(tmp_path, several))
+    assert parts.notes[0] == "2 chunks are not enabled, or empty, and are left out: old, new"
+    assert parts.images["id"] == ["a.jpg", "b.jpg"]
+    with pytest.raises(AatriError, match=r"2 chunks: Chunk 1, old(?s:.*)disable the others in Metashape, or enabled="):
+        read_metashape(written(tmp_path, several.replace('enabled="0"', 'enabled="true"')))
