@@ -114,8 +114,10 @@ def _checks(request: Request) -> Iterator[_Check]:
         block, made = _read(wired[0], wired[1], frozenset(sources), local)
         block.warnings += _without_start(wired[1], {record["stage"]: record["metrics"] for record in made})
         yield block
-    yield _disk(spec, wired[1] if wired is not None else (), made)
-    yield _tried("lock", lambda: _lock(spec.run))[1]
+    done = wired is not None and pipeline.error is None and _is_done(*wired)
+    disk = _Check("disk", "nothing to write: all stages are up to date")
+    yield disk if done else _disk(spec, wired[1] if wired is not None else (), made)
+    yield _tried("lock", lambda: _lock(spec.run, done=done))[1]
 
 
 def _tried(name: str, call: Callable[[], Any]) -> tuple[Any, _Check]:
@@ -231,10 +233,25 @@ def _disk(spec: Spec, nodes: tuple[StageNode, ...], read: list[Mapping[str, Any]
     return one
 
 
-def _lock(run: Path) -> None:
-    """See that no other run is at work in the folder."""
+def _is_done(spec: Spec, nodes: tuple[StageNode, ...]) -> bool:
+    """Whether a run would find nothing to do, which it may on a disk that it cannot write."""
+    from aatri.pipeline.plan.decisions import Selection
+    from aatri.pipeline.plan.view import StoreView
+    from aatri.pipeline.run.overview import finished
+
+    return finished(spec, nodes, lambda *_: None, Selection(), StoreView(spec.run)) is not None
+
+
+def _lock(run: Path, *, done: bool) -> None:
+    """See that no other run is at work in the folder; in one that is done it may be that nobody can."""
+    from aatri.pipeline.run.overview import cannot_be_written
     from aatri.pipeline.store.lock import locked
 
-    if run.is_dir():
+    if not run.is_dir():
+        return
+    try:
         with locked(run, "aatri check"):
             pass
+    except ResourceError as error:
+        if not (done and cannot_be_written(error)):
+            raise

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from aatri.cli.main import app
+from aatri.pipeline.store import inside
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 
@@ -57,6 +60,26 @@ def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> 
     result = check(project)
     assert result.exit_code == 0
     assert "warning: bundle: no start values: block has neither orientations nor positions" in result.stdout
+
+
+def test_a_finished_run_on_a_disk_that_may_only_be_read_has_nothing_to_write(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, run, open_kept = project / "pipeline.yaml", project / "done", inside.open_kept
+    path.write_text("run: done\nstages:\n  block: {use: block/tables, with: {path: quarry}}\n", encoding="utf-8")
+    assert CliRunner().invoke(app, ["run", "-q", str(path)]).exit_code == 0
+
+    def read_only(folder: Path, *names: str, flags: int = 0) -> int:
+        if folder.absolute() == run:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(run))
+        return open_kept(folder, *names, flags=flags)
+
+    monkeypatch.setattr(inside, "open_kept", read_only)
+    monkeypatch.setattr(os, "access", lambda _, mode, **__: mode != os.W_OK)
+    result = check(project)
+    assert result.exit_code == 0, result.stderr
+    assert "nothing to write: all stages are up to date" in result.stdout
+    assert check(project, "--set", "block.max_reject_share=0.5").exit_code == 8
 
 
 def test_warnings_of_the_block_are_told(project: Path) -> None:
