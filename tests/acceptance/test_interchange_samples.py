@@ -22,7 +22,7 @@ MISSING = {
     "opensfm_berlin/ground_control_points.json": r"no source says which camera took 3 images",
     "opf/examples": r"'point_cloud/sparse.gltf' does not exist",
     "pix4d": r"there are 168 images, but no image points",
-    "socet": r"latitudes and longitudes, and the file names no datum",
+    "socet": r"radians, and no line of the file names the ellipsoid",
 }
 """What each folder lacks, or holds twice, as a message says it."""
 
