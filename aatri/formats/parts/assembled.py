@@ -31,6 +31,11 @@ from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import columns_of, same_rows, tables_of
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
+CAMERAS_BESIDE = (
+    "add the file with the cameras, or the photographs, as a further `--from`, in a pipeline under `sources`; a camera of "
+    "which the numbers are known is a text file of the lines `Name = cam`, `focal = 4100`, `PPAx = 3000`, `PPAy = 2000`, "
+    "`width = 6000`, `height = 4000` (px)"
+)
 ANOTHER_LIST = 14.0
 """Standard deviations between two measurements of a point, ten of their difference: half of them no errors reach."""
 OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -154,17 +159,17 @@ def _give_cameras(tables: JoinedParts) -> None:
     elif len(without):
         what = f"no source says which camera took {len(without)} images: {shown(images['id'][without].tolist(), 3)}"
         there = f"; cameras: {shown(ids, 5)}" if ids else ", and none gives a camera"
-        remedy = "add the file with the cameras, as a further `--from`, in a pipeline under `sources`"
+        remedy = CAMERAS_BESIDE if not ids else "add the file that names the camera of each image, or give one camera"
         raise InputError(what + there, where=str(tables.files[0]), remedy=remedy)
     missing = sorted({*images["camera"].tolist()} - {*ids})
     if missing:
         at = int(np.flatnonzero(images["camera"] == missing[0])[0])
         what = f"no source gives the camera {missing[0]!r}" + (f"; there are {shown(ids, 5)}" if ids else "")
-        raise InputError(what, where=place(images, at, tables.files), remedy="add the file with its calibration")
+        raise InputError(what, where=place(images, at, tables.files), remedy=CAMERAS_BESIDE)
     bare = np.isnan(cameras["principal_distance_mm"])
     if bare.any():
         what = f"the principal distance of camera {ids[int(np.flatnonzero(bare)[0])]} is not known"
-        raise InputError(what, where=str(tables.files[0]), remedy="add the file with its calibration")
+        raise InputError(what, where=str(tables.files[0]), remedy=CAMERAS_BESIDE)
 
 
 def _count_from_camera(tables: JoinedParts) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,10 @@ from aatri.codes import APPROXIMATE, CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import Reading
+from aatri.formats.registry.recognised import recognised
+from aatri.formats.registry.sources import read_source
+from aatri.progress import SILENT
 from tests.formats.parts.made_parts import camera, ground, images, positions
 
 
@@ -147,3 +154,16 @@ def test_images_without_a_camera_say_so() -> None:
         join(images("a", "b"))
     with pytest.raises(InputError, match=r"which camera took 2 images: a, b; cameras: c, d"):
         join(images("a", "b", camera=""), camera("c"), camera("d"))
+
+
+def test_the_camera_of_known_numbers_that_a_message_proposes_is_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="and none gives a camera") as refused:
+        join(images("a", "b", camera=""))
+    lines = re.findall(r"`(\w+ = \w+)`", refused.value.remedy)
+    path = tmp_path / "cam.txt"
+    path.write_text("\n".join(lines))
+    (seen,) = recognised(path)
+    block, _ = join(images("a", "b", camera=""), read_source(path, Reading(format=seen.format.name), SILENT))
+    assert block.cameras.format.tolist() == [[6000.0, 4000.0]]
+    c_px = block.cameras.principal_distance_mm / block.cameras.pixel_size_mm[:, 0]
+    np.testing.assert_allclose(c_px, 4100.0)
