@@ -32,8 +32,8 @@ from aatri.tables.schema import columns_of, same_rows, tables_of
 
 INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 CAMERAS_BESIDE = (
-    "add the file with the cameras, or the photographs, as a further `--from`, in a pipeline under `sources`; a camera of "
-    "which the numbers are known is a text file of the lines `Name = cam`, `focal = 4100`, `PPAx = 3000`, `PPAy = 2000`, "
+    "add the file with the cameras, or the photographs, as a further `--from`, in a pipeline under `sources`; a camera "
+    "of known numbers is a text file of the lines `Name = cam`, `focal = 4100`, `PPAx = 3000`, `PPAy = 2000`, "
     "`width = 6000`, `height = 4000` (px)"
 )
 ANOTHER_LIST = 14.0
