@@ -95,11 +95,12 @@ def declared_frame(block: Block) -> tuple[Frame, float]:
 
 def _middle(block: Block) -> Float:
     """A round place in the middle of what the block knows, at height 0; of geocentric blocks as it is."""
-    ground = block.ground_points.xyz_m
+    ground, position = block.ground_points.xyz_m, block.exterior.position_m
     places = [
         ground[finite_rows(ground)],
-        block.exterior.position_m[finite_rows(block.exterior.position_m)],
+        position[finite_rows(position)],
         np.nan_to_num(ground[np.isfinite(ground).any(axis=1)]),
+        np.nan_to_num(position[finite_rows(position[:, :2])]),
     ]
     xyz = next((rows for rows in places if len(rows)), None)
     if xyz is None:

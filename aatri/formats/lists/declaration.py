@@ -3,7 +3,7 @@
 import re
 from functools import partial
 
-from aatri.formats.lists.list_form import proposed
+from aatri.formats.lists.list_form import MOST_BEFORE, proposed
 from aatri.formats.lists.list_reader import read_list
 from aatri.formats.lists.list_writer import write_lists
 from aatri.formats.parts.format import FileView, Format
@@ -18,7 +18,10 @@ def _list(view: FileView) -> str:
 
 
 def _ign(view: FileView) -> str:
-    is_one = bool(view.lines) and view.lines[0].split()[:7] == ["NOM", "X", "Y", "Z", "O", "P", "K"]
+    """Its header is the first line, or comes after comments or up to five lines of a heading."""
+    words = [line.lstrip("# ").split()[:7] for line in view.lines[:MOST_BEFORE]]
+    comments = sum(line.startswith("#") for line in view.lines[:MOST_BEFORE])
+    is_one = ["NOM", "X", "Y", "Z", "O", "P", "K"] in words[: comments + 6]
     return "a header NOM X Y Z O P K" if is_one else ""
 
 

@@ -20,7 +20,15 @@ from aatri.codes import APPROXIMATE_VALUE, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROLES, ROTATION, ListColumns, columns_named
-from aatri.formats.lists.list_form import cells, form_of_columns, header_cells, in_stated_units, proposed, stated_crs
+from aatri.formats.lists.list_form import (
+    cells,
+    form_of_columns,
+    header_cells,
+    in_stated_units,
+    proposed,
+    separator_of,
+    stated_crs,
+)
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
@@ -82,11 +90,11 @@ def read_list(
             rows.append(row)
     if not rows:
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
-    header = header_cells(lines[form.header - 1], form.separator) if stated is None else []
+    heading = lines[form.header - 1]
+    header = header_cells(heading, separator_of(heading, len(columns.words))) if stated is None else []
     unread = [name for name, word in zip(header, columns.words) if word == "-"]
-    parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(
-        path, lines, form.header * (stated is None)
-    )
+    named = form if stated is None else proposed(lines)
+    parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines, named.header if named else 0)
     if unread:
         parts.notes.append(f"columns that are not read: {shown(unread)}; `columns` says what they are")
     if observed and parts.exterior:
@@ -154,7 +162,7 @@ class _Rows:
         first = self.rows[:SHOWN]
         shown = [", ".join(f"{n} = {self.texts(n)[k]}" for n in self.at) for k in range(len(first))]
         above = enumerate(lines[: self.rows[0].line - 1], 1)
-        before = [text.strip() for k, text in above if text.strip() and k != header]
+        before = [" ".join(text.split()) for k, text in above if text.strip() and k != header]
         skipped = [f"not read, before the first row: {clipped(' | '.join(before), 200)}"] if before else []
         read = [f"columns read as {' '.join(self.columns.words)}{angles}"]
         return [*read, *(f"line {row.line}: {text}" for row, text in zip(first, shown)), *skipped]

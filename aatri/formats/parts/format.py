@@ -63,19 +63,20 @@ class FileView:
 
     @cached_property
     def head(self) -> str:
-        """The beginning of the text, whatever its encoding; empty of a folder and of what cannot be read."""
+        """The beginning of the text, whatever its encoding and line ends; empty of what cannot be read."""
         try:
             with open_regular(self.path) as file:
                 data = file.read(HEAD_BYTES)
         except OSError:
             return ""
         wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        return data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+        text = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
 
     @cached_property
     def lines(self) -> list[str]:
         """Whole lines of the beginning, without empty ones."""
-        lines = self.head.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        lines = self.head.split("\n")
         return [line for line in (lines if len(self.head) < HEAD_BYTES // 4 else lines[:-1]) if line.strip()]
 
     def of(self, name: str) -> FileView:

@@ -64,7 +64,7 @@ def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
         raise InputError(what, where=str(sources[0].files[0]), remedy="name a map: EPSG:32632 ...")
     assert of.frame is not None
     degrees = geographic(_coordinates(of), of.frame)
-    longitude, latitude, _ = np.nanmedian(degrees, axis=0)
+    longitude, latitude = np.nanmedian(degrees[:, :2], axis=0)
     return utm_of(frame, float(latitude), float(longitude))
 
 

@@ -126,7 +126,8 @@ def unrecognised(path: Path) -> InputError:
     more = f" and {len(files) - MOST_TOLD} more files" if len(files) > MOST_TOLD else ""
     looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
-    remedy = f"looked for were {looked}. A list without a header: `format: table` with its `columns`"
+    of_list = f'--set "{path.name}:columns=point X Y Z"' if not path.is_dir() else "`--set FILE:columns=...`"
+    remedy = f"looked for were {looked}. A list without a header: {of_list}, in a pipeline `columns` beside its path"
     return InputError(what, where=str(path), remedy=remedy)
 
 

@@ -103,8 +103,8 @@ def sources_of(
         If a setting or `without` is of no source or of several.
     """
     unread = list[Path]()
-    formats = [s for s in settings if s.source and s.key in ("format", "columns")]
-    named = [path for path in paths if path.is_file() and any(s.is_of(path) for s in formats)]
+    formats = [s for s in settings if s.key in ("format", "columns") and (s.source or len(paths) == 1)]
+    named = [path for path in paths if path.is_file() and any(s.is_of(path) or not s.source for s in formats)]
     sources = [
         SourceWithSettings(r.format, r.path, r.seen)
         for path in paths
@@ -117,8 +117,9 @@ def sources_of(
     dropped = {path for of_end in left_out.values() for path in of_end}
     sources = [r for r in sources if r.path not in dropped]
     for path in [*named, *unread]:
-        if any(s.is_of(path) for s in formats):
-            name = next((str(s.value) for s in formats if s.is_of(path) and s.key == "format"), "table")
+        own = [s for s in formats if s.is_of(path) or (path in named and not s.source)]
+        if own:
+            name = next((str(s.value) for s in own if s.key == "format"), "table")
             sources.append(SourceWithSettings(format_named(name), path, "as said"))
     unread = [path for path in unread if path not in {r.path for r in sources}]
     for setting in settings:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.codes import CHECK, CONTROL, NO_ROLE
+from aatri.codes import CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import AatriError
 from aatri.formats.lists.list_columns import PRESETS
 from aatri.formats.lists.list_reader import read_list
 from aatri.formats.parts.format import Reading
-from aatri.formats.registry.recognised import recognised_file
+from aatri.formats.registry.recognised import recognised, recognised_file
 from aatri.formats.registry.sources import read_source
 from aatri.progress import SILENT
 
@@ -97,6 +97,35 @@ def test_a_header_tells_the_columns_whatever_their_order(tmp_path: Path, kind: s
     np.testing.assert_allclose(image_of(R, position), (0.0, -10.0), atol=1e-12)
     assert any(note.startswith("columns read as") for note in parts.notes)
     assert any("image = a.jpg" in note for note in parts.notes)  # a row as read
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("sign", [" ", "\t", ", "])
+def test_an_applanix_list_is_recognised_and_observed_whatever_its_line_ends_and_separators(
+    tmp_path: Path, end: str, sign: str
+) -> None:
+    """With line ends of old Macs it was a list of start values."""
+    preamble, header, row = HEADERS["applanix"].rsplit("\n", 3)[:3]
+    names = header.replace("ELLIPSOID HEIGHT", "ELLIPSOID_HEIGHT").split()
+    header = ", ".join(names).replace("ELLIPSOID_HEIGHT", "ELLIPSOID HEIGHT") if sign != "\t" else "\t".join(names)
+    path = tmp_path / "eo.txt"
+    path.write_bytes(end.join([preamble.replace("\n", end), header, sign.join(row.split()), ""]).encode())
+    (seen,) = recognised(path)
+    assert seen.format.name == "applanix"
+    parts = read_source(path, Reading(format="applanix"), SILENT)
+    assert parts.exterior["position_use"] == OBSERVED_VALUE
+    assert parts.exterior["position_m"].tolist() == [[400.0, -200.0, 1500.0]]
+    assert "columns that are not read: EVENT, LAT, LONG; `columns` says what they are" in parts.notes
+
+
+@pytest.mark.parametrize("above", ["", "# made by X\n# 2 images\n", "Lambert 93\nIGN69\n", "#"])
+def test_orientations_of_ign_are_recognised_below_comments_and_headings(tmp_path: Path, above: str) -> None:
+    path = written(tmp_path, f"{above}NOM\tX\tY\tZ\tO\tP\tK\tCAMERA\na.jpg\t400.0\t-200.0\t1500.0\t0\t0\t90\tcam\n")
+    (seen,) = recognised(path)
+    assert seen.format.name == "ign_opk"
+    parts = read_source(path, Reading(format="ign_opk"), SILENT)
+    assert parts.exterior["position_m"].tolist() == [[400.0, -200.0, 1500.0]]
+    assert not any("NOM" in note for note in parts.notes)
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -223,5 +252,5 @@ def test_columns_that_are_none_are_refused(tmp_path: Path, columns: str, message
 
 
 def test_a_list_without_a_header_is_not_recognised_and_the_message_says_what_to_say(tmp_path: Path) -> None:
-    with pytest.raises(AatriError, match=r"format: table"):
+    with pytest.raises(AatriError, match=r"list.txt:columns=point X Y Z"):
         recognised_file(written(tmp_path, "a.jpg 1 2 3\n"))

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from aatri.adapters.frame.adjustment_frame import frame_of
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.navigation.photo_folder import read_photographs
 from aatri.progress import Silent
 from aatri.stages.block.photos import PhotosOptions, photos
-from tests.made_photographs import F_PX, HEIGHT, WIDTH, exif_of
+from tests.made_photographs import EAST_M, F_PX, HEIGHT, NORTH_M, WIDTH, exif_of
 
 Image = pytest.importorskip("PIL.Image")
 
@@ -53,6 +55,27 @@ def test_camera_position_and_time(tmp_path: Path) -> None:
     assert (parts.exterior["position_use"] == OBSERVED_VALUE).all()
     assert parts.exterior["sigma_m"].tolist() == [[3.0, 3.0, 10.0]] * 2
     assert parts.images["time_s"][1] - parts.images["time_s"][0] == 1.0
+
+
+def test_a_gps_altitude_of_zero_by_zero_leaves_the_place_in_plan(tmp_path: Path) -> None:
+    """Receivers without a height write 0/0; the middle of no heights was asked for, with a warning of NumPy."""
+    from PIL.TiffImagePlugin import IFDRational
+
+    for name in ("a.jpg", "b.jpg"):
+        path = _save(tmp_path, name)
+        with Image.open(path) as picture:
+            exif = picture.getexif()
+            exif.get_ifd(0x8825)[6] = IFDRational(0, 0)
+            picture.load()
+            picture.save(path, exif=exif)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        block = photos(options=PhotosOptions(path=tmp_path))
+    exterior, tangent = block.exterior, frame_of(block)
+    assert tangent is not None
+    np.testing.assert_allclose(tangent.from_block(np.array([[EAST_M, NORTH_M, 0.0]])), 0.0, atol=1e3)
+    assert (exterior.position_use == OBSERVED_VALUE).all()
+    assert np.isfinite(exterior.position_m).tolist() == [[True, True, False]] * 2
 
 
 @pytest.mark.parametrize("orientation", [3, 6, 8])

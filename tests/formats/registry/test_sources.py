@@ -13,6 +13,7 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import Reading
 from aatri.formats.registry.export import written_format
 from aatri.formats.registry.recognised import format_named, recognised
+from aatri.formats.registry.settings import settings_of
 from aatri.formats.registry.sources import read_all, read_source
 from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
@@ -42,6 +43,17 @@ def samples(shared_data: Path) -> Path:
 @pytest.mark.parametrize("folder", EXPECTED)
 def test_every_sample_is_recognised_by_its_content(samples: Path, folder: str) -> None:
     assert {source.format.name for source in recognised(samples / folder)} == EXPECTED[folder]
+
+
+@pytest.mark.parametrize("said", ["columns=image X Y Z omega phi kappa camera", "format=ign_opk"])
+def test_what_a_list_without_a_header_has_is_said_of_the_only_file(tmp_path: Path, said: str) -> None:
+    path = tmp_path / "eo.txt"
+    path.write_text("a.tif\t800000.5\t6200000.25\t2800.5\t0.5\t-0.25\t90.5\tcam\n")
+    with pytest.raises(InputError, match=r'A list without a header: --set "eo.txt:columns='):
+        read_all([path], [], SILENT)
+    _, (parts,) = read_all([path], settings_of([said]), SILENT)
+    assert list(parts.images["camera"]) == ["cam"]
+    np.testing.assert_array_equal(parts.exterior["position_m"], [[800000.5, 6200000.25, 2800.5]])
 
 
 def borea(samples: Path, reading: Reading, geoid: Path | None) -> list[BlockParts]:
