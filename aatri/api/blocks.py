@@ -1,6 +1,7 @@
 """A Block from arrays or DataFrames: the tables of a block folder, without the folder."""
 
 import csv
+import inspect
 import tempfile
 import warnings
 from collections.abc import Iterable, Mapping
@@ -19,8 +20,11 @@ class Warned(Silent):
     """A context that turns what a stage warns of into Python's warnings."""
 
     def warn(self, message: str) -> None:
-        """Take a warning."""
-        warnings.warn(message, UserWarning, stacklevel=4)
+        """Take a warning, as of the line outside of aatri that called."""
+        frame, level = inspect.currentframe(), 1
+        while frame is not None and frame.f_globals.get("__name__", "").startswith("aatri."):
+            frame, level = frame.f_back, level + 1
+        warnings.warn(message, UserWarning, stacklevel=level)
 
 
 def block_from(settings: Mapping[str, Any], **tables: Any) -> Block:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from aatri.api.blocks import Warned
 from aatri.api.frames import html_table
 from aatri.errors import SpecError, raise_all
-from aatri.ids import did_you_mean
+from aatri.ids import did_you_mean, several
 from aatri.plugin import Context, StageCard
 from aatri.tables.schema import Artifact
 
@@ -68,7 +68,7 @@ class StageCall:
             if not isinstance(given.get(port.name), port.kind) and not (port.optional and port.name not in given)
         ]
         if len(inputs) > len(ports):
-            wrong.append(f"takes {len(ports)} inputs, not {len(inputs)}")
+            wrong.append(f"takes {several(len(ports), 'input')}, not {len(inputs)}")
         raise_all([SpecError(text, where=self._card.name) for text in wrong])
         extras: dict[str, Any] = {"context": context or Warned()} if self._card.wants_context else {}
         if self._card.wants_rng:

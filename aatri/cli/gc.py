@@ -6,6 +6,7 @@ import typer
 
 from aatri.cli.arguments.options import AsJson, RunArgument
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
+from aatri.ids import several
 
 
 @reports_errors
@@ -36,4 +37,4 @@ def gc(
         rows = [[r.stage, r.key, r.ended or "incomplete", f"{r.size / 1e6:.1f}"] for r in results]
         say_table(("stage", "key", "ended (UTC)", "MB"), rows, ("MB",))
     done = "could be removed" if dry_run else "removed"
-    say(f"{len(results)} results {done}, {sum(r.size for r in results) / 1e6:.1f} MB")
+    say(f"{several(len(results), 'result')} {done}, {sum(r.size for r in results) / 1e6:.1f} MB")

@@ -117,7 +117,12 @@ def main() -> None:
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        app()
+        if os.environ.get("_AATRI_COMPLETE") == "complete_bash":
+            from aatri.cli.arguments.completion import complete_in_bash
+
+            complete_in_bash(app)
+        else:
+            app()
     except SystemExit as end:
         if end.code == ResourceError.exit_code:  # HDF5 crashes at exit over a file that it could not write
             with contextlib.suppress(OSError):

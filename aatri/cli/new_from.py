@@ -17,7 +17,7 @@ from aatri.cli.new_from_text import pipeline_text
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
-from aatri.ids import amounts, did_you_mean
+from aatri.ids import amounts, did_you_mean, several
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -187,9 +187,12 @@ def _check_enough(block: Block, where: str) -> None:
     oriented[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
     if not images or (points and oriented.sum() >= min(2, images)):
         return
-    what = f"there are {images} images, but no image points"
+    what = f"there are {several(images, 'image')}, but no image points"
     if points:
-        what = f"{points} image points in {images} images, {FEWEST_RAYS} and more in {int(enough.sum())}"
+        what = (
+            f"{several(points, 'image point')} in {several(images, 'image')}, {FEWEST_RAYS} and more "
+            f"in {int(enough.sum())}"
+        )
     remedy = "add the file with the image points (tracks.csv, marks, tie points) as a further --from"
     raise InputError(what, where=where, remedy=remedy)
 

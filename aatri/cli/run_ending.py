@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.cli.terminal.console import say
+from aatri.ids import several
 from aatri.notes import CONTRADICTION
 
 MOST_WARNINGS = 10
@@ -69,6 +70,6 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
     for text in texts[:MOST_WARNINGS]:
         say(text)
     if len(texts) > MOST_WARNINGS:
-        say(f"{len(texts) - MOST_WARNINGS} more warnings, in the report")
+        say(f"{several(len(texts) - MOST_WARNINGS, 'more warning')}, in the report")
     if texts:
         say()

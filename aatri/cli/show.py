@@ -11,6 +11,7 @@ from aatri.cli.arguments.locate import find_run, split_stage
 from aatri.cli.arguments.options import AsJson
 from aatri.cli.terminal.console import narrate, reports_errors, say, say_json, say_table
 from aatri.errors import AatriError, ArtifactError, SpecError
+from aatri.ids import several
 
 MOST_ROWS = 20
 """Rows of a table that are printed unless all are asked for."""
@@ -53,7 +54,7 @@ def show(
     say_table(("attribute", "value"), [[name, str(value)] for name, value in header["attributes"].items()])
     for name, contents in header["tables"].items():
         say()
-        say(f"{name}: {contents['rows']} rows. {contents['description']}")
+        say(f"{name}: {several(contents['rows'], 'row')}. {contents['description']}")
         rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in contents["columns"].items()]
         say_table(("  column", "shape", "unit", "description"), rows)
     say()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from aatri.cli.arguments.options import AsJson, LocalPlugins, RunArgument, Verify
 from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
+from aatri.ids import several
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
@@ -73,6 +74,6 @@ def _detail(state: dict[str, Any]) -> str:
     if state["accepted"]:
         return "accepted in spite of other code"
     if state["state"] == "done":
-        more = f", {state['warnings']} warnings" if state["warnings"] else ""
+        more = f", {several(state['warnings'], 'warning')}" if state["warnings"] else ""
         return f"{state['seconds']:.2f} s{more}"
     return str(state["why"])

@@ -25,6 +25,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.errors import InputError
+from aatri.ids import several
 
 CELLS = 3
 
@@ -64,7 +65,8 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -
     X = ground.xyz_m[in_full]
     if len(X) < 4:
         raise InputError(
-            f"{len(X)} targets known in three coordinates are no field", remedy="give control or check points"
+            f"no field: {several(len(X), 'target')} known in three coordinates",
+            remedy="give control or check points",
         )
     along = (X - X.mean(axis=0)) @ np.linalg.svd(X - X.mean(axis=0), full_matrices=False)[2].T
     low, high = np.percentile(along, [5, 95], axis=0)
@@ -93,7 +95,7 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -
     broken = [
         text
         for text, wrong in (
-            (f"{len(X)} targets, {rules.targets} or more are wanted", len(X) < rules.targets),
+            (f"{several(len(X), 'target')}, {rules.targets} or more are wanted", len(X) < rules.targets),
             (f"{empty} of {CELLS**2} parts of the field have no target", empty > 0),
             (
                 f"{count.max()} of {len(X)} targets are in one of its {CELLS**2} parts, {count.min()} in another: chi2 "
@@ -106,14 +108,14 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -
             ),
             (f"{inside} of {len(cameras)} cameras stand among the targets: they have no room", inside > 0),
             (
-                f"targets are measured from {pillars} pillars, {rules.pillars} or more are wanted",
+                f"targets are measured from {several(pillars, 'pillar')}, {rules.pillars} or more are wanted",
                 pillars < rules.pillars,
             ),
         )
         if wrong
     ]
     size = " x ".join(f"{e:.3g}" for e in extent)
-    verdict = f"test field: {len(X)} targets in {size} m, {pillars} pillars; "
+    verdict = f"test field: {several(len(X), 'target')} in {size} m, {several(pillars, 'pillar')}; "
     verb = "is" if len(broken) == 1 else "are"
     verdict += f"{len(broken)} of 5 rules {verb} broken" if broken else "all 5 rules are kept"
     table = Figures(name=np.array(list(figures)), value=np.array(list(figures.values())))

@@ -255,7 +255,7 @@ class Session:
 
     def _told_of_run(self) -> str:
         if self._orientation is None:
-            return "no run yet: after `aatri run` the page knows where points must be"
+            return "no run yet: after a run the page knows where points must be"
         method = self._orientation.solution.method
         return f"places by {self._run}, {method}"
 

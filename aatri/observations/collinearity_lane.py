@@ -10,6 +10,7 @@ from aatri.adjustment.records import Bind, Compiled, Fill, Weigh
 from aatri.adjustment.threads import in_threads, taken
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.ids import several
 from aatri.observations.camera_models import CameraRows, compared
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.kernels.camera_frame import into_camera, out_of_camera
@@ -112,6 +113,6 @@ def side_veto(rows: ImagePointRows) -> Callable[[State, State], str]:
 
     def veto(old: State, new: State) -> str:
         changed = int(np.count_nonzero(sides(old) != sides(new)))
-        return f"{changed} image points change the side of the camera" if changed else ""
+        return f"{several(changed, 'image point', 'changes', 'change')} the side of the camera" if changed else ""
 
     return veto

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.adjustment.unknowns import Unknowns, add_step
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
-from aatri.ids import shown
+from aatri.ids import several, shown
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -59,7 +59,7 @@ def velocities(block: Block, image: Int, position_m: Float) -> Float:
     without = np.flatnonzero((~np.isfinite(velocity) & np.isfinite(position_m)).any(axis=1))
     if len(without):
         raise InputError(
-            f"positions.time_offset: no velocity for {len(without)} observed positions, of images "
+            f"positions.time_offset: no velocity for {several(len(without), 'observed position')}, of images "
             f"{shown(block.images.id[image[without]].tolist())}: they need a time, a strip, and a neighbour in it",
             remedy="give `time` and `strip` in images.csv, or leave out time_offset",
         )

@@ -43,7 +43,7 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
         counts = [counted(int((names == name).sum()), str(name)) for name in np.unique(names)]
         made["observed"] = shown(counts, MOST_TYPES)
     else:
-        strips = f" in {number(len(block.strips))} strips" if len(block.strips) else ""
+        strips = f" in {counted(len(block.strips), 'strip')}" if len(block.strips) else ""
         made["images"] = f"{number(int(block.images.active.sum()))}{strips}"
     c = block.cameras
     if len(c) and "images" in made:

@@ -176,6 +176,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",
         "verdict": evaluation.verdict if evaluation else "The accuracy was not evaluated.",
         "facts": facts(around.block, around.solution),
+        "blocks": _of_which_block(run),
         "problems": [asdict(problem) for problem in problems(run, [*internal, *external])],
         "internal": [asdict(light) for light in internal],
         "external": [asdict(light) for light in external],
@@ -183,6 +184,13 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "counts": _counts(run),
         "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
     }
+
+
+def _of_which_block(run: RunView) -> str:
+    """Of several blocks in a run, the one that the page is about."""
+    sources = [stage.name for stage in run.of_kind(Block) if not stage.inputs]
+    of = next(iter(run.readable(Block)), "")
+    return f"Blocks of this run: {', '.join(sources)}. This page is about {of}." if of and len(sources) > 1 else ""
 
 
 def _coded(text: str) -> Markup:

@@ -8,6 +8,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
+from aatri.ids import several
 from aatri.simulation.settings import refused
 
 
@@ -38,7 +39,9 @@ def gross_errors(
     eligible = np.flatnonzero((sigma > 0).any(axis=1))
     count = round(much * len(eligible)) if much < 1 else int(much)
     if count > len(eligible):
-        raise refused(f"{count} gross errors among {len(eligible)} {what}", f"lower gross_errors.{what}", InputError)
+        raise refused(
+            f"{several(count, 'gross error')} among {len(eligible)} {what}", f"lower gross_errors.{what}", InputError
+        )
     rows = np.sort(rng.choice(eligible, count, replace=False)) if count else np.zeros(0, np.int64)
     direction = rng.standard_normal((count, sigma.shape[1])) * (sigma[rows] > 0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.errors import ArtifactError
+from aatri.ids import several
 from aatri.tables.offers import Offer
 
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
@@ -93,7 +94,7 @@ class Table:
         cls.__repr__ = Table._summary  # type: ignore[assignment]  # else every dataclass prints its arrays
 
     def _summary(self) -> str:
-        return f"<{type(self).__name__}: {len(self)} rows of {', '.join(columns_of(type(self)))}>"
+        return f"<{type(self).__name__}: {several(len(self), 'row')} of {', '.join(columns_of(type(self)))}>"
 
     def __post_init__(self) -> None:
         lengths = {}
@@ -162,7 +163,7 @@ class Artifact:
         """For notebooks: attributes, and tables with their rows."""
         values = {name: getattr(self, name) for name in attributes_of(type(self))}
         tables = {name: getattr(self, name) for name in tables_of(type(self))}
-        values |= {name: f"{len(rows)} rows" for name, rows in tables.items() if rows is not None and len(rows)}
+        values |= {name: several(len(rows), "row") for name, rows in tables.items() if rows is not None and len(rows)}
         lines = "".join(f"<tr><th>{name}</th><td>{escape(str(value))}</td></tr>" for name, value in values.items())
         return f"<table><caption>{self.kind}</caption>{lines}</table>"
 
@@ -191,7 +192,7 @@ class Artifact:
                 if values.size and (values.min() < lowest or values.max() >= len(target)):
                     raise ArtifactError(
                         f"{self.kind}.{name}.{column_name} points at row {int(values.max())} or {int(values.min())} of "
-                        f"{declared.refers}, which has {len(target)} rows"
+                        f"{declared.refers}, which has {several(len(target), 'row')}"
                     )
 
     def metrics(self) -> dict[str, float | int | None]:

@@ -21,7 +21,7 @@ from aatri.errors import InputError
 from aatri.evaluation.ray_pairs import ray_pairs
 from aatri.evaluation.set_ups import set_ups
 from aatri.evaluation.single_models import single_models, with_models
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -60,7 +60,7 @@ def plotter(
             remedy="take the solution of a bundle adjustment",
         )
     made, points = set_ups(block, poses, rays, xyz_m)
-    verdict = f"{len(made)} stereo models with {len(points)} pass points."
+    verdict = f"{several(len(made), 'stereo model')} with {several(len(points), 'pass point')}."
     evaluation = Evaluation(
         verdict=verdict, figures=Figures.empty(), differences=Differences.empty(), set_ups=made, pass_points=points
     )

@@ -14,7 +14,7 @@ from aatri.checks.as_read.values import wrong_values
 from aatri.checks.finding import report
 from aatri.formats.edits.edited import edited
 from aatri.formats.pairs.models import read_models
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import EditOptions
@@ -56,6 +56,7 @@ def models(*, options: ModelsOptions, context: Context = SILENT) -> Block:
     if len(unseen):
         context.warn(f"control in no model: {shown(unseen.tolist())}; are the names of its points others there?")
     context.log(
-        f"{len(np.unique(models_xyz.model))} models, {len(models_xyz)} points in them, {len(used)} control points"
+        f"{several(len(np.unique(models_xyz.model)), 'model')}, {several(len(models_xyz), 'point')} in "
+        f"them, {several(len(used), 'control point')}"
     )
     return block

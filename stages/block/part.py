@@ -15,7 +15,7 @@ from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.formats.merging.part import part_of
 from aatri.formats.merging.source import block_from
-from aatri.ids import printable
+from aatri.ids import printable, several
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import ReadingOptions, as_read
@@ -42,7 +42,10 @@ def part(*, options: PartOptions, context: Context = SILENT) -> Block:
     context.log(f"{len(cut.images)} of {len(block.images)} images, {len(cut.points)} of {len(block.points)} points")
     left_out = len(block.geodetic) - len(cut.geodetic), len(block.relative_control) - len(cut.relative_control)
     if any(left_out):
-        context.log(f"outside: {left_out[0]} geodetic observations, {left_out[1]} conditions of relative control")
+        context.log(
+            f"outside: {several(left_out[0], 'geodetic observation')}, "
+            f"{several(left_out[1], 'condition')} of relative control"
+        )
     rays = block.image_points
     outside = np.unique(rays.point[rays.active & ~images[rays.image]])
     return as_read(cut, options, context, elsewhere=block.points.id[outside])

@@ -19,6 +19,7 @@ from aatri.checks.after.exchanged_marks import exchanged_marks
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.finding import report
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.ids import several
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
@@ -98,7 +99,8 @@ def _with_information(
     share = information_share(information, inputs)
     count = sum(int(rows.sum()) for rows in twice)
     context.log(
-        f"Information of block {information.block}: {information.observations} observations, "
-        f"{len(information.unknowns)} unknowns; {count} observations of this block stand in it and count once"
+        f"Information of block {information.block}: {several(information.observations, 'observation')}, "
+        f"{several(len(information.unknowns), 'unknown')}; it has {several(count, 'observation')} of "
+        "this block, counted once"
     )
     return with_information(inputs, information, share, twice), share

@@ -24,7 +24,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.features import ScanMarks
 from aatri.errors import InputError
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.pixels.scan_marks import fitting_ways, places_of_ways, scan_marks
 from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
 from aatri.progress import Item
@@ -134,7 +134,8 @@ def _measured(
     way = int(good[0])
     if len(good) > 1 or way:
         how = f"{way % 4 * 90} degrees{', mirrored' if way > 3 else ''}"
-        others = f"; {len(good) - 1} other ways fit as well: marks that lie alike cannot tell" if len(good) > 1 else ""
+        fits = several(len(good) - 1, "other way", "fits", "fit")
+        others = f"; {fits} as well: marks that lie alike cannot tell" if len(good) > 1 else ""
         (context.log if not way else context.warn)(f"{name}: the film lay turned by {how}{others}")
     used = used_of_ways[way]
     if not used.all():

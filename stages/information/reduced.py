@@ -32,7 +32,7 @@ from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.checks.as_read.screening import SEEN_ONCE
 from aatri.errors import InputError
-from aatri.ids import printable, shown
+from aatri.ids import printable, several, shown
 from aatri.observations.poses import POINT, POSE
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -116,7 +116,7 @@ def _tell_rays_set_aside(block: Block, requested: Bool, context: Context) -> Non
     lost = [name for name in names if name.partition("/")[2] in shared]
     if lost:
         context.warn(
-            f"{len(lost)} image points of shared points say nothing, they were set aside as the block was read "
+            f"of shared points {several(len(lost), 'image point', 'was', 'were')} set aside as the block was read "
             f"({SEEN_ONCE}): {shown(lost)}; cut the block out of the merged one (block/part), which keeps them"
         )
 
@@ -126,7 +126,7 @@ def _tell_lost_rays(block: Block, left_out: Bool, context: Context) -> None:
     m = block.image_points
     rays = np.bincount(m.point[m.active], minlength=len(block.points)) * left_out
     if rays.any():
-        lost = f"{int(rays.sum())} image points of {int((rays > 0).sum())} shared points are lost"
+        lost = f"lost: {several(int(rays.sum()), 'image point')} of {several(int((rays > 0).sum()), 'shared point')}"
         names = shown(block.points.id[rays > 0].tolist())
         context.warn(f"{lost}, no image that shows the points is adjusted: {names}; give those images a start")
 

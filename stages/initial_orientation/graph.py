@@ -40,6 +40,7 @@ from aatri.artifacts.solution import Solution
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
+from aatri.ids import several
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
@@ -166,7 +167,9 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
     orientations = oriented(expected)
     by_planes, others = rotations_by_planes(pairs.left, pairs.right, pairs.rays, pairs.start, orientations)
     if others:
-        context.log(f"{others} pairs are oriented anew: over a plane, which their neighbours see otherwise")
+        context.log(
+            f"{several(others, 'pair', 'is', 'are')} oriented anew: over a plane, which their neighbours see otherwise"
+        )
         orientations = oriented(np.where(np.isfinite(by_planes), by_planes, expected))
     context.progress(len(images), len(images), "models")
     context.log(f"{int(orientations.orientations.formed.sum())} of {len(images)} pairs make a model")

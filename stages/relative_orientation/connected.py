@@ -24,6 +24,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.checks.after.models import findings_of_models
 from aatri.checks.finding import report
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
 from aatri.orientation.relative.image_scale import limit_of
@@ -62,7 +63,8 @@ def connected(
         text = "models without connection to the one before: fewer than three points of both fit, their scale is open"
         notes.append(Note("warning", text, tuple(pair_names(block, pairs)[list(loose)].tolist())))
     wrong = sum(int((~c.orientation.connects).sum()) for c in connections)
-    notes.append(Note("note", f"{len(connections)} connections; {wrong} connection points are rejected there"))
+    points = several(wrong, "connection point", "is", "are")
+    notes.append(Note("note", f"{several(len(connections), 'connection')}; {points} rejected there"))
     models = with_elements(models_of(block, image_points, pairs, orientations), "dependent")
     models = with_connections(block, models, orientations, connections)
     context.progress(len(pairs.left), len(pairs.left), "models")

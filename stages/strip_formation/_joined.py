@@ -17,6 +17,7 @@ from aatri.checks.after.joints import findings_of_joints
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.strips.joints import JointTable, ModelTable, scale_transfers, turns_round
 from aatri.plugin import Context, Field, Options
@@ -97,7 +98,7 @@ def joined(
     strip_ids = strips.strips.id.tolist()
     turned = turns_round(table, joints)
     findings = findings_of_joints(block, models, joints, chains, gaps, turned, options.scale_jump, limit)
-    counted = Note("note", f"{len(strip_ids)} free strips", tuple(strip_ids))
+    counted = Note("note", several(len(strip_ids), "free strip"), tuple(strip_ids))
     report(_scale_notes(strips), context)
     report([*findings, counted, *findings_of(block, strips, "strip_formation")], context)
     return strips
@@ -131,7 +132,7 @@ def _open_joints(models: Models, joints: JointTable, needed: int) -> dict[int, s
     """Why models are not joined, by joint."""
     used, open_ = joints.used(), {}
     for joint in np.flatnonzero((used < needed) | ~np.isfinite(joints.scale)).tolist():
-        few = f"share {used[joint]} usable points, {needed} are needed"
+        few = f"share {several(used[joint], 'usable point')}, {needed} are needed"
         what = few if used[joint] < needed else "carry no scale of their connection"
         open_[joint] = f"models {names_of_joint(models, joints, joint)} {what}"
     return open_

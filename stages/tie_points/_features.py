@@ -12,7 +12,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.features import Features, Matches
 from aatri.checks.limits import FEWEST_CELLS
 from aatri.errors import InputError
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.pixels.matching import RATIO
 from aatri.plugin import Context, Field, InputPath, Options
 from aatri.progress import Item
@@ -68,7 +68,7 @@ def with_features(
     images = np.flatnonzero(block.images.active)
     rows = block.images.take(images)
     if lacking := rows.id[rows.path == ""].tolist():
-        what = f"{len(lacking)} images have no file: {shown(lacking)}"
+        what = f"{several(len(lacking), 'image', 'has', 'have')} no file: {shown(lacking)}"
         raise InputError(what, where="images.csv", remedy="name it in the column path")
     work = [
         Item(name, (path, mask), (content, *how))
@@ -106,9 +106,10 @@ def _tell_weak(block: Block, images: Int, context: Context) -> None:
     none = block.images.id[images[share == 0]]
     weak = block.images.id[images[(share > 0) & (share < FEWEST_CELLS)]]
     if len(none):
-        context.warn(f"{len(none)} images have no tie point: {shown(none)}")
+        context.warn(f"{several(len(none), 'image', 'has', 'have')} no tie point: {shown(none)}")
     if len(weak):
         context.warn(
-            f"{len(weak)} images have tie points in less than {FEWEST_CELLS:.0%} of their {CELLS} x {CELLS} "
+            f"{several(len(weak), 'image', 'has', 'have')} tie points in less than {FEWEST_CELLS:.0%} of "
+            f"their {CELLS} x {CELLS} "
             f"cells: {shown(weak)}"
         )

@@ -18,7 +18,7 @@ from aatri.adapters.interior.feature_tracks import MatchedFeatures, merged_place
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.formats.colmap.database import ColmapFeatures, read_database
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._features import CheckOptions, checked
@@ -73,7 +73,9 @@ def _images(block: Block, features: ColmapFeatures, path: Path, context: Context
         raise InputError(what, where=str(path), remedy="the database of these photographs, with their file names")
     others = [name for number, name in features.name.items() if number not in rows]
     if others:
-        context.warn(f"{path.name}: {len(others)} images are not in the block and left out: {shown(others)}")
+        context.warn(
+            f"{path.name}: {several(len(others), 'image', 'is', 'are')} not in the block and left out: {shown(others)}"
+        )
     sizes = block.cameras.format[block.images.camera]
     for number, k in rows.items():
         if np.isfinite(sizes[k]).all() and tuple(sizes[k]) != features.format_px[number]:

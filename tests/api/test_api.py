@@ -8,12 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import aatri
+from aatri.api.blocks import Warned
 from aatri.errors import ArtifactError, InputError, SpecError
 from aatri.pipeline.store import run_folder as store
 from tests.made_solutions import made_block, made_solution
@@ -177,3 +179,11 @@ def test_pictures_of_a_run_are_shown_and_saved(tmp_path: Path) -> None:
     assert [path.read_bytes()[:4] for path in saved] == [b"\x89PNG"]
     with pytest.raises(KeyError, match="did you mean 'ties'"):
         run.plot("tiess")
+
+
+def test_a_warning_of_a_stage_in_memory_is_of_the_line_that_calls_it() -> None:
+    stage: dict[str, Any] = {"__name__": "aatri.stages.made_up"}
+    exec("def tell(context):\n    context.warn('one point')", stage)
+    with pytest.warns(UserWarning, match="one point") as told:
+        stage["tell"](Warned())
+    assert told[0].filename == __file__

@@ -10,6 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from aatri.cli.arguments.completion import complete_in_bash
 from aatri.cli.main import VERBS, app
 
 PIPELINE = """\
@@ -68,6 +69,28 @@ def _completed(line: str) -> list[str]:
 )
 def test_completion_knows_stages_variants_and_runs(line: str, offered: list[str]) -> None:
     assert _completed(line) == offered
+
+
+@pytest.mark.usefixtures("_project")
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("aatri show runs/first : bl", ["block"]),
+        ("aatri show runs/first :", ["block"]),
+        ("aatri export : bl", ["block"]),
+        ("aatri run --set bundle.relia", ["bundle.reliability="]),
+        ("aatri run --use bundle = bundle_adjustment/re", ["bundle_adjustment/resection"]),
+        ("aatri run --use = bundle = bundle_adjustment/re", ["bundle_adjustment/resection"]),
+    ],
+)
+def test_bash_which_parts_words_at_colons_and_equals_signs_gets_the_last_part(
+    words: str, offered: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("_AATRI_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words.replace(" ", "\n"))
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    complete_in_bash(lambda: app(prog_name="aatri"))
+    assert capsys.readouterr().out.split() == offered
 
 
 @pytest.mark.usefixtures("_project")

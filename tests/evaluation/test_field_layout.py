@@ -87,7 +87,7 @@ def test_the_rules_are_options_and_a_block_without_targets_is_refused() -> None:
     told = Told()
     field_layout(field(grid(3), pillars=0), options=FieldOptions(targets=20, pillars=0), context=told)
     assert not told.warnings
-    with pytest.raises(InputError, match="3 targets known in three coordinates are no field"):
+    with pytest.raises(InputError, match="no field: 3 targets known in three coordinates"):
         field_layout(field(grid()[:3]))
 
 

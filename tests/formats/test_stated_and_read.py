@@ -83,7 +83,7 @@ def test_counts_of_colmap_and_images_that_are_left_out_are_told(tmp_path: Path) 
     points.write_text(points.read_text().replace("2 0\n", "2 0 9 4\n", 1))
     read_colmap(folder, reporter=heard)
     assert any("3 images, 2 follow" in w and "images.txt" in w for w in heard.warned)
-    assert any("1 images that are not in images.txt: 9" in w for w in heard.warned)
+    assert any("1 image that is not in images.txt: 9" in w for w in heard.warned)
 
 
 def test_bytes_beyond_the_counts_of_a_binary_model_are_refused(tmp_path: Path) -> None:

@@ -268,3 +268,12 @@ def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_pat
     assert "in stages before it 98 strip ties, 1 model point" in text
     lights = internal_lights(view(run), made_solution(made_block(), suspects=suspects))
     assert next(one for one in lights if one.title == "Suspects").state == "look"
+
+
+def test_a_page_says_of_which_block_of_several_it_is(tmp_path: Path) -> None:
+    artifacts = made_artifacts()
+    assert "Blocks of this run" not in write_report(make_run(tmp_path / "one", artifacts)).read_text("utf-8")
+    stages = [("first", "block/tables", {}, "Block"), *STAGES]
+    run = make_run(tmp_path / "two", {"first": made_block(columns=4)} | artifacts, declared=stages)
+    text = Elements(write_report(run).read_text("utf-8")).text
+    assert "Blocks of this run: first, block. This page is about block." in text

@@ -63,7 +63,7 @@ def test_points_far_off_are_left_out_and_counted() -> None:
     xyz[5, 0], d[5] = 90_000.0, 0.7
     picture = plan_vectors("x", {"new": (xyz, d, [str(k) for k in range(40)])})
     assert [len(m.xy) for m in picture.marks] == [39, 39]
-    assert "Not drawn: 1 points that lie far off." in picture.caption
+    assert "Not drawn: 1 point that lies far off." in picture.caption
     assert "the largest is 990 mm" in picture.caption  # said, though it is not drawn
 
 

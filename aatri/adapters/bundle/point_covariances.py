@@ -11,7 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import PointCovariances
 from aatri.errors import InputError, ResourceError
 from aatri.frames.tangent import TangentFrame
-from aatri.ids import printable
+from aatri.ids import printable, several
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.free_datum import transformation_of
 from aatri.orientation.bundle.result import BundleResult
@@ -35,7 +35,7 @@ def chosen_points(block: Block, patterns: Sequence[str]) -> Int:
             raise InputError(
                 f"no point has an id like {printable(pattern)}",
                 where="options of bundle_adjustment/bundle: point_covariances",
-                remedy=f"the block has {len(ids)} points: {', '.join(map(printable, ids[:5]))} ...",
+                remedy=f"the block has {several(len(ids), 'point')}: {', '.join(map(printable, ids[:5]))} ...",
             )
         rows.update(matching)
     return np.array(sorted(rows), dtype=np.int64)

@@ -31,7 +31,7 @@ from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose
 from aatri.geometry.vectors import finite_rows
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
@@ -94,7 +94,7 @@ def to_ground(
         part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
         return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
     for number, component in enumerate(components, 1):
-        what = f"component {number} ({int(component.images.sum())} images)"
+        what = f"component {number} ({several(int(component.images.sum()), 'image')})"
         try:
             part, of_part = _oriented(ground, component, rays, what, settings)
         except (ConvergenceError, GeometryError) as error:

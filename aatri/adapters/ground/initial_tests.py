@@ -14,6 +14,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.similarity import Similarity
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed
@@ -172,12 +173,13 @@ def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what:
             sigma = np.sqrt(variance[of_camera] + (SCATTER * np.median(off)) ** 2 / 3)
             wrong = block.images.id[image[of_camera[off > OFF_SIGMAS * sigma]]]
             text = (
-                f"{what}: {len(of_camera)} attitudes of camera {block.cameras.id[k]} take no part; they differ by "
+                f"{what}: not of camera {block.cameras.id[k]}, whose "
+                f"{several(len(of_camera), 'attitude', 'differs', 'differ')} by "
                 f"{np.degrees(np.linalg.norm(offset)):.2g} deg in common, by {np.degrees(np.median(off)):.2g} deg "
                 "(median) beyond that"
             )
             notes.append(Note("note", text))
             if len(wrong):
-                text = f"{what}: {len(wrong)} attitudes are far off the others"
+                text = f"{what}: {several(len(wrong), 'attitude', 'is', 'are')} far off the others"
                 notes.append(Note("warning", text, tuple(wrong.tolist())))
     return notes

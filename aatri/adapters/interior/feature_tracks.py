@@ -10,7 +10,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.tracks import lone_joints, tracks_of
 from aatri.progress import Reporter
@@ -75,7 +75,8 @@ def with_tie_points(
     tracks = tracks_of(left, right, first)
     rays = np.bincount(tracks.track)
     reporter.log(
-        f"{len(rays)} tie points with {len(tracks.track)} image points, {int((rays > 2).sum())} in three "
+        f"{several(len(rays), 'tie point')} with {several(len(tracks.track), 'image point')}, "
+        f"{int((rays > 2).sum())} in three "
         f"images and more; {tracks.refused} refused with two places in one image"
     )
     if not len(rays):
@@ -99,7 +100,7 @@ def _tell_lone_joints(block: Block, features: MatchedFeatures, matches: dict[int
     if len(features.images) > 2 and len(joints):
         ids = block.images.id[features.images]
         names = [f"{ids[i]} - {ids[j]} ({counts[k]} matches)" for k, (i, j) in zip(joints, pairs[joints].tolist())]
-        reporter.warn(f"{len(joints)} joints hang on one pair of images each: {shown(names)}")
+        reporter.warn(f"{several(len(joints), 'joint', 'hangs', 'hang')} on one pair of images each: {shown(names)}")
 
 
 def merged_places(xy_px: Sequence[Float], pairs: Int, matches: Sequence[Int]) -> list[Int]:
@@ -160,7 +161,8 @@ def _checked(
         if fit.formed[p] and active.sum() >= min_matches:
             passed[k] = features.matches[k][active]
     reporter.log(
-        f"{len(features.pairs)} pairs, {len(enough)} with {min_matches} matches, {len(passed)} pass the check "
+        f"{several(len(features.pairs), 'pair')}, {len(enough)} with {min_matches} matches, "
+        f"{len(passed)} pass the check "
         f"with {sum(map(len, passed.values()))} of {start[-1]} matches"
     )
     return passed

@@ -12,6 +12,7 @@ from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.plane_transformations import open_basis
+from aatri.ids import several
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, snooped_fiducials
 from aatri.orientation.interior.fiducial_numbering import is_misfit
 from aatri.orientation.interior.film_deformation import prediction_sigma_mm
@@ -34,7 +35,7 @@ def unusable_film(marks: FilmMarks, fit: FiducialFit, max_sigma0: float) -> dict
 def _reason(marks: FilmMarks, fit: FiducialFit, k: int, max_sigma0: float) -> str:
     count = int(marks.present[k].sum())
     if count < fewest_marks(fit.model):
-        return f"{count} fiducial marks"
+        return several(count, "fiducial mark")
     if not fit.determined[k]:
         return f"its fiducial marks are on one line, or determine no {fit.model} transformation"
     used = fit.used[k]

@@ -10,7 +10,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.notes import Note
 from aatri.orientation.relative.image_pairs import ImagePairs, common_points
 from aatri.orientation.strips.overlap_order import strips_by_overlap
@@ -65,8 +65,11 @@ def strip_pairs(block: Block, image_points: ImagePoints) -> tuple[Int, tuple[Not
     chains = strips_by_overlap(m.image[rows], m.point[rows], m.xy_mm[rows], len(block.images))
     pairs = [np.column_stack([chain[:-1], chain[1:]]) for chain in chains]
     ids = block.images.id
-    chain_names = tuple(f"{ids[chain[0]]} ... {ids[chain[-1]]} ({len(chain)} images)" for chain in chains)
-    text = f"no strip given for {int(loose.sum())} images: {len(chains)} strips found from the overlaps"
+    chain_names = tuple(f"{ids[chain[0]]} ... {ids[chain[-1]]} ({several(len(chain), 'image')})" for chain in chains)
+    text = (
+        f"no strip given for {several(int(loose.sum()), 'image')}: {several(len(chains), 'strip')} "
+        "found from the overlaps"
+    )
     return np.concatenate([declared, *pairs]), (Note("warning", text, chain_names),)
 
 

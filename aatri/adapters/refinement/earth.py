@@ -11,6 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.camera.corrections.atmosphere import Atmosphere, constant_of
 from aatri.camera.corrections.vertical_planes import FLATTEST_RAD, earth_curvature_correction, refraction_correction
 from aatri.geometry.vectors import finite_rows
+from aatri.ids import several
 from aatri.notes import Level, Note
 
 FOR_EXAMPLE_M = 1000.0
@@ -60,7 +61,7 @@ def earth_correction(
         notes.append(Note("warning", text + "terrain_height and the heights of the positions", _ids(block, low)))
     flat = ~finite_rows(correction)
     if flat.any():
-        text = f"{what} is not corrected in {int(flat.sum())} image points whose rays are flatter than "
+        text = f"{what} is not corrected in {several(int(flat.sum()), 'image point')} whose rays are flatter than "
         text += f"{np.degrees(FLATTEST_RAD):.0f} degrees from the nadir, where plane layers do not hold"
         notes.append(Note("note", text, _ids(block, image[flat])))
         correction[flat] = 0.0

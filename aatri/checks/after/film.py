@@ -17,7 +17,7 @@ from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import LARGEST_SHEAR, MAX_REJECT_SHARE, TOO_SIMPLE
 from aatri.errors import GeometryError
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, fit_fiducials, snooped_fiducials
 from aatri.orientation.interior.film_deformation import scales_and_shear, shear_or_stretch, turn_rad
 
@@ -57,7 +57,8 @@ def _findings(
 ) -> Iterator[Finding]:
     ids = block.images.id[marks.image]
     if reasons:
-        yield _finding("warning", f"{len(reasons)} film images are not used, without interior orientation", reasons)
+        text = f"{several(len(reasons), 'film image', 'is', 'are')} not used, without interior orientation"
+        yield _finding("warning", text, reasons)
     if usable.any():
         pooled = pooled_test(fit.sigma0[usable], fit.redundancy[usable])
         note = sigma0_note(pooled, f"of {int(usable.sum())} film images")
@@ -75,7 +76,7 @@ def _findings(
     if rejected.any():
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
         named = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
-        yield _finding("warning", f"{len(named)} fiducial marks are rejected", named)
+        yield _finding("warning", f"{several(len(named), 'fiducial mark', 'is', 'are')} rejected", named)
     if fit.model == "similarity" and (high.any() or rejected.any()):
         yield from _too_simple(marks)
     linear = fit.photo_from_nominal

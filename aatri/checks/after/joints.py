@@ -15,6 +15,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CHECKED_POINTS, UNSTABLE_SPREAD
+from aatri.ids import several
 from aatri.orientation.strips.joints import JointTable
 
 
@@ -51,7 +52,7 @@ def findings_of_joints(
         covered = f"the connection points cover {joints.spread[k]:.0%} of the width of the models"
         texts = (
             (jumps, f"the scale jumps by a factor of {scale[k]:.3g}: change of height, or wrong points"),
-            (few, f"only {used[k]} connection points: a wrong one cannot be located"),
+            (few, f"only {several(used[k], 'connection point')}: a wrong one cannot be located"),
             (disagree, f"the scales of the connection points disagree by {worst[k]:.1f} standard deviations"),
             (unstable, f"bridge unstable: {covered}"),
         )

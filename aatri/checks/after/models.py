@@ -17,6 +17,7 @@ from aatri.artifacts.models import Models
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OUT_OF_SEQUENCE
+from aatri.ids import several
 from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.orientations import RelativeOrientations
 
@@ -98,5 +99,8 @@ def _of_models(models: Models, scale: float) -> Iterator[Finding]:
         yield Finding("models", "warning", "sigma0 of single models is too large", ids=named)
     rejected = int(np.sum(~models.model_points.active))
     yield Finding(
-        "models", "note", f"{len(o)} models, {len(models.unformed)} pairs without; {rejected} model points rejected"
+        "models",
+        "note",
+        f"{several(len(o), 'model')}, {several(len(models.unformed), 'pair')} without; "
+        f"{several(rejected, 'model point')} rejected",
     )

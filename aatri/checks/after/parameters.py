@@ -85,12 +85,12 @@ def _calibrated(group: AdjustedParameters) -> list[Finding]:
 def _unit(
     inputs: BundleInput, result: BundleResult, group: AdjustedParameters, unit: int, e: Estimates
 ) -> list[Finding]:
-    name, tests, findings = str(group.given.ids[unit]), parameter_tests(e), []
+    name, tests, findings = f"parameters of {group.given.ids[unit]}", parameter_tests(e), []
     lens = np.array([n not in SHORT.values() for n in e.names]) | is_additional(group.given.group)
     prior = tests.data_share < UNDETERMINED_SHARE
     if prior.any():
         which = ", ".join(f"{e.names[i]} ({tests.data_share[i]:.0%})" for i in np.flatnonzero(prior))
-        text = f"{name}: the data do not determine, share of the data in the value: {which}"
+        text = f"{name} that the observations hardly determine, with their share in the value: {which}"
         findings.append(Finding("parameters", "warning", text))
     idle = np.flatnonzero(lens & ~prior & ~tests.significant)
     if len(idle):

@@ -13,6 +13,7 @@ from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import SMALL_TEST
+from aatri.ids import several
 from aatri.notes import REJECTED, Note
 from aatri.observations.control import control_of
 
@@ -30,7 +31,7 @@ def rejections(suspects: Suspects, stage: str) -> list[Finding]:
     of_stage, findings = suspects.take(suspects.stage == stage), []
     open_ = np.unique(of_stage.point[of_stage.verdict == "undecidable"])
     if len(open_):
-        text = f"{len(open_)} points whose observations contradict each other are not decided"
+        text = f"not decided: {several(len(open_), 'point')} whose observations contradict each other"
         findings.append(Finding("rejections", "note", text, ids=tuple(open_.tolist())))
     for kind in np.unique(of_stage.kind[of_stage.verdict == "rejected"]).tolist():
         rows = np.flatnonzero((of_stage.kind == kind) & (of_stage.verdict == "rejected"))
@@ -145,7 +146,9 @@ def control_left_behind(block: Block, solution: Solution, before: Suspects) -> l
     for k in control.point[~taken & (shows[control.point] > 0)].tolist():
         name, count = str(block.points.id[k]), int(shows[k])
         reason = (
-            f"rejected before, {count} images show it" if name in rejected else f"in no model, {count} images show it"
+            f"rejected before, {several(count, 'image', 'shows', 'show')} it"
+            if name in rejected
+            else f"in no model, {several(count, 'image', 'shows', 'show')} it"
         )
         names.append(f"{name} ({'one image shows it' if count == 1 else reason})")
     if not names:

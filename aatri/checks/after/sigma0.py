@@ -10,6 +10,7 @@ a redundancy smaller by their unknowns. A sigma0 that is too small is so only wh
 from aatri.adjustment.statistics.global_test import global_test, sigma0_note
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
+from aatri.ids import several
 from aatri.orientation.bundle.result import BundleResult
 
 REMEDY = "`variance_components: {groups: [kind]}` estimates those of each kind of observation"
@@ -55,7 +56,8 @@ def sigma0(
         follow = global_test(test.sigma0 * (counted / (counted - held)) ** 0.5, counted - held)
         if follow.sigma0 >= follow.low:
             text = (
-                f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {held} unknowns held follow the observations "
+                f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {several(held, 'unknown')} "
+                "held follow the observations "
                 f"that made them, {follow.sigma0:.3f} (redundancy {follow.redundancy})"
             )
             return [Finding("sigma0", "note", text, statistic=follow.sigma0)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.checks.finding import Finding
+from aatri.ids import several
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
@@ -31,7 +32,8 @@ def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Fi
         return []
     order = np.argsort(-off.test)
     ids = tuple(f"{inputs.point_ids[off.row[k]]} ({off.height_m[k]:+.3g} m)" for k in order.tolist())
-    text = f"{len(ids)} points lie off the terrain around them by more than {off.limit:.3g} times its roughness, and "
-    text, remedy = f"{text}are doubtful", "measure them in a third image, or leave them out"
+    lie = several(len(ids), "point", "lies", "lie")
+    text = f"doubtful: {lie} off the surrounding terrain by more than {off.limit:.3g} times its roughness"
+    remedy = "measure it in a third image, or leave it out"
     test = float(off.test.max())
     return [Finding("terrain", "warning", text, remedy, ids=ids, statistic=test, significance=ALARM)]

@@ -38,10 +38,10 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
         text = f"{len(of_kind)} {have}"
         if kind == IMAGE_POINT:
             ids = tuple(np.unique(of_kind.point).tolist())
-            text = f"{len(of_kind)} at {len(ids)} points {have}"
+            text = f"{len(of_kind)} at {several(len(ids), 'point')} {have}"
         findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: of_kind.row}))
     if len(film):
-        what = f"{len(film)} corrections of the film of {len(np.unique(film.image))} images"
+        what = f"{several(len(film), 'correction')} of the film of {len(np.unique(film.image))} images"
         labels = ", ".join(np.unique(film.point).tolist())
         text = f"{what} ({labels}) are known from the interior orientation alone; not listed"
         findings.append(Finding("uncontrolled", "note", text, where=FILM_PRIOR))

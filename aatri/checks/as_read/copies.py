@@ -23,7 +23,7 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.checks.as_read.rejects import name_of_image_point, rejected
 from aatri.checks.finding import Finding
 from aatri.checks.limits import LEAST_IMAGES, LEAST_SHARE, LEAST_SHARED, MOST_AT_ONE_PLACE
-from aatri.ids import printable
+from aatri.ids import printable, several
 from aatri.tables.schema import Table, columns_of
 
 COPIED = "equal to another row in every digit: counts once"
@@ -122,7 +122,10 @@ def _points_twice(block: Block) -> tuple[Block, list[Finding]]:
     names = [name_of_image_point(block, row) for row in copied]
     block = rejected(block, "image_point", block.image_points, list(copied), names, [ONE_PLACE] * len(copied))
     pairs = [f"{block.points.id[j]} (as {block.points.id[i]})" for i, j in dict.fromkeys(copied.values())]
-    what = f"{len(pairs)} points lie at the very place of another in two images or more, where they count once"
+    what = (
+        f"{several(len(pairs), 'point', 'lies', 'lie')} at the very place of another in two images or "
+        "more, where they count once"
+    )
     finding = Finding("copies", "warning", what, ids=tuple(pairs))
     return replace(block, image_points=replace(block.image_points, active=active)), [finding]
 

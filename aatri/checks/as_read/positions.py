@@ -20,6 +20,7 @@ from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import listed, rejected
 from aatri.checks.finding import Finding
 from aatri.checks.limits import FAR_POSITION, FEWEST_POSITIONS, LEVEL_FLIGHT, LOW_POSITION, SAME_POSITION_M
+from aatri.ids import several
 from aatri.observations.control import control_of
 from aatri.units import length
 
@@ -76,7 +77,7 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
         return {}
     xyz = position_m[rows]
     if (np.ptp(xyz, axis=0) <= SAME_POSITION_M).all():
-        return {int(row): f"{THE_SAME} {len(rows)} images" for row in rows}
+        return {int(row): f"{THE_SAME} {several(len(rows), 'image')}" for row in rows}
     middle = np.median(xyz, axis=0)
     spread = 1.4826 * np.median(np.abs(xyz - middle), axis=0)
     above = max(0.0, np.nan_to_num(float(middle[2]) - control_height_m))

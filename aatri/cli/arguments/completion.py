@@ -6,7 +6,10 @@ Nothing here may fail or be slow: what cannot be read completes nothing.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable
+import io
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +20,35 @@ if TYPE_CHECKING:
 
 MOST = 200
 """More entries of a folder are not looked at."""
+BREAKS = (":", "=")
+"""Where bash parts words (COMP_WORDBREAKS): it replaces what stands after the last of them."""
+
+
+def complete_in_bash(command: Callable[[], object]) -> None:
+    """Answer bash, which asks by COMP_WORDS and COMP_CWORD, with what it may put in: after `run:`, `bundle`."""
+    listed, at = os.environ["COMP_WORDS"], int(os.environ["COMP_CWORD"])
+    typed = words_as_typed(listed.split("\n" if "\n" in listed else " "), at)
+    os.environ |= {"COMP_WORDS": "\n".join(typed), "COMP_CWORD": str(len(typed) - 1)}
+    value = typed[-1].partition("=")[2] if typed[-1].startswith("-") else typed[-1]
+    kept = value[: max(map(value.rfind, BREAKS)) + 1]
+    offered = io.StringIO()
+    with contextlib.redirect_stdout(offered), contextlib.suppress(SystemExit):
+        command()
+    sys.stdout.write("".join(f"{line.removeprefix(kept)}\n" for line in offered.getvalue().splitlines()))
+
+
+def words_as_typed(words: Sequence[str], at: int) -> list[str]:
+    """The words up to that at the cursor, of those that bash has parted: `show run : bu` was `show run:bu`.
+
+    The first word after the verb may begin with a colon: `show :bundle`.
+    """
+    typed: list[str] = []
+    for k, word in enumerate([*words, ""][: at + 1]):
+        if k > 2 and (word in BREAKS or words[k - 1] in BREAKS):
+            typed[-1] += word
+        else:
+            typed.append(word)
+    return typed
 
 
 def complete_stage(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -13,6 +13,7 @@ from aatri.cli.arguments.locate import DEFAULT, overview_of, run_or_pipeline
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.console import is_terminal, narrate
 from aatri.errors import ArtifactError, SpecError
+from aatri.ids import several
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.catalogue import Catalogue
@@ -148,7 +149,8 @@ def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: b
     if not (lacking := missing(kernels_of(codes, at_once=True))):  # others are compiled when a block needs them
         return None
     if not quiet:
-        narrate(f"compiling the inner loops for this processor, once: {len(lacking)} modules, a second or two each")
+        modules = several(len(lacking), "module")
+        narrate(f"compiling the inner loops for this processor, once: {modules}, a second or two each")
     return Compilation(lacking)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from aatri.cli.terminal.console import narrate, say_json, say_table
 from aatri.errors import ArtifactError
+from aatri.ids import several
 
 
 def say_values(path: Path, kind: str, table: str, most: int | None, *, json: bool) -> None:
@@ -33,7 +34,7 @@ def say_values(path: Path, kind: str, table: str, most: int | None, *, json: boo
     numbers = [name for name, column in zip(head, shown.columns) if any(isinstance(v, float | int) for v in column)]
     say_table(head, [[_cell(value) for value in row] for row in shown.rows()], numbers)
     if shown.left_off:
-        narrate(f"{shown.left_off} more rows; --all prints them")
+        narrate(f"{several(shown.left_off, 'more row')}; --all prints them")
 
 
 _NOTHING = {

@@ -31,7 +31,7 @@ from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 FREE = ("k1", "k2", "principal_distance")
@@ -77,7 +77,7 @@ def read_bal(path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
     position_m = -np.einsum("nij,nj->ni", ground_from_image, problem.cameras[:, 3:6])
     seen = in_image_axes(position_m[problem.camera], ground_from_image[problem.camera], problem.points[problem.point])
     if (count := int((seen[:, 2] >= 0).sum())) > 0:
-        reporter.log(f"{count} image points of points behind their camera at the start: kept")
+        reporter.log(f"{several(count, 'image point')} of points behind their camera at the start: kept")
     return block_of(
         name=path.stem,
         files=[path],

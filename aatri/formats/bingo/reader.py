@@ -32,7 +32,7 @@ from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, places, word_lines
-from aatri.ids import clipped, shown
+from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 
 END = "-99"
@@ -81,7 +81,7 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
             rows.append(line)
         else:
             what = "inside an image" if inside else "where an image should begin"
-            raise line.error(f"{len(words)} words {what}", f"write `image camera`, `point x y`, {END}")
+            raise line.error(f"{several(len(words), 'word')} {what}", f"write `image camera`, `point x y`, {END}")
     if inside:
         where = f"{path}:{rows[-1].line if rows else 1}"
         raise InputError(f"the last image does not end with {END}", where=where, remedy="the file is incomplete")
@@ -184,7 +184,7 @@ def _line(text: str, keyword: str, path: Path, number: int) -> TextLine:
     if keyword != "COES" and not name:
         raise line.error(f"{keyword} without a name in columns {start + 1}-{end}", "keep to the columns")
     if len(words) < LEAST[keyword]:
-        raise line.error(f"{keyword} {clipped(name)} with {len(words)} numbers", "the line is incomplete")
+        raise line.error(f"{keyword} {clipped(name)} with {several(len(words), 'number')}", "the line is incomplete")
     return line
 
 

@@ -9,7 +9,7 @@ from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import Y_UP, ground_from_image, is_rotation
 from aatri.formats.text.xml_tree import XmlElement
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 
 DISTORTION = ("K1", "K2", "K3", "P1", "P2")
 XYZ = ("x", "y", "z")
@@ -92,7 +92,7 @@ def way_of(block: XmlElement, groups: list[XmlElement], *, geographic: bool) -> 
     if best is None:
         far = f", the best {min(medians):.3g} px off" if count else ""
         what = "AspectRatio, Skew or angles of rotations, which can be read in several ways"
-        more = f"{count} measured points of posed photos do not show which{far}"
+        more = f"{several(count, 'measured point')} of posed photos do not show which{far}"
         raise groups[0].error(f"{what}: {more}", "export matrices, AspectRatio 1 and Skew 0, or the tie points too")
     return ways[best]
 

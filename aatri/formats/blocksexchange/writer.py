@@ -17,7 +17,7 @@ from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import write_files
 from aatri.formats.text.xml_writing import element, xml_of
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 NAME = "block.xml"
@@ -65,7 +65,10 @@ def write_blocksexchange(
     body = element("Block", element("Name", block.name), element("Type", "Aerial"), *number, *parts)
     write_files(folder, {NAME: xml_of(element("BlocksExchange", *systems, body, version="2.1"))})
     if ties:
-        reporter.log(f"{len(ties)} tie points are written without their names, which the format does not have")
+        reporter.log(
+            f"{several(len(ties), 'tie point', 'is', 'are')} written without their names, which the "
+            "format does not have"
+        )
 
 
 def _photogroup(lens: Lens, photos: list[ET.Element]) -> ET.Element:

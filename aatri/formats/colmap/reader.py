@@ -30,6 +30,7 @@ from aatri.formats.conventions.lens_conversion import camera_columns
 from aatri.formats.conventions.poses import ground_from_image, matrix_of_quaternion, position_of
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
+from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 from aatri.units import LARGEST
 
@@ -194,7 +195,7 @@ def _image_points(model: ColmapModel, pixel_mm: Mapping[int, Float], sigma_px: f
     used = [image.point != NO_POINT for image in model.images]
     counts = [int(mask.sum()) for mask in used]
     if without := sum(map(len, used)) - sum(counts):
-        reporter.log(f"{without} features without a point are no image points of the block")
+        reporter.log(f"not taken: {several(without, 'feature')} without a point")
     number = np.concatenate([image.point[mask] for image, mask in zip(model.images, used)])
     order = np.argsort(model.points)
     return {

@@ -12,7 +12,7 @@ import numpy as np
 from aatri.arrays import Int
 from aatri.errors import InputError
 from aatri.formats.colmap.model import NO_POINT, ColmapModel
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import Reporter
 
 _COUNT = re.compile(r"#\s*Number of (cameras|images|points):\s*([0-9]{1,15})\b")
@@ -39,7 +39,8 @@ def compare_tracks(model: ColmapModel, reporter: Reporter) -> list[InputError]:
     here = np.isin(track[:, 1], images)
     if len(away := np.unique(track[~here, 1])):
         reporter.warn(
-            f"{model.paths[2]}: its tracks name {len(away)} images that are not in {model.paths[1].name}: "
+            f"{model.paths[2]}: its tracks name {several(len(away), 'image', 'that is', 'that are')} not "
+            f"in {model.paths[1].name}: "
             f"{shown(map(str, away.tolist()))}; is it complete?"
         )
     features = [
@@ -57,7 +58,10 @@ def compare_tracks(model: ColmapModel, reporter: Reporter) -> list[InputError]:
     point, image, index = (lacking if len(lacking) else more)[0].tolist()
     where += f":{line[point]}" if line.get(point) else ""
     says = "its track says so, the image does not" if len(lacking) else "the image says so, its track does not"
-    what = f"point {point} is feature {index} of image {image}: {says}; {len(lacking) + len(more)} such contradictions"
+    what = (
+        f"point {point} is feature {index} of image {image}: {says}; "
+        f"{several(len(lacking) + len(more), 'such contradiction')}"
+    )
     return [InputError(what, where=where, remedy="export the model again")]
 
 

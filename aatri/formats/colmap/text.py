@@ -21,7 +21,7 @@ from aatri.formats.colmap.stated import compare_count, stated_counts
 from aatri.formats.text.number_text import numbers_of, what_is_wrong, whole_number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
 FEW_DIGITS = 18
@@ -111,7 +111,7 @@ class _Row:
 
     def at_least(self, width: int, what: str) -> None:
         if len(self.words) < width:
-            raise self.error(f"{len(self.words)} words where {what} should stand", f"write at least {width}")
+            raise self.error(f"{several(len(self.words), 'word')} where {what} should stand", f"write at least {width}")
 
 
 def _rows(path: Path, lines: list[str]) -> list[_Row]:
@@ -125,7 +125,7 @@ def _camera(row: _Row) -> ColmapCamera:
     if model not in MODELS:
         raise row.error(f"camera model {clipped(model)!r} is unknown{did_you_mean(model, MODELS)}", "convert it")
     if len(row.words) != 4 + MODELS[model]:
-        what = f"{len(row.words) - 4} parameters of a {model}"
+        what = f"{several(len(row.words) - 4, 'parameter')} of a {model}"
         raise row.error(what, f"it has {MODELS[model]}")
     return ColmapCamera(row.integer(0), model, row.integer(2), row.integer(3), tuple(row.numbers(4).tolist()), row.line)
 
@@ -150,7 +150,7 @@ def _images(path: Path, lines: list[str]) -> list[ColmapImage]:
 
 def _image(head: _Row, features: _Row) -> ColmapImage:
     if len(features.words) % 3:
-        what = f"{len(features.words)} words where `x y point3D` should repeat"
+        what = f"{several(len(features.words), 'word')} where `x y point3D` should repeat"
         raise features.error(what, "each image has two lines, the second may be empty")
     words = features.words
     xy = np.stack([_Row(words[k::3], features.path, features.line).numbers(0) for k in (0, 1)], axis=1)
@@ -176,7 +176,9 @@ def _points(rows: list[_Row]) -> tuple[Int, Float, Int, Int]:
         row.at_least(8, "id X Y Z R G B error")
         track = _Row(row.words[8:], row.path, row.line).integers()
         if len(track) % 2:
-            raise row.error(f"{len(track)} words where `image index` should repeat", "export the model again")
+            raise row.error(
+                f"{several(len(track), 'word')} where `image index` should repeat", "export the model again"
+            )
         tracks.append(np.insert(track.reshape(-1, 2), 0, row.integer(0), axis=1))
     return (
         np.array([row.integer(0) for row in rows], dtype=np.int64),

@@ -21,6 +21,7 @@ from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import quaternion_of_matrix, stated_rotation, translation_of
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 
 MODELS = {
@@ -67,7 +68,8 @@ def write_colmap_model(
     model = _model(oriented, lenses, binary_paths(folder) if binary else text_paths(folder))
     left_out = len(block.images) - len(model.images), len(block.points) - len(model.points)
     if any(left_out):
-        reporter.log(f"left out: {left_out[0]} images without orientation or rays, {left_out[1]} points without rays")
+        images, points = several(left_out[0], "image"), several(left_out[1], "point")
+        reporter.log(f"left out: {images} without orientation or rays, {points} without rays")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (write_binary if binary else write_text)(model)

@@ -26,7 +26,7 @@ from aatri.errors import InputError, raise_all
 from aatri.formats.dbat.decimal_commas import decimal_commas
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 ROUNDING_MM = 6e-4
@@ -232,7 +232,8 @@ def _marks(source: _Lines, photos: int) -> list[DbatMark]:
 def _control_point(entry: TextLine) -> ObjectPoint:
     if len(entry.words) not in (5, 6, 8):
         raise entry.error(
-            f"{len(entry.words)} values", "write `id, name, X, Y, Z`, and no, one or three standard deviations"
+            several(len(entry.words), "value"),
+            "write `id, name, X, Y, Z`, and no, one or three standard deviations",
         )
     value = entry.numbers(2)
     sigma = {5: [0.0] * 3, 6: value[3:] * 3, 8: value[3:]}[len(entry.words)]

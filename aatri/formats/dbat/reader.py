@@ -39,7 +39,7 @@ from aatri.artifacts.block import APPROXIMATE, CONTROL, NOT_SEEN, Block, Rejects
 from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError, InputError, raise_all
 from aatri.formats.dbat.files import DbatPhoto, DefaultCamera, Export, ObjectPoint, read_control, read_export
-from aatri.ids import canonical, did_you_mean
+from aatri.ids import canonical, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
 CAMERA = "camera"
@@ -92,7 +92,10 @@ def read_dbat(
     source = read_export(export, reporter)
     surveyed = {} if control is None else read_control(control, reporter)
     if source.control and control is None:
-        reporter.warn(f"{export}: its {len(source.control)} control points are adjusted values, not used as control")
+        reporter.warn(
+            f"{export}: its {several(len(source.control), 'control point', 'is', 'are')} adjusted, and "
+            "not used as control"
+        )
     shift = _shift(source, surveyed, control, reporter)
     if not set_aside:
         _refuse_undetermined(source, surveyed)

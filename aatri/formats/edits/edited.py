@@ -13,7 +13,7 @@ from aatri.artifacts.builder import image_point_order
 from aatri.errors import Faults, raise_all
 from aatri.formats.edits.edit import BY_COORDINATE, Edit
 from aatri.formats.edits.edits_file import read_edits
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import Reporter
 
 SAME = 1e-9
@@ -33,7 +33,7 @@ def edited(block: Block, path: Path | None, reporter: Reporter) -> Block:
         return block
     edits = read_edits(path)
     block = with_edits(block, edits)
-    reporter.log(f"{path}: {len(edits)} edits: {', '.join(map(str, edits[:5]))}{' ...' * (len(edits) > 5)}")
+    reporter.log(f"{path}: {several(len(edits), 'edit')}: {', '.join(map(str, edits[:5]))}{' ...' * (len(edits) > 5)}")
     return replace(block, files=Files(path=np.append(block.files.path, str(path))))
 
 

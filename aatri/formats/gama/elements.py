@@ -13,7 +13,7 @@ from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.text.number_text import rad_from_dms
 from aatri.formats.text.text_line import blank_separated
 from aatri.formats.text.xml_tree import XmlElement, read_xml
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.units import ANGLE_RAD
 
 OF_GAMA = ("conf-pr", "tol-abs", "sigma-act", "algorithm", "cov-band", "update-constrained-coordinates", "language",
@@ -214,7 +214,9 @@ class _Reader:
         places = [(i, j) for i in range(dim) for j in range(i, min(dim, i + band + 1))]
         values = [e.parsed(word, "cov-mat") for word in blank_separated(e.text)]
         if len(values) != len(places):
-            raise e.error(f"cov-mat has {len(values)} numbers, not {len(places)}", "give the upper band by rows")
+            raise e.error(
+                f"cov-mat has {several(len(values), 'number')}, not {len(places)}", "give the upper band by rows"
+            )
         if negative := [value for (i, j), value in zip(places, values) if i == j and value < 0]:
             raise e.error(f"cov-mat has the variance {negative[0]:g}", "the diagonal is not negative")
         return [(i, j, value) for (i, j), value in zip(places, values)]

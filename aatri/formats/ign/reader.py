@@ -19,7 +19,7 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 OF_CAMERAS = ("PPAx", "PPAy", "focal", "width", "height")
@@ -63,7 +63,7 @@ def read_ground_points(path: Path, reading: Reading = AS_IT_SAYS, reporter: Repo
     lines = word_lines(path, reporter, remark="#")
     for line in lines:
         if len(line.words) not in (5, 8):
-            raise line.error(f"{len(line.words)} words", 'write `"point" type X Y Z`, with sX sY sZ or without')
+            raise line.error(several(len(line.words), "word"), 'write `"point" type X Y Z`, with sX sY sZ or without')
         line.once(_name(line), first, "ground point")
         line.count(1)
         if len(line.words) == 8 and min(line.numbers(5)) <= 0:

@@ -26,7 +26,7 @@ from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
-from aatri.ids import clipped, shown
+from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "export the project again"
@@ -143,7 +143,9 @@ def _check_one_layout(rows: list[TextLine]) -> None:
     usual = max(set(counts), key=counts.count)
     for row, count in zip(rows, counts):
         if count != usual:
-            what = f"{count} words before the braces, other image points have {usual}: a blank within a number?"
+            what = (
+                f"{several(count, 'word')} before the braces, other image points have {usual}: a blank within a number?"
+            )
             raise row.error(what, "write id x y and what follows as in the other lines")
 
 
@@ -209,13 +211,15 @@ def _interior(section: Section) -> tuple[float, list[float]]:
 
 def _numbers(entry: Entry, count: int) -> list[float]:
     line = TextLine(entry.words, entry.line.path, entry.line.line)
-    return line.of_width(count, f"{count} numbers of {entry.line.words[0]}").numbers()
+    return line.of_width(count, f"{several(count, 'number')} of {entry.line.words[0]}").numbers()
 
 
 def _orientation(entry: Entry, c: float | None) -> tuple[list[float], np.ndarray]:
     """Position and matrix as stated; the focal length beside them is that of the camera."""
     if len(entry.rows) < 4:
-        raise entry.line.error(f"$EXT_ORI with {len(entry.rows)} rows", "write f X Y Z, and three rows of the matrix")
+        raise entry.line.error(
+            f"$EXT_ORI with {several(len(entry.rows), 'row')}", "write f X Y Z, and three rows of the matrix"
+        )
     f, *position = entry.rows[0].of_width(4, "f X Y Z").numbers()
     if c is not None and abs(f - c) > FOCAL_MM:
         raise entry.rows[0].error(f"focal length {f:g}, that of the camera is {c:g}", "give one calibration")

@@ -9,6 +9,7 @@ from aatri.errors import InputError
 from aatri.formats.lists.list_columns import ListColumns, columns_of_header
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, words_of
+from aatri.ids import several
 
 NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|(?<!\s)\s+(?=[(\[])", re.IGNORECASE)
 """Before a height or a unit: the second word of a header between blanks is no column of its own."""
@@ -69,7 +70,9 @@ def form_of_columns(lines: list[str], columns: ListColumns, path: Path) -> ListF
             continue
         if len(row.words) < columns.fewest:
             if all(at < len(row.words) and is_number(row.words[at]) for at in numbers[:2]):
-                raise row.error(f"{len(row.words)} words, for the columns {' '.join(columns.words)}", "mend the row")
+                raise row.error(
+                    f"{several(len(row.words), 'word')}, for the columns {' '.join(columns.words)}", "mend the row"
+                )
             continue
         if any(is_number(row.words[at]) for at in numbers if at < len(row.words)):
             return ListForm(columns, separator, k)

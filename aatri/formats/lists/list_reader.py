@@ -35,7 +35,7 @@ from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, places
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import angle_axes, angle_covariance
-from aatri.ids import clipped, shown
+from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 
 RAD = {"deg": math.pi / 180, "gon": math.pi / 200, "rad": 1.0}
@@ -85,7 +85,7 @@ def read_list(
         if text.strip() and not text.lstrip().startswith("#"):
             row = TextLine(cells(text, form.separator), path, k)
             if not columns.fewest <= len(row.words) <= len(columns.words):
-                what = f"{len(row.words)} words, for the columns {' '.join(columns.words)}"
+                what = f"{several(len(row.words), 'word')}, for the columns {' '.join(columns.words)}"
                 raise row.error(what, "mend the row" if form.separator else BLANKS)
             rows.append(row)
     if not rows:

@@ -35,7 +35,7 @@ from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_text import decoded_xml
 from aatri.formats.text.xml_tree import XmlElement, read_xml
-from aatri.ids import clipped, shown
+from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 
 WANTED = "cameras or markers of Metashape as XML, or a .psz"
@@ -69,7 +69,9 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     if others:
         parts.notes.append(f"{len(others)} chunks are not enabled, or empty, and are left out: {shown(others)}")
     if disabled:
-        parts.notes.append(f"{len(disabled)} images are not enabled, and are left out: {shown(disabled)}")
+        parts.notes.append(
+            f"{several(len(disabled), 'image', 'is', 'are')} not enabled and left out: {shown(disabled)}"
+        )
     if cameras:
         named = {key: s.name for key, s in sensors.items() if s.lens is not None}
         parts.images = {
@@ -111,7 +113,10 @@ def _not_read(chunk: XmlElement, cameras: list[ImageElement], aligned: Collectio
                 f"that nothing counts twice: {shown(names)}"
             )
     if bars := [bar.get("label") or bar.get("id") for bar in chunk.all("scalebars", "scalebar")]:
-        notes.append(f"{len(bars)} scale bars are not read: {shown(bars)}; give distances as relative control")
+        notes.append(
+            f"{several(len(bars), 'scale bar', 'is', 'are')} not read: {shown(bars)}; give distances as "
+            "relative control"
+        )
     return notes
 
 
@@ -250,7 +255,7 @@ def _give_marks(
                 xy = [place.parsed(place.get(axis), axis) for axis in "xy"]
                 rows.append((images[place.get("camera_id")], points[marker.get("marker_id")], xy, place))
     if own:
-        parts.notes.append(f"{own} places of markers are not pinned: projections of Metashape's own, left out")
+        parts.notes.append(f"left out: {several(own, 'place')} of markers not pinned, projections of Metashape's own")
     if len(frames) > 1:
         parts.notes.append(f"{len(frames)} frames: the markers of the first are read")
     if rows:

@@ -21,7 +21,7 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.frames.conversion import Frame
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 GEOGRAPHIC = "EPSG:4979"
@@ -61,7 +61,7 @@ def read_mrk(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
             not_fixed.append(number)
     names, notes = _names(path, list(first))
     if not_fixed:
-        notes.append(f"{len(not_fixed)} exposures without a fixed solution: {shown(not_fixed, 5)}")
+        notes.append(f"{several(len(not_fixed), 'exposure')} without a fixed solution: {shown(not_fixed, 5)}")
     return BlockParts(
         "dji_mrk",
         [path],
@@ -90,4 +90,7 @@ def _names(path: Path, numbers: list[str]) -> tuple[list[str], list[str]]:
     names = [number if number in without else beside[number][0] for number in numbers]
     if not without:
         return names, []
-    return names, [f"{len(without)} exposures are called by their number: no one image beside {path.name} ends with it"]
+    return names, [
+        f"{several(len(without), 'exposure', 'is', 'are')} called by number: no one image beside "
+        f"{path.name} ends with it"
+    ]

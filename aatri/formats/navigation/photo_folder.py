@@ -29,7 +29,7 @@ from aatri.formats.navigation.xmp import GEOGRAPHIC, drone_numbers, drone_packet
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.text_file import missing
 from aatri.geometry.vectors import finite_rows
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 FOCAL_SHARE = 0.3
@@ -99,7 +99,8 @@ def read_photographs(
     turned = [name for name, p in zip(names, photos) if p.orientation != 1]
     if turned:
         notes.append(
-            f"{len(turned)} photographs are marked as turned for viewers; pixels count as they lie in the "
+            f"{several(len(turned), 'photograph', 'is', 'are')} marked as turned for viewers; pixels "
+            "count as they lie in the "
             f"file: {shown(turned)}"
         )
     return parts
@@ -131,12 +132,13 @@ def _cameras(
         photos[k] = replace(photos[k], focal_px=WITHOUT_EXIF * max(photos[k].size_px), focal_mm=np.nan)
     if unknown:
         notes.append(
-            f"{len(unknown)} photographs say no focal length, or 0: {WITHOUT_EXIF} times the longer side is taken, "
+            f"{several(len(unknown), 'photograph', 'says', 'say')} no focal length, or 0: {WITHOUT_EXIF} "
+            "times the longer side is taken, "
             f"by {FOCAL_SHARE:.0%}: {shown(names[k] for k in unknown)}"
         )
     focal = {(p.camera, round(p.focal_px, 1)): p for p in photos}
-    several = {name for name, _ in focal if sum(of == name for of, _ in focal) > 1}
-    ids = {key: f"{key[0]}-{key[1]:.0f}px" if key[0] in several else key[0] for key in focal}
+    of_two = {name for name, _ in focal if sum(of == name for of, _ in focal) > 1}
+    ids = {key: f"{key[0]}-{key[1]:.0f}px" if key[0] in of_two else key[0] for key in focal}
     shapes = {(p.model, p.size_px) for p in photos}
     turned = [
         name for name, p in zip(names, photos) if p.size_px[0] != p.size_px[1] and (p.model, p.size_px[::-1]) in shapes

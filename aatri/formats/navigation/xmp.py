@@ -36,7 +36,7 @@ from aatri.formats.text.xml_text import decoded_xml
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 from aatri.regular_file import open_regular
 
@@ -97,10 +97,10 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     parts.notes = _notes(names, [t.get("RtkFlag") for t in stated], observed.tolist())
     if len(packets) < len(listed):
         parts.notes.append(
-            f"{len(listed) - len(packets)} files have no packet of a drone: "
+            f"{several(len(listed) - len(packets), 'file', 'has', 'have')} no packet of a drone: "
             f"{shown([p.name for p in listed if p not in files])}"
         )
-    reporter.log(f"{path}: {len(packets)} packets")
+    reporter.log(f"{path}: {several(len(packets), 'packet')}")
     return parts
 
 
@@ -112,12 +112,14 @@ def of_gimbal(angles_rad: Float) -> Float:
 def _notes(names: Sequence[str], flags: Sequence[float | None], observed: Sequence[bool]) -> list[str]:
     notes = []
     if plain := [name for name, is_observed in zip(names, observed) if not is_observed]:
-        notes.append(f"{len(plain)} positions without RTK are start values, their heights barometric: {shown(plain)}")
+        notes.append(
+            f"start values, with barometric heights: {several(len(plain), 'position')} without RTK: {shown(plain)}"
+        )
     loose = [
         n for n, flag, is_observed in zip(names, flags, observed) if is_observed and flag is not None and flag < FIXED
     ]
     if loose:
-        notes.append(f"{len(loose)} exposures without a fixed solution: {shown(loose)}")
+        notes.append(f"{several(len(loose), 'exposure')} without a fixed solution: {shown(loose)}")
     return notes
 
 

@@ -22,6 +22,7 @@ from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "the file is incomplete or no bundle file of version 0.3: export it again"
@@ -69,7 +70,7 @@ def read_bundler(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter =
         xyz.append(place.of_width(3, "X Y Z").numbers())
         of_points.append(place.line)
         if len(seen.words) != 1 + 4 * seen.count(0):
-            raise seen.error(f"{len(seen.words)} words", "write `m` and m times `image feature x y`")
+            raise seen.error(several(len(seen.words), "word"), "write `m` and m times `image feature x y`")
         for j in range(1, len(seen.words), 4):
             if (image := seen.count(j)) not in row_of:
                 raise seen.error(f"image {image} is not there, or not oriented", EXPORT)

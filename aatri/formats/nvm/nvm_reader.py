@@ -24,7 +24,7 @@ from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, word_lines
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 EXPORT = "the file is incomplete or no NVM_V3: export it again"
@@ -57,7 +57,9 @@ def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     xyz, marks, of_marks = [], [], []
     for k, line in enumerate(points):
         if len(line.words) < 7 or len(line.words) != 7 + 4 * line.count(6):
-            raise line.error(f"{len(line.words)} words", "a point is `X Y Z R G B m` and m times `image feature x y`")
+            raise line.error(
+                several(len(line.words), "word"), "a point is `X Y Z R G B m` and m times `image feature x y`"
+            )
         xyz.append(line.numbers(0, 3))
         for j in range(7, len(line.words), 4):
             image = line.count(j)
@@ -95,7 +97,10 @@ def _largest(
     """The model with most images; those of the others are named."""
     largest = max(models, key=lambda model: len(model[0]))
     if others := [line.words[0] for model in models if model is not largest for line in model[0]]:
-        what = f"{len(models)} models: that of {len(largest[0])} images is read, {len(others)} images are left out"
+        what = (
+            f"{len(models)} models: that of {len(largest[0])} images is read, "
+            f"{several(len(others), 'image', 'is', 'are')} left out"
+        )
         reporter.warn(f"{path}: {what}: {shown(others)}; another model is a file of its own")
     return largest
 
@@ -107,5 +112,5 @@ def _section(lines: list[TextLine], at: int, what: str) -> tuple[list[TextLine],
         raise InputError(f"the number of {what} is not there", where=where, remedy=EXPORT)
     count = lines[at].count(0)
     if not (what == "images") <= count <= len(lines) - at - 1:
-        raise lines[at].error(f"{count} {what}, and {len(lines) - at - 1} lines below", EXPORT)
+        raise lines[at].error(f"{count} {what}, and {several(len(lines) - at - 1, 'line')} below", EXPORT)
     return lines[at + 1 : at + 1 + count], at + 1 + count

@@ -29,7 +29,7 @@ from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.frames.conversion import Frame
 from aatri.frames.crs_text import crs_from
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 NEAR_M, NEAR_DEG = 0.01, 1e-7
@@ -49,7 +49,7 @@ def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter 
     ground, measured = [], []
     for row in rows:
         if len(row.words) < 6:
-            raise row.error(f"{len(row.words)} words", "write x y z column row image [name]")
+            raise row.error(several(len(row.words), "word"), "write x y z column row image [name]")
         xyz = [*(_number(row, k) for k in range(2)), _number(row, 2, nan=True)]
         if is_number(row.words[5]):
             what = f"{row.words[5]!r} stands where the name of an image should: a blank within a number?"
@@ -102,7 +102,7 @@ def read_geo(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     xyz, sigma, angles = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     for k, row in enumerate(rows):
         if len(row.words) < 3:
-            raise row.error(f"{len(row.words)} words", "write image x y [z] [yaw pitch roll] [accuracies]")
+            raise row.error(several(len(row.words), "word"), "write image x y [z] [yaw pitch roll] [accuracies]")
         x, y = _number(row, 1), _number(row, 2)
         xyz[k] = [x, y, _number(row, 3, nan=True)]
         if len(row.words) > 6:

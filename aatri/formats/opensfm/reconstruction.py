@@ -25,7 +25,7 @@ from aatri.formats.parts.one_frame import topocentric
 from aatri.formats.text.json_text import JsonText
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import exp_rotation
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 WANTED = "a reconstruction.json of OpenSfM"
@@ -64,11 +64,11 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     parts.exterior = _exterior(shots, used)
     parts.ground_points = _points(document, [k for k in number if frame != LOCAL or used[_first(shots["of"], k)]])
     if rigs := [name for k in number for name in _mounted(document, k)]:
-        parts.notes.append(f"{len(rigs)} rig cameras are not read as rigs, their images stand alone: {shown(rigs)}")
+        parts.notes.append(f"images of {several(len(rigs), 'rig camera')} stand alone, not as rigs: {shown(rigs)}")
     shots_of = [document.get(dict, k, "shots") for k in number]
     located = [name for shots in shots_of for name, shot in shots.items() if shot.get("gps_position")]
     if located:
-        what = f"gps_position of {len(located)} shots is not read: {shown(located)}"
+        what = f"gps_position of {several(len(located), 'shot')} is not read: {shown(located)}"
         parts.notes.append(f"{what}; give the photographs or geo.txt beside it")
     if any(document.get(dict, k, "points", default={}) for k in number):
         parts.notes.append("its points are start values of those that tracks.csv measures")

@@ -18,7 +18,7 @@ from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 WORDS = {0: 8, 1: 9, 2: 11}
@@ -44,7 +44,7 @@ def read_tracks(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = 
     rows = [(k, text.split("\t")) for k, text in enumerate(lines, 1) if text.strip() and not (head and k == 1)]
     for k, words in rows:
         if len(words) != WORDS[version]:
-            what = f"{len(words)} columns separated by tabs, version {version} has {WORDS[version]}"
+            what = f"{several(len(words), 'column')} separated by tabs, version {version} has {WORDS[version]}"
             raise InputError(what, where=f"{path}:{k}", remedy="the line is cut, or of another version")
     first: dict[tuple[str, ...], int] = {}
     for k, words in rows:

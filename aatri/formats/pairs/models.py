@@ -15,6 +15,7 @@ from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.formats.pairs.reader import ground_lines, ground_of, rows_of_list
 from aatri.formats.text.text_line import TextLine
+from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 
 FORM = "model point X Y Z [sigma] [centre]"
@@ -59,7 +60,9 @@ def read_models(
     centre = [row.words[-1] == CENTRE for row in rows]
     for row, is_centre in zip(rows, centre):
         if len(row.words) - is_centre not in (5, 6):
-            raise row.error(f"{len(row.words)} words where `{FORM}` should stand", "write them, parted by blanks")
+            raise row.error(
+                f"{several(len(row.words), 'word')} where `{FORM}` should stand", "write them, parted by blanks"
+            )
         row.once(f"{row.words[1]} of model {row.words[0]}", first, "point")
     sigmas = [
         row.number(5) if len(row.words) - is_centre == 6 else (centre_sigma or sigma) if is_centre else sigma

@@ -25,7 +25,7 @@ from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.formats.text.text_file import missing, read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, word_lines
-from aatri.ids import clipped, is_valid
+from aatri.ids import clipped, is_valid, several
 from aatri.progress import SILENT, Reporter
 
 STRIP, CAMERA = "1", "camera"
@@ -151,7 +151,7 @@ def _interior(row: TextLine, before: list[float]) -> list[float]:
     """Principal distance, x0, y0, the same in all files."""
     if len(row.words) not in (1, 3):
         raise row.error(
-            f"{len(row.words)} words where the interior elements should be", "write `c` or `c x0 y0`, in mm"
+            f"{several(len(row.words), 'word')} where the interior elements should be", "write `c` or `c x0 y0`, in mm"
         )
     values = row.numbers()
     values += [0.0] * (3 - len(values))

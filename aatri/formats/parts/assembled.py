@@ -26,7 +26,7 @@ from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import columns_of, same_rows, tables_of
 
@@ -157,7 +157,10 @@ def _give_cameras(tables: JoinedParts) -> None:
     if len(without) and len(ids) == 1:
         images["camera"] = np.where(images["camera"] == "", ids[0], images["camera"])
     elif len(without):
-        what = f"no source says which camera took {len(without)} images: {shown(images['id'][without].tolist(), 3)}"
+        what = (
+            f"no source says which camera took {several(len(without), 'image')}: "
+            f"{shown(images['id'][without].tolist(), 3)}"
+        )
         there = f"; cameras: {shown(ids, 5)}" if ids else ", and none gives a camera"
         remedy = CAMERAS_BESIDE if not ids else "add the file that names the camera of each image, or give one camera"
         raise InputError(what + there, where=str(tables.files[0]), remedy=remedy)
@@ -222,7 +225,7 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
         if bare.any():
             exterior["position_use"] = np.where(bare, 0, exterior["position_use"])
             reporter.log(
-                f"{int(bare.sum())} positions have no standard deviation, and are start values: "
+                f"start values: {several(int(bare.sum()), 'position')} without a standard deviation; "
                 "`position_sigma` makes them observations"
             )
     else:

@@ -12,7 +12,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.regular_file import open_regular
 
 ENDINGS = (".tif", ".gtx")
@@ -80,7 +80,7 @@ def _undulations_m(parts: BlockParts, grid: Path, place: Float, names: Any) -> F
         raise InputError(f"PROJ cannot read it: {error}", where=str(grid), remedy="give another grid") from error
     if not np.isfinite(raised).all():
         outside = np.asarray(names)[known][~np.isfinite(raised)].tolist()
-        what = f"{len(outside)} places lie outside of the grid {grid.name}: {shown(outside, 5)}"
+        what = f"{several(len(outside), 'place', 'lies', 'lie')} outside of the grid {grid.name}: {shown(outside, 5)}"
         raise InputError(what, where=str(parts.files[0]), remedy="give the grid of the region")
     undulation = np.zeros(len(place))
     undulation[known] = raised

@@ -31,6 +31,7 @@ from aatri.frames.heights import is_tangent_frame
 from aatri.frames.own_map import utm_of
 from aatri.frames.tangent import tangent_frame
 from aatri.geometry.rotations import rotation_from_angles
+from aatri.ids import several
 from aatri.progress import Reporter
 
 GEOCENTRIC = Frame("geocentric", ("x", "y", "z"), "EPSG:4978")
@@ -140,7 +141,8 @@ def _plan_alone(xyz: Float, source: Frame, target: Frame, where: str) -> Bool:
     maps = all(not is_tangent_frame(f.crs) and set(f.axes) != {"x", "y", "z"} for f in (source, target))
     if len(lost := np.flatnonzero(given.any(axis=1) & ~given.all(axis=1) & ~(plan & maps))):
         what = (
-            f"{len(lost)} rows have some coordinates alone, and cannot be converted from {source.crs} to {target.crs}"
+            f"{several(len(lost), 'row', 'has', 'have')} some coordinates alone, and cannot be "
+            f"converted from {source.crs} to {target.crs}"
         )
         raise InputError(what, where=where, remedy="give them in the system of the block, or all three coordinates")
     return plan

@@ -22,7 +22,7 @@ from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, places
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 WIDTH = 16
@@ -40,7 +40,7 @@ def read_patb(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SI
     """
     lines = [(k, text) for k, text in enumerate(read_lines(path, reporter), 1) if text.strip()]
     if len(lines) % 3:
-        what = f"{len(lines)} records, three a photo"
+        what = f"{several(len(lines), 'record')}, three a photo"
         raise InputError(what, where=f"{path}:{lines[-1][0]}", remedy="the file is cut off, or no .ori of PATB")
     first: dict[str, TextLine] = {}
     heads, positions, matrices = list[TextLine](), list[list[float]](), list[Float]()

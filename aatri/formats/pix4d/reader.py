@@ -24,7 +24,7 @@ from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
 ENDING = "calibrated_camera_parameters.txt"
@@ -54,7 +54,7 @@ def read_pix4d(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = S
         raise lines[0].error(f"the first line is not {HEAD!r}", EXPORT)
     images, first = lines[7:], dict[str, TextLine]()
     if not images or len(images) % len(SHAPE):
-        raise lines[-1].error(f"{len(images)} lines of images, {len(SHAPE)} each", EXPORT)
+        raise lines[-1].error(f"{several(len(images), 'line')} of images, {len(SHAPE)} each", EXPORT)
     heads = [_named(line, 2) for line in images[:: len(SHAPE)]]
     images[:: len(SHAPE)] = heads
     rows = [_image(images[k : k + len(SHAPE)], first) for k in range(0, len(images), len(SHAPE))]

@@ -13,7 +13,7 @@ from aatri.formats.conventions.names import without_extension
 from aatri.formats.parts.format import FileView, Format
 from aatri.formats.registry.catalogue import BY_NAME, FORMATS
 from aatri.formats.text.text_file import missing
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 
 MOST_FILES = 500
 """So many files of a folder are looked at by themselves."""
@@ -123,7 +123,7 @@ def unrecognised(path: Path) -> InputError:
     """The error for what is of no known format: what was looked for, and what the files begin with."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     begins = "; ".join(f"{p.name} begins with {clipped(_beginning(p), 40)!r}" for p in files[:MOST_TOLD])
-    more = f" and {len(files) - MOST_TOLD} more files" if len(files) > MOST_TOLD else ""
+    more = f" and {several(len(files) - MOST_TOLD, 'more file')}" if len(files) > MOST_TOLD else ""
     looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
     of_list = f'--set "{path.name}:columns=point X Y Z"' if not path.is_dir() else "`--set FILE:columns=...`"

@@ -33,6 +33,7 @@ from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.frames.conversion import Frame
+from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 
 DEGREES = "8"
@@ -84,7 +85,8 @@ def read_points(
     while k < len(lines):
         head, below = lines[k], lines[k + 1 : k + 1 + len(widths)]
         if len(head.words) != flags + 1:
-            raise head.error(f"{len(head.words)} words where a point should begin", f"write its id and {flags} numbers")
+            what = f"{several(len(head.words), 'word')} where a point should begin"
+            raise head.error(what, f"write its id and {flags} numbers")
         if len(below) < len(widths):
             raise head.error(f"point {head.words[0]} ends early", EXPORT)
         rows = [line.of_width(n, f"{n} numbers of point {head.words[0]}").numbers() for line, n in zip(below, widths)]
@@ -95,7 +97,7 @@ def read_points(
             rows.append(lines[k].numbers())
             k += 1
     if len(points) != count:
-        raise lines[at].error(f"{count} points are announced, {len(points)} are there", EXPORT)
+        raise lines[at].error(f"{several(count, 'point', 'is', 'are')} announced, {len(points)} are there", EXPORT)
     if not any(point.flags[0] for point in points):
         raise lines[at].error(f"none of {count} points is used", "give a file with points that are switched on")
     return header, points
@@ -138,7 +140,7 @@ def read_gpf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         frame=_geographic(header, reading.crs, points[0], "degrees" if degrees else "radians")
         if degrees or radians
         else PLANE,
-        notes=[f"{len(points) - len(used)} points are not used"] if len(used) < len(points) else [],
+        notes=[f"{several(len(points) - len(used), 'point', 'is', 'are')} not used"] if len(used) < len(points) else [],
         ground_points={
             "point": [point.id for point in used],
             "xyz_m": place,
@@ -165,7 +167,9 @@ def read_ipf(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         [path],
         name=path.stem,
         pixel_axes=PIXEL_AXES["socet"],
-        notes=[f"{len(points) - len(valid)} points are not valid"] if len(valid) < len(points) else [],
+        notes=[f"{several(len(points) - len(valid), 'point', 'is', 'are')} not valid"]
+        if len(valid) < len(points)
+        else [],
         image_points={
             "image": path.stem,
             "point": [point.id for point in valid],

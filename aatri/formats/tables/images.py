@@ -11,7 +11,7 @@ from aatri.formats.tables.columns import FIDUCIALS, IMAGE_POINTS, IMAGES
 from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable
-from aatri.ids import canonical, clipped, did_you_mean, shown
+from aatri.ids import canonical, clipped, did_you_mean, several, shown
 from aatri.regular_file import content_of
 
 
@@ -71,7 +71,7 @@ def _places_in_strips(source: Source, table: CsvTable) -> None:
     for images, what in ((lacking, "have no sequence"), (twice, "have the sequence of another image of their strip")):
         if images:
             source.reporter.warn(
-                f"{table.path}: {len(images)} images of strips {what}; their order in the strip is "
+                f"{table.path}: {several(len(images), 'image')} of strips {what}; their order in the strip is "
                 f"that of their ids: {shown(images)}"
             )
 
@@ -120,7 +120,10 @@ def _sigma_mm(source: Source, table: CsvTable, camera_of: Mapping[str, int], cam
     empty = np.isnan(sigma)
     if empty.any() and default is None:
         row, column = np.argwhere(empty)[0]
-        what = f"no standard deviation in {int(empty.any(axis=1).sum())} rows, and no sigma.{kind} in block.yaml"
+        what = (
+            f"no standard deviation in {several(int(empty.any(axis=1).sum()), 'row')}, and no "
+            f"sigma.{kind} in block.yaml"
+        )
         unit = units.sigma_image
         source.problems.add(
             what, table.where(int(row), ("sx", "sy")[column]), f"add sigma: {{{kind}: 5}} ({unit}) to block.yaml"

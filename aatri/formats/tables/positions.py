@@ -20,6 +20,7 @@ from aatri.formats.text.csv_table import CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
 from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame, convert
+from aatri.ids import several
 
 
 def stacked(table: CsvTable, names: Sequence[str]) -> Float:
@@ -47,7 +48,8 @@ def ask_for_sigma(source: Source, table: CsvTable, lacking: Bool, key: str, unit
     if lacking.any():
         row, axis = (int(k) for k in np.argwhere(lacking)[0])
         names = SIGMAS if unit == "ground" else ("s1", "s2", "s3")
-        what = f"no standard deviation in {int(lacking.any(axis=1).sum())} rows, and no sigma.{key} in block.yaml"
+        rows = several(int(lacking.any(axis=1).sum()), "row")
+        what = f"no standard deviation in {rows}, and no sigma.{key} in block.yaml"
         measure = "0 is exact" if key == "control" else "in units.sigma_" + unit
         source.problems.add(what, table.where(row, names[axis]), f"add sigma: {{{key}: [a, b, c]}}, {measure}")
 

@@ -16,7 +16,7 @@ from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable, read_csv
 from aatri.formats.text.number_text import number_of, rad_from_dms
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 from aatri.strict_yaml import Document
 from aatri.units import ANGLE_RAD
@@ -69,8 +69,9 @@ class Source:
         lines = ", ".join(str(table.line[k]) for k in copies[:MOST_PER_COLUMN])
         more = ", ..." if len(copies) > MOST_PER_COLUMN else ""
         self.reporter.warn(
-            f"{table.where(copies[0])}: {len(copies)} rows are equal to earlier ones in every digit and "
-            f"count once: line {lines}{more}"
+            f"{table.where(copies[0])}: {several(len(copies), 'row', 'repeats', 'repeat')} an earlier "
+            "one in every digit, counted "
+            f"once: line {lines}{more}"
         )
         return table.taken(sorted(first.values()))
 
@@ -107,7 +108,7 @@ def look_up(table: CsvTable, column: str, row_of: Mapping[str, int], what: str, 
         message = f"{what} {clipped(name)!r} is unknown{often}{did_you_mean(name, row_of)}"
         table.problems.add(message, table.where(k, column), remedy)
     if len(first) > MOST_PER_COLUMN:
-        more = f"{len(first) - MOST_PER_COLUMN} more unknown ids in column {column}"
+        more = f"{several(len(first) - MOST_PER_COLUMN, 'more unknown id')} in column {column}"
         table.problems.add(more, str(table.path), remedy)
     return rows
 

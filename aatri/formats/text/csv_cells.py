@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import NamedTuple
 
+from aatri.ids import several
+
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a cell begins with that spreadsheets compute or run."""
 
@@ -116,7 +118,7 @@ def _one_by_one(
             rows.append(cells)
             numbered.append(line)
         else:
-            what = f"{len(cells)} cells, but the header has {width} columns"
+            what = f"{several(len(cells), 'cell')}, but the header has {several(width, 'column')}"
             remedy = "write an empty cell for what is not given; decimal point, not comma"
             malformed.append(Malformed(line, 1, what, remedy))
     return [[row[k] for row in rows] for k in range(width)], numbered, malformed

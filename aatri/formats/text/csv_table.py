@@ -23,7 +23,7 @@ from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.text.csv_cells import Malformed, cells_of, columns_of_lines, start_of_cell, unshielded
 from aatri.formats.text.number_text import numbers_of, what_is_wrong
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import OF_IDS, clipped, did_you_mean, invalid
+from aatri.ids import OF_IDS, clipped, did_you_mean, invalid, several
 from aatri.progress import SILENT, Reporter
 
 MOST_PER_COLUMN = 20
@@ -74,7 +74,7 @@ class CsvTable:
             cell = repr(clipped(self.cell(int(row), column)))
             self.problems.add(what.replace("{}", cell), self.where(int(row), column), remedy)
         if len(places) > MOST_PER_COLUMN:
-            more = f"column {column}: {len(places) - MOST_PER_COLUMN} more cells of this kind"
+            more = f"column {column}: {several(len(places) - MOST_PER_COLUMN, 'more cell')} of this kind"
             self.problems.add(more, str(self.path))
 
     def complain_of_numbers(
@@ -199,7 +199,7 @@ def _explain_lines(path: Path, malformed: Sequence[Malformed], problems: Faults)
         where = f"{path}:{fault.line}:{fault.character}"
         problems.add(fault.what, where, fault.remedy)
     if len(malformed) > MOST_PER_COLUMN:
-        more = f"{len(malformed) - MOST_PER_COLUMN} more lines are no rows"
+        more = f"{several(len(malformed) - MOST_PER_COLUMN, 'more line')} of this kind"
         problems.add(more, str(path), "check the separator and the export")
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
 from aatri.formats.text.text_file import read_lines
-from aatri.ids import clipped
+from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
 _BLANKS = r" \t\n\v\f\r"
@@ -52,7 +52,7 @@ class TextLine:
     def of_width(self, width: int, what: str) -> TextLine:
         """The line, of so many words."""
         if len(self.words) != width:
-            raise self.error(f"{len(self.words)} words where {what} should stand", f"write {width} of them")
+            raise self.error(f"{several(len(self.words), 'word')} where {what} should stand", f"write {width} of them")
         return self
 
     def once(self, name: str, first: dict[str, TextLine], what: str, remedy: str = "remove one") -> str:

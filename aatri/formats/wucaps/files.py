@@ -23,7 +23,7 @@ from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.formats.wucaps.ends import ends
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
 from aatri.formats.wucaps.observations import Columns, observations
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
@@ -184,7 +184,9 @@ def _image_coordinates(
             elif photo and len(entry.words) == 3:
                 measured.append(MeasuredPoint(photo, entry.words[0], (entry.number(1), entry.number(2)), entry))
             elif photo:
-                raise entry.error(f"{len(entry.words)} words in photo {photo}", "each line is `point x y`; -99 ends")
+                raise entry.error(
+                    f"{several(len(entry.words), 'word')} in photo {photo}", "each line is `point x y`; -99 ends"
+                )
             elif len(entry.words) == 4:
                 if not last:
                     raise entry.error(
@@ -199,7 +201,7 @@ def _image_coordinates(
                 photos.append(WucapsPhoto(photo, len(numbers) - 1, len(photos) + 1, entry))
             elif not ends(entry):
                 raise entry.error(
-                    f"{len(entry.words)} words, but a strip or photo should begin here",
+                    f"{several(len(entry.words), 'word')}, but a strip or photo should begin here",
                     "a strip is `strip count scale 0`, a photo `photo 0`",
                 )
         except InputError as error:
@@ -241,7 +243,9 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
     for k, entry in enumerate(named):
         name = entry.words[0]
         if len(entry.words) > 1:
-            problems.append(entry.error(f"{len(entry.words)} words where an id should stand", "write one id a line"))
+            problems.append(
+                entry.error(f"{several(len(entry.words), 'word')} where an id should stand", "write one id a line")
+            )
         elif name not in ground:
             what = f"point {clipped(name)!r} is not in the ground point file{did_you_mean(name, ground)}"
             problems.append(entry.error(what, "add it to PRECKI, or mend the id"))

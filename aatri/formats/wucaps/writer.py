@@ -24,7 +24,7 @@ from aatri.formats.wucaps.ends import END
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
 from aatri.formats.wucaps.observations import observation_lines
 from aatri.formats.wucaps.result_files import result_lines
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.notes import Note, tell
 from aatri.progress import Reporter
 
@@ -230,7 +230,7 @@ def _left_out(block: Block, used: Bool) -> list[Note]:
     if filled.any():
         warn("0 stands for coordinates that are not known, of plan or height control", block.points.id[g.point[filled]])
     if not used.all():
-        warn(f"{int((~used).sum())} image points that are not used are not written")
+        warn(f"{several(int((~used).sum()), 'unused image point', 'is', 'are')} not written")
     if len(block.relative_control):
         warn("relative control has no place in WuCAPS files and is not written")
     if block.frames.crs[0] != "local":

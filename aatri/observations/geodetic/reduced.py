@@ -20,6 +20,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import AatriError, InputError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import slope
 from aatri.observations.geodetic.sights import Between, Measured, Sights
@@ -97,7 +98,8 @@ def check_map(source: ObservationSource, rows: Sights) -> None:
     """
     if len(rows) and source.frame is not None and source.frame.geocentric:
         raise InputError(
-            f"{len(rows)} geodetic observations are reduced to a map, but the block's first frame is none",
+            f"{several(len(rows), 'geodetic observation', 'is', 'are')} reduced to a map, but the "
+            "block's first frame is none",
             where=f"geodetic.csv: {rows.names[0]}",
             remedy="make the map the first frame of block.yaml, or give observations that are not reduced",
         )
@@ -118,7 +120,8 @@ def not_reduced(source: ObservationSource, rows: Sights) -> tuple[Note, ...]:
         return ()
     worst = int(np.nanargmax(effect))
     text = (
-        f"{len(rows)} distances are not reduced, and the adjustment is in a map of scale {scale[worst]:.6f} here: "
+        f"{several(len(rows), 'distance', 'is', 'are')} not reduced, and the adjustment is in a map of "
+        f"scale {scale[worst]:.6f} here: "
         f"{large.sum()} are wrong by more than {NOTED:g} sigma, {rows.names[worst]} by {effect[worst]:.3g} m; "
         "earth_curvature: frame takes them as they are, `reduced: map` says that they are reduced"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from aatri.adjustment.records import Evaluate, Evaluated, Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text, sums_of
-from aatri.ids import rows_of, shown
+from aatri.ids import rows_of, several, shown
 from aatri.notes import Note
 from aatri.observations.geodetic.sights import ALL, Sights, inverse_sigmas, rows_of_ends
 from aatri.observations.observed import ObservationSource, Observed, named
@@ -119,7 +119,7 @@ class Conditions:
             self.group, free, labels, self.labels, add_step, generator=generator, implausible=implausible
         )
         gained, how = rows * len(self.of) - int(free.sum()), "exact" if self.exact else "observed"
-        text = f"{self.type}: {len(self.row)} conditions {how}, redundancy gained {gained}"
+        text = f"{self.type}: {several(len(self.row), 'condition')} {how}, redundancy gained {gained}"
         return Observed(
             records,
             self.member,

@@ -18,6 +18,7 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
+from aatri.ids import several
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints, Tie, grow_components
@@ -241,7 +242,7 @@ def _reasons(
             else:
                 weakly = tie.joins(weakly=True)
                 reason = tie.misfit or ("lie nearly on a line" if weakly else "lie on a line")
-                texts[f"{between} have {tie.common} common points that {reason}"] = weakly
+                texts[f"{between} have {several(tie.common, 'common point')} that {reason}"] = weakly
     return texts
 
 

@@ -30,6 +30,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, levelling
 from aatri.geometry.similarity import Similarity, from_centroids, robust_closed_form
 from aatri.geometry.two_point import farthest_apart, two_point_frame
+from aatri.ids import several
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
 from aatri.observations.ties import BODY
@@ -218,7 +219,7 @@ def two_point_start(places: GivenPlaces, x: Float, body: FreeBody, what: str) ->
     plan, heights = np.flatnonzero(places.given[:, :2].all(axis=1)), np.flatnonzero(places.given[:, 2])
     if len(plan) < 2 or not len(heights):
         raise GeometryError(
-            f"{what}: no initial values from {len(plan)} points known in plan and {len(heights)} in height",
+            f"{what}: no initial values from {several(len(plan), 'point')} known in plan and {len(heights)} in height",
             remedy="give two points with X and Y and one with Z",
         )
     ends = plan[farthest_apart(xyz_m[plan, :2])]

@@ -18,6 +18,7 @@ from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import angles_between
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import ImageComponent, adjusted_component
@@ -86,7 +87,8 @@ def orient_free(
     notes = _of_pairs(graph, image_ids, error, wrong & ~other, triangles)
     if other.any():
         text = (
-            f"{int(other.sum())} pairs are ambiguous, as over a plane; {int((wrong & other).sum())} of them do not fit"
+            f"{several(int(other.sum()), 'pair', 'is', 'are')} ambiguous, as over a plane; "
+            f"{int((wrong & other).sum())} of them do not fit"
             " the others, or lie in no triangle with them, and are left out"
         )
         notes.append(Note("note", text))
@@ -97,7 +99,10 @@ def orient_free(
         pairs = fitting.take(scaled.pair[pair_rows])
         images = np.zeros(n, dtype=bool)
         images[pairs.left] = images[pairs.right] = True
-        reporter.log(f"component {k + 1}: {int(images.sum())} images, {int(pair_rows.sum())} pairs carry its scale")
+        reporter.log(
+            f"component {k + 1}: {several(int(images.sum()), 'image')}, "
+            f"{several(int(pair_rows.sum()), 'pair', 'carries', 'carry')} its scale"
+        )
         try:
             centre, centre_notes = _centres(
                 pairs, scaled.length[pair_rows], rotation, rays, images, start, observed_m, rng
@@ -106,7 +111,8 @@ def orient_free(
             components.append(adjusted_component(rays, images, rotation, centre, image_ids, point_ids, reporter))
         except (ConvergenceError, GeometryError) as failed:
             ids = tuple(np.asarray(image_ids)[images].tolist())
-            notes.append(Note("warning", f"{len(ids)} images are not oriented to each other: {failed.what}", ids))
+            text = f"{several(len(ids), 'image', 'is', 'are')} not oriented to each other: {failed.what}"
+            notes.append(Note("warning", text, ids))
     if not components:
         raise GeometryError(
             f"no pairs of the {n} images can be oriented to each other",

@@ -15,6 +15,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
 from aatri.geometry.vectors import finite_rows
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
@@ -60,13 +61,15 @@ def joined(
                     reporter.log(f"components are not joined: {failed.what}")
                     continue
                 new = tuple(np.asarray(image_ids)[other.images & ~base.images].tolist())
-                notes.append(Note("note", f"{len(new)} images joined to the others by {points} common points", new))
+                text = f"{several(len(new), 'image')} joined to the others by {several(points, 'common point')}"
+                notes.append(Note("note", text, new))
                 base, grown = refined_base, True
                 left.remove(other)
         base, resected = _with_resected(base, rays, image_ids, point_ids, reporter)
         if resected.any():
             ids = tuple(np.asarray(image_ids)[resected].tolist())
-            notes.append(Note("note", f"{len(ids)} images oriented by resection to the points of the others", ids))
+            text = f"{several(len(ids), 'image')} oriented by resection to the points of the others"
+            notes.append(Note("note", text, ids))
         left = [c for c in left if (c.images & ~base.images).any()]
         done.append(base)
     return sorted(done, key=lambda c: -int(c.images.sum())), notes

@@ -12,6 +12,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
+from aatri.ids import several
 
 LINE = 3.0
 """Points lie on a line if they are no farther from it than this many standard deviations, root mean square."""
@@ -44,7 +45,7 @@ def degenerate_pairs(rays: RayPairs, start: Int, fewest: int) -> dict[int, str]:
 def _defect(rays: RayPairs, fewest: int) -> str:
     n = len(rays.left)
     if n < fewest:
-        return f"{n} common points, {fewest} are needed"
+        return f"{several(n, 'common point')}, {fewest} are needed"
     if np.array_equal(rays.left[:, :2], rays.right[:, :2]):
         return "identical coordinates in both images"
     for side, u, sigma in (("left", rays.left, rays.left_sigma), ("right", rays.right, rays.right_sigma)):

@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
+from aatri.ids import several
+
 
 class Why(StrEnum):
     """The kinds of reasons."""
@@ -107,7 +109,7 @@ def _code(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Reason]:
     if not changed:
         yield Reason(Why.code, "", old["code"][:12], new["code"][:12])
         return
-    more = f" and {len(changed) - MOST_MODULES} more modules" if len(changed) > MOST_MODULES else ""
+    more = f" and {several(len(changed) - MOST_MODULES, 'more module')}" if len(changed) > MOST_MODULES else ""
     yield Reason(Why.code, f"of {', '.join(changed[:MOST_MODULES])}{more} changed")
 
 

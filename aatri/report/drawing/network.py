@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.solution import Solution
+from aatri.ids import several
 from aatri.report.drawing.picture import Marks, Picture, Shape
 from aatri.report.drawing.plan import ground_positions, rejected_control, roles
 from aatri.report.drawing.scales import length_text, near, round_below, thinned
@@ -158,10 +159,10 @@ def network_picture(block: Block, solution: Solution | None) -> Picture | None:
         marks.append(
             Marks(shape, ground[points[of]], colour, name, 4.0 if shape == "dots" else 1.6, ids=ids, labelled=True)
         )
-    caption = f"{len(lines)} lines observed between {len(points)} points"
+    caption = f"{several(len(lines), 'line')} observed between {several(len(points), 'point')}"
     caption += f", {int(wrong.sum())} with a rejected observation" if wrong.any() else ""
     caption += f"; standard ellipses enlarged {times(scale)}" if scale else ""
-    caption += f"; {len(drawn)} lines drawn" if len(drawn) < len(lines) else ""
+    caption += f"; {several(len(drawn), 'line')} drawn" if len(drawn) < len(lines) else ""
     return Picture("network", "Network", f"{caption}.", marks, width=720.0)
 
 

@@ -10,7 +10,7 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
-from aatri.ids import rows_of, shown
+from aatri.ids import rows_of, several, shown
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.rays import principal_distances, seen_from, used_rays
 from aatri.report.drawing.scales import near, thinned
@@ -189,7 +189,7 @@ def _points(block: Block, solution: Solution | None, ground: Float, images: Int)
                 name,
                 width={"dots": 2.5, "crosses": 2.5}.get(shape, 1.6),
                 ids=block.points.id[drawn].tolist(),
-                tells=[f"{k} rays" for k in solution.points.rays[drawn].tolist()] if solution is not None else (),
+                tells=[several(k, "ray") for k in solution.points.rays[drawn].tolist()] if solution is not None else (),
                 labelled=shape != "dots",
                 seen_from=seen_from(rays, drawn, images),
             )

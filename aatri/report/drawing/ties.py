@@ -64,7 +64,7 @@ def overlap_picture(block: Block, solution: Solution) -> Picture | None:
     ):
         rows = np.flatnonzero((count >= low_n) & (count <= high_n))
         name = f"{low_n}" if low_n == high_n else f"{low_n} to {high_n}" if high_n < 10**9 else f"{low_n} or more"
-        tells = [f"seen from {k} images" for k in count[rows]]
+        tells = [f"seen from {several(k, 'image')}" for k in count[rows]]
         areas = centres[rows, None] + quarter
         marks.append(Marks("areas", areas, colour, name, 0.0, fill, ids=[""] * len(rows), tells=tells))
     covered = count[count > 0]
@@ -93,7 +93,7 @@ def rays_pictures(block: Block, solution: Solution) -> list[Picture]:
             f"{name} rays",
             4.0,
             ids=block.points.id[of].tolist(),
-            tells=[f"{k} rays" for k in rays[of].tolist()],
+            tells=[several(k, "ray") for k in rays[of].tolist()],
         )
         for of, colour, name in reversed(steps_of(-rays.astype(float), [-5.5, -3.5, -2.5, -1.5], RAYS[::-1], drawn))
     ]
@@ -187,7 +187,7 @@ def ties_picture(block: Block, solution: Solution | None, pairs: tuple[Int, Int,
         marks.append(Marks("segments", ends, "blue", name, WIDTHS[k], ids=ids, tells=tells))
     images = np.flatnonzero(located)
     partners = np.bincount(np.concatenate([left, right]), minlength=len(centres))[images]
-    tells = [f"tied to {n} images" for n in partners.tolist()]
+    tells = [f"tied to {several(n, 'image')}" for n in partners.tolist()]
     ids = block.images.id[images].tolist()
     marks.append(Marks("dots", centres[images], "ink", "images", 4.0, ids=ids, tells=tells))
     caption = "Images with common points: the wider the line, the more. A block that hangs by thin lines bends there."

@@ -10,6 +10,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import ErrorFields
+from aatri.ids import several
 from aatri.report.drawing.picture import Marks, Picture, Shape
 from aatri.report.drawing.scales import length_text, near, round_below, thinned
 
@@ -83,7 +84,8 @@ def tie_pictures(strips: Mapping[str, tuple[Float, Float, Sequence[str]]]) -> li
         (n, 3) float64, m; the mean of the strips minus the single strip.
     """
     pictures = []
-    more = f" {len(strips) - MOST_STRIPS} more strips are not drawn." if len(strips) > MOST_STRIPS else ""
+    hidden = max(len(strips) - MOST_STRIPS, 0)
+    more = f" {several(hidden, 'more strip', 'is', 'are')} not drawn." if hidden else ""
     for name, of_strip in list(strips.items())[:MOST_STRIPS]:
         rms = ", ".join(
             f"{a} {length_text(float(np.sqrt(np.nanmean(of_strip[1][:, k] ** 2))))}" for k, a in enumerate("XYZ")
@@ -117,7 +119,9 @@ def image_vectors(camera: str, xy_mm: Float, residual_mm: Float) -> Picture | No
         f"In {CELLS} x {CELLS} cells, {int(np.median(count[filled]))} points a cell "
         f"(median); the largest is {1e3 * float(np.hypot(*mean.T).max()):.2f} um."
     )
-    tells = [f"{1e3 * a:.2f}, {1e3 * b:.2f} um from {n} points" for (a, b), n in zip(mean.tolist(), count[filled])]
+    tells = [
+        f"{1e3 * a:.2f}, {1e3 * b:.2f} um from {several(n, 'point')}" for (a, b), n in zip(mean.tolist(), count[filled])
+    ]
     title = f"Mean image residuals, {camera}"
     return _over_format(f"residual_field_{camera}", title, caption, np.stack([low, high]), place, mean, 95.0, tells)
 
@@ -237,7 +241,8 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     largest = float(np.hypot(*vectors.T).max())
     caption = f"{_begun(between)}{', '.join(notes)}; the largest is {length_text(largest)}."
     caption += f" Exaggerated {times(exaggeration)}."
-    caption += f" Not drawn: {int((~main).sum())} points that lie far off." if not main.all() else ""
+    if not main.all():
+        caption += f" Not drawn: {several(int((~main).sum()), 'point', 'that lies', 'that lie')} far off."
     cut = int((shortened[main] < 1).sum())
     caption += f" {cut} longer ones are cut short." if cut > 1 else " A longer one is cut short." if cut else ""
     length = round_below(0.12 * extent / exaggeration)

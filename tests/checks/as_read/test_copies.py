@@ -65,7 +65,7 @@ def test_a_second_feature_at_one_place_counts_once_where_it_is_so_in_two_images(
     heard = Heard()
     found = rejects(of.read(tmp_path, heard))
     assert [r[:2] for r in found] == [("image_point", "i0/second"), ("image_point", "i1/second")]
-    assert any("1 points lie at the very place" in w and w.endswith("second (as p3)") for w in heard.warned)
+    assert any("1 point lies at the very place" in w and w.endswith("second (as p3)") for w in heard.warned)
 
 
 def test_the_second_feature_of_control_is_the_one_that_goes(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_row_copied_in_any_table_counts_once(tmp_path: Path, name: str) -> Non
     heard = Heard()
     once = read_block(write_folder(tmp_path / "once"))
     twice = read_block(write_folder(tmp_path / "twice", {name: f"{FILES[name].rstrip()}\n{row}\n"}), heard)
-    assert any(name in w and "count once" in w for w in heard.warned)
+    assert any(name in w and "counted once" in w for w in heard.warned)
     _equal(once, twice)
     other = row.rsplit(",", 1)[0] + ",77"
     if name in ("fiducials.csv", "covariances.csv"):

@@ -117,7 +117,7 @@ DAMAGE = [
     (lambda t: t.replace("    100.5 ", "    120.5 ", 1), r":\d+: focal length 120.5, that of the camera is 100.5"),
     (lambda t: t.replace(": 100.5", ": -100.5"), r":20: focal length -100.5"),
     (lambda t: t.replace("1.5 -2.25", "1,5 -2.25", 1), r":\d+: '1,5': a decimal comma"),
-    (lambda t: t.replace("0.25 -0.125", "0.25"), r":21: 1 words where 2 numbers of \$PRINCIPAL_POINT_PPA"),
+    (lambda t: t.replace("0.25 -0.125", "0.25"), r":21: 1 word where 2 numbers of \$PRINCIPAL_POINT_PPA"),
 ]
 
 

@@ -152,7 +152,7 @@ def test_only_pinned_marks_are_measured_and_roles_and_accuracies_are_those_of_th
         ("a.jpg", "T3"),
     ]
     assert parts.image_points["sigma_px"] == 0.25
-    assert any("1 places of markers are not pinned" in note for note in parts.notes)
+    assert any("left out: 1 place of markers not pinned" in note for note in parts.notes)
     g = parts.ground_points
     assert g["point"] == ["P1", "P2"]
     assert g["role"] == [[CONTROL] * 3, [CHECK] * 3]
@@ -187,7 +187,7 @@ def test_covariances_and_scale_bars_are_told_and_sensors_without_images_are_not_
     notes = " ".join(read_metashape(written(tmp_path, text)).notes)
     assert "covariances of 1 cameras" in notes
     assert "covariances of 1 orientations" in notes
-    assert "1 scale bars are not read: 1_2" in notes
+    assert "1 scale bar is not read: 1_2" in notes
 
 
 def test_an_enabled_reference_is_an_observed_position_with_its_accuracy(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def test_an_exposure_is_of_the_image_with_its_number(tmp_path: Path) -> None:
     assert parts.exterior["image"] == ["DJI_20260101_0002.JPG", "DJI_20260101_0001.JPG"]
     assert parts.exterior["position_m"][0] == (121.25, 31.5, 88.125)
     assert parts.exterior["sigma_m"][0] == (0.012, 0.011, 0.025)
-    assert parts.notes == ["1 exposures without a fixed solution: 1"]
+    assert parts.notes == ["1 exposure without a fixed solution: 1"]
     assert read_mrk(written(tmp_path / "..", MRK)).exterior["image"] == ["2", "1"]
 
 

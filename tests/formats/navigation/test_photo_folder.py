@@ -123,7 +123,7 @@ def test_no_focal_length_is_told_and_taken_by_the_format(tmp_path: Path) -> None
     path = tmp_path / "a.png"
     Image.fromarray(np.zeros((HEIGHT, WIDTH), np.uint8)).save(path)
     parts = read_photographs(tmp_path)
-    assert "say no focal length, or 0" in parts.notes[0]
+    assert "says no focal length, or 0" in parts.notes[0]
     assert parts.cameras["principal_distance_mm"][0] == pytest.approx(1.2 * WIDTH * 0.001)
     assert not parts.exterior
 

@@ -68,9 +68,9 @@ def test_positions_are_observed_with_the_sigmas_of_rtk_alone(tmp_path: Path) -> 
     assert parts.exterior["position_use"].tolist() == [OBSERVED_VALUE, APPROXIMATE_VALUE, OBSERVED_VALUE]
     assert parts.exterior["position_m"][1, 0] == 121.26
     assert parts.notes == [
-        "1 positions without RTK are start values, their heights barometric: DJI_2.JPG",
-        "1 exposures without a fixed solution: DJI_3.JPG",
-        "1 files have no packet of a drone: other.JPG",
+        "start values, with barometric heights: 1 position without RTK: DJI_2.JPG",
+        "1 exposure without a fixed solution: DJI_3.JPG",
+        "1 file has no packet of a drone: other.JPG",
     ]
 
 

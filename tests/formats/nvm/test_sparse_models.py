@@ -77,7 +77,7 @@ def test_of_several_models_the_largest_is_read_and_the_others_are_named(tmp_path
     alone = read_nvm(written(tmp_path, NVM))
     assert of_two.images["id"] == alone.images["id"] == ["a.jpg", "b.jpg"]
     np.testing.assert_array_equal(of_two.image_points["xy"], alone.image_points["xy"])
-    assert any("2 models: that of 2 images is read, 1 images are left out: c.jpg" in line for line in told.lines)
+    assert any("2 models: that of 2 images is read, 1 image is left out: c.jpg" in line for line in told.lines)
 
 
 def test_a_point_of_bundler_is_projected_by_its_formula(tmp_path: Path) -> None:

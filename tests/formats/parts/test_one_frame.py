@@ -59,7 +59,7 @@ def test_plan_control_of_latitude_and_longitude_has_its_place_in_a_map() -> None
 def test_a_height_without_its_place_is_refused_in_another_frame() -> None:
     parts = replace(ground("a.txt", "p", role=[[NO_ROLE, NO_ROLE, CONTROL]]), frame=DEGREES)
     parts.ground_points = {**parts.ground_points, "xyz_m": [[np.nan, np.nan, 500.0]]}
-    with pytest.raises(InputError, match=r"a.txt: 1 rows have some coordinates alone"):
+    with pytest.raises(InputError, match=r"a.txt: 1 row has some coordinates alone"):
         in_frame(parts, UTM, SILENT)
 
 

@@ -100,7 +100,7 @@ def test_units_order_and_roles(tmp_path: Path) -> None:
     assert parts.image_points["image"] == "img_1"
     assert parts.image_points["xy"] == [[-2318.25, -4058.5]]
     assert parts.image_points["sigma_px"].tolist() == [[0.25, 0.5]]
-    assert parts.notes == ["1 points are not valid"]
+    assert parts.notes == ["1 point is not valid"]
     ground = read_gpf(written(tmp_path, GPF), Reading(crs="EPSG:4979")).ground_points
     np.testing.assert_allclose(ground["xyz_m"][0], [math.degrees(2.38), math.degrees(0.085), -2697.5], rtol=1e-15)
     assert ground["role"].tolist() == [[3, 3, 1], [3, 3, 3]]

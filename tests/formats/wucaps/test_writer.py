@@ -71,7 +71,7 @@ def test_what_is_not_used_or_not_known_is_left_out_and_said(tmp_path: Path) -> N
     first, second = block.points.id[block.ground_points.point[:2]]
     assert sorted(notes) == [
         f"0 stands for coordinates that are not known, of plan or height control: {first}",
-        "2 image points that are not used are not written",
+        "2 unused image points are not written",
         f"ground points that lack a coordinate are not written: {second}",
     ]
     again = read_wucaps(tmp_path)

@@ -94,7 +94,7 @@ def test_images_of_others_are_named_and_left_out(block: Block, tmp_path: Path) -
     ear = Ear()
     options = _changed(colmap_database(block, tmp_path / "a.db"), "INSERT INTO images VALUES (9, 'other.jpg', 1)")
     assert len(database(block, options=options, context=ear).points) > 50
-    assert any("1 images are not in the block and left out: other.jpg" in warning for warning in ear.warnings)
+    assert any("1 image is not in the block and left out: other.jpg" in warning for warning in ear.warnings)
 
 
 def test_a_database_that_pycolmap_wrote(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_an_image_of_another_flight_is_named(tmp_path: Path) -> None:
     picture.save(made.folder / "other.jpg", exif=exif_of(made.position_m[0] + 5.0, 20.0))
     block = sift(photos(options=PhotosOptions(path=made.folder)), context=ear)
     assert len(block.image_points) > 100
-    assert any("1 images have no tie point: other" in text for text in ear.warnings)
+    assert any("1 image has no tie point: other" in text for text in ear.warnings)
 
 
 def test_a_file_that_has_changed_is_refused_by_name(tmp_path: Path) -> None:

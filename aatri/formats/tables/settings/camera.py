@@ -16,7 +16,7 @@ from aatri.formats.tables.settings.sections import (
     TwoPositive,
     YamlSection,
 )
-from aatri.ids import clipped, did_you_mean
+from aatri.ids import clipped, did_you_mean, several
 
 PARAMETERS = {
     "none": (),
@@ -68,7 +68,7 @@ class DistortionSettings(YamlSection):
     @model_validator(mode="after")
     def _table(self) -> DistortionSettings:
         if len(self.radius) != len(self.correction):
-            raise ValueError(f"{len(self.radius)} radii, but {len(self.correction)} corrections")
+            raise ValueError(f"{len(self.radius)} radii, but {several(len(self.correction), 'correction')}")
         if (self.model == "table") != bool(self.radius):
             raise ValueError("radius and correction belong to the model `table`, and it needs them")
         if sorted(set(self.radius)) != self.radius:
