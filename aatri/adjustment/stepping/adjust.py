@@ -49,6 +49,7 @@ from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.unknowns import State, Unknowns, retract_state
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.progress import SILENT, Reporter, tell_iteration
 
@@ -191,4 +192,5 @@ def _failure(records: Sequence[Records], state: State, iterations: int, last: St
         size = r.standardised(state)
         worst += [(float(size[k]), f"{r.called(int(k))}: {size[k]:.1f} sigma") for k in np.argsort(-size)[:5]]
     listed = "; ".join(text for _, text in sorted(worst, reverse=True)[:5])
-    return f"no convergence in {iterations} iterations (decrement {last.decrement:.3g}); largest residuals: {listed}"
+    count = several(iterations, "iteration")
+    return f"no convergence in {count} (decrement {last.decrement:.3g}); largest residuals: {listed}"
