@@ -87,7 +87,7 @@ def test_positions_of_shots_that_are_not_read_are_told(tmp_path: Path) -> None:
     document[0]["shots"]["IMG_3.JPG"]["gps_position"] = [1.0, 2.0, 3.0]
     (folder / "reconstruction.json").write_text(json.dumps(document))
     notes = read_source(folder / "reconstruction.json", Reading(), SILENT).notes
-    what = "gps_position of 1 shots is not read: IMG_3.JPG; give the photographs or geo.txt beside it"
+    what = "gps_position of 1 shot is not read: IMG_3.JPG; give the photographs or geo.txt beside it"
     assert what in notes
 
 
