@@ -110,11 +110,13 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
             undulation = None if number == source.default_frame else source.settings.undulation
-            moved, spread = _moved(places, np.nan_to_num(covariance[rows]), frames[number], frames[0], undulation)
+            own = np.nan_to_num(covariance[rows])
+            moved, spread, levelled = _moved(places, own, frames[number], frames[0], undulation)
         except AatriError as error:
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
             table.problems.add(error.what, where, error.remedy)
             continue
+        source.levelled.update([frames[number].name] * levelled)
         absent = np.isnan(in_right_handed_order(xyz[rows], frames[number].axes))
         result[rows] = np.where(absent, np.nan, moved)
         spread = _with_square_variances(spread)
@@ -123,8 +125,10 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
     return result, result_covariance
 
 
-def _moved(xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None) -> tuple[Float, Float]:
-    """Coordinates and covariances in the first frame; `undulation` stands for a geoid grid that is missing.
+def _moved(
+    xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None
+) -> tuple[Float, Float, bool]:
+    """Coordinates and covariances in the first frame, and whether `undulation` stands for a missing geoid grid in them.
 
     With it the heights of the first frame are levelled ones, whereas latitude, longitude, height and geocentric
     coordinates have ellipsoidal heights.
@@ -138,9 +142,9 @@ def _moved(xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: 
         by_grid = False
         moved, spread = convert(xyz, covariance, replace(own, vertical=""), replace(first, vertical=""))
     ellipsoidal = not own.vertical and ("height" in own.axes or "x" in own.axes)
-    if undulation is not None and not by_grid and ellipsoidal and "up" in first.axes:
-        moved = moved - np.array([0.0, 0.0, undulation])
-    return moved, spread
+    if undulation is None or by_grid or not ellipsoidal or "up" not in first.axes:
+        return moved, spread, False
+    return moved - np.array([0.0, 0.0, undulation]), spread, True
 
 
 def _as_whole(xyz: Float, axes: Sequence[str], rows: Int) -> tuple[Float, Bool]:

@@ -107,12 +107,18 @@ def _block(source: Source) -> Block:
             "terrain_height is for refraction and earth curvature (image_refinement), and for what is "
             "said of positions; an adjustment alone has no use for it"
         )
+    curvature = settings.earth_curvature or _earth_curvature(source)
+    undulation = settings.undulation
+    if source.levelled and undulation is not None:
+        frames = shown(sorted(source.levelled))
+        source.reporter.log(f"undulation: the ellipsoidal heights of frame {frames} less {undulation:g} m")
+        undulation = undulation if curvature == "frame" else None  # all that it was for is done
     return block_of(
         name=settings.name or source.folder.resolve().name,
         rotation=settings.rotation or "omega-phi-kappa",
-        earth_curvature=settings.earth_curvature or _earth_curvature(source),
+        earth_curvature=curvature,
         terrain_height_m=np.nan if height is None else float(height),
-        undulation_m=np.nan if settings.undulation is None else float(settings.undulation),
+        undulation_m=np.nan if undulation is None else float(undulation),
         heading=settings.heading or "true",
         files=[source.folder / name for name in FILES],
         frames=_frames(settings),

@@ -42,6 +42,7 @@ class Source:
     reporter: Reporter = SILENT
     problems: Faults = field(default_factory=Faults)
     default_frame: int = 0  # of rows that name none: 1 where a map was put before a frame in degrees
+    levelled: set[str] = field(default_factory=set)  # frames whose ellipsoidal heights the undulation has levelled
 
     def table(self, name: str, columns: Mapping[str, Stated] | None = None) -> CsvTable | None:
         """A table of the folder; None if it is not there or its header is wrong (then the fault is kept)."""

@@ -7,10 +7,12 @@ plane through its nearest neighbours in plan, by least absolute deviations (weig
 
 q the cofactor of a; s the roughness of the terrain, 1.4826 times the median |Z_j - a_j| of points with three rays and
 more, or of the neighbours where that is larger; where these are farther away than usual it grows with the square of
-their distance, as a plane departs from a curved surface. A point that its neighbours do not surround, q > `SURROUNDED`,
-is not tested. A point of two rays is doubtful where t exceeds the limit of a normal
-deviate at `ALARM` over the number of points, and `LONGER` times the largest t of the points with three rays: breaklines
-and houses have longer tails than a normal distribution, and those points, which their rays have tested, show how long.
+their distance, as a plane departs from a curved surface. A point of two rays is doubtful where t exceeds the limit of
+a normal deviate at `ALARM` over the number of points, and `LONGER` times the largest t of the points with three rays:
+breaklines and houses have longer tails than a normal distribution, and those points, which their rays have tested,
+show how long. One that its neighbours do not surround, q > `SURROUNDED`, is held against the heights of all points with
+three rays, and doubtful where it lies `BEYOND` of the flying height, and the limit times sigma_Z, above or below them;
+not where these spread by more than the flying height, as around an object at close range.
 A point with more rays is doubtful only where it also lies off by `FAR` of the flying height, as no terrain does.
 
 Source: Kraus, Photogrammetry, on filtering points against a local surface; docs/methods/gross_errors.md.
@@ -24,7 +26,7 @@ from aatri.adjustment.statistics.limits import ALARM, limit_of_tests
 from aatri.arrays import Float, Int
 from aatri.geometry.vectors import finite_rows
 
-LONGER, FAR = 1.5, 0.2
+LONGER, FAR, BEYOND = 1.5, 0.2, 0.5
 
 NEIGHBOURS, FEWEST, ITERATIONS = 12, 30, 5
 """Neighbours of a point; points with three rays below which there is no terrain; rounds until the plane has settled."""
@@ -81,7 +83,14 @@ def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float)
     limit = limit_of_tests(len(tested), ALARM)
     far = is_firm & (test > limit) & (np.abs(height_above_m) > FAR * abs(flying_height_m))
     limit = max(limit, LONGER * float(test[is_firm & ~far].max(initial=0.0)))
-    doubtful = far | (~is_firm & (test > limit))
+    heights_m = xyz_m[tested, 2]
+    lowest, highest = heights_m[is_firm & ~far].min(), heights_m[is_firm & ~far].max()
+    beyond_m = heights_m - np.clip(heights_m, lowest, highest)
+    of_own = np.abs(beyond_m) / np.maximum(np.nan_to_num(sigma_m[tested]), 1e-9)
+    least_m = BEYOND * abs(flying_height_m) if highest - lowest <= abs(flying_height_m) else np.inf
+    outside = ~is_firm & (q > SURROUNDED) & (np.abs(beyond_m) > least_m) & (of_own > limit)
+    doubtful = far | outside | (~is_firm & (test > limit))
+    height_above_m, test = np.where(outside, beyond_m, height_above_m), np.where(outside, of_own, test)
     return OffTerrain(tested[doubtful], height_above_m[doubtful], test[doubtful], limit)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pyproj
 import pytest
 
+from aatri.artifacts.offers import offers_of
 from aatri.errors import AatriError
 from aatri.formats.tables.writer import write_block
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -145,3 +146,4 @@ undulation: -9.5""",
     block = read_block(folder)
     east, north = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32650", always_xy=True).transform(116.4, 40.7)
     np.testing.assert_allclose(block.exterior.position_m, [[east, north, 399.5]], atol=1e-6)
+    assert not any(offer.name == "undulation:without_effect" for offer in offers_of(block))

@@ -55,3 +55,15 @@ def test_without_enough_tested_points_there_is_no_terrain() -> None:
     xyz, rays = _terrain("hills", np.random.default_rng(1))
     xyz[5, 2] += 500.0
     assert not len(off_terrain(xyz, np.full(len(xyz), 0.05), np.full(len(rays), 2), 1000.0).row)
+
+
+@pytest.mark.parametrize(("off_m", "told"), [(-800.0, True), (-400.0, False), (700.0, True)])
+def test_a_point_of_two_rays_outside_of_the_block_is_told_far_beyond_all_others(off_m: float, told: bool) -> None:
+    xyz, rays = _terrain("hills", np.random.default_rng(1))
+    xyz[9], rays[9] = [1900.0, 1500.0, off_m], 2
+    outside = off_terrain(xyz, np.full(len(xyz), 5.0), rays, 1000.0)
+    assert outside.row.tolist() == [9] * told
+    np.testing.assert_allclose(outside.height_m, off_m, atol=11.0)
+    assert not len(off_terrain(xyz, np.full(len(xyz), 5.0), rays, 5.0).row)  # around an object, not above it
+    xyz[9, 2] = -2e5  # all but parallel rays, as uncertain as far away
+    assert not len(off_terrain(xyz, np.where(np.arange(len(xyz)) == 9, 1e5, 5.0), rays, 1000.0).row)
