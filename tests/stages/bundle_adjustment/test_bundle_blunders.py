@@ -224,3 +224,22 @@ def test_what_is_merely_wrong_is_given_no_other_number(chain: Chain) -> None:
     solution = bundle(block, points, _unsuspecting(chain.strip_block), options=BundleOptions(interior_unknowns=True))
     assert solution.proposed_numbers is not None
     assert len(solution.proposed_numbers) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 5, 8])
+def test_a_ray_with_the_number_of_a_point_far_off_takes_no_right_ones_with_it(seed: int) -> None:
+    """Wide angle, little overlap: least squares end in no fit, and Huber's loss turns the image with the wrong ray."""
+    flight = {"strips": 2, "images_per_strip": 7, "forward_overlap": 65.0, "side_overlap": 35.0}
+    camera, ties = {"principal_distance_mm": 6.5}, {"random_per_image": 25.0}
+    block = simulated(seed, preset="uav", camera=camera, flight=flight, ties=ties)
+    m, rng = block.image_points, np.random.default_rng(seed)
+    rays = np.bincount(m.point)
+    row = rng.permutation(np.flatnonzero(rays[m.point] >= 3))[0]
+    elsewhere = np.setdiff1d(np.flatnonzero(rays >= 5), m.point[m.image == m.image[row]])
+    point = m.point.copy()
+    point[row] = elsewhere[rng.integers(len(elsewhere))]
+    solution = run_chain(replace(block, image_points=replace(m, point=point))).bundle
+    out = staying_out(solution.suspects)
+    names = set(zip(solution.suspects.image[out].tolist(), solution.suspects.point[out].tolist()))
+    assert names == {(str(block.images.id[m.image[row]]), str(block.points.id[point[row]]))}

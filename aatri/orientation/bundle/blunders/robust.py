@@ -14,14 +14,20 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.weight_functions import weights
-from aatri.arrays import Float
+from aatri.adjustment.unknowns import State
+from aatri.arrays import Float, Int
 from aatri.notes import Note
-from aatri.orientation.bundle.block import BundleInput
+from aatri.observations.observed import Observed
+from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
 
-ROUNDS = 40
+ROUNDS, FEW_ROUNDS = 40, 3
+"""Adjustments with the weights of the one before, at most: until these stay; to choose what to begin with."""
+
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the size of a normal error, in standard deviations."""
 
 STAYS = 0.01
 """Largest change of a weight, as a share of it, that counts no more."""
@@ -71,8 +77,41 @@ def robust(
     if options.weights == "huber":
         return adjust(block, AdjustOptions(huber=options.k, coarse=coarse))
     result = adjust(block, AdjustOptions(huber=options.k, coarse=True))
+    return _reweighted(block, adjust, options, least_squares, result, coarse=coarse)
+
+
+def robust_from_start(block: BundleInput, adjust: Adjust, options: SearchOptions) -> BundleResult:
+    """Adjust robustly from a start that is nearly right, with Cauchy's weights of the residuals there.
+
+    Huber's loss lets a single ray far off turn an image whose other rays it outweighs; these weights do not. What the
+    start itself is off widens their bound at first: k times the median residual of a kind over that of normal errors.
+    """
+    cauchy, state = replace(options, weights="cauchy", bound=None), start_of(block)
+    first = []
+    for o in block.observed:
+        weight, rows = np.ones(len(o)), np.flatnonzero(o.records.active)
+        if not (o.components or o.exact or not len(rows)):
+            size = np.abs(whitened_residuals(o, state, rows)).max(axis=1)
+            usual = max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
+            weight[rows] = np.where(np.isfinite(size), weights(cauchy.weights, size / usual, cauchy.k), 1.0)
+        first.append(weight)
+    result = adjust(block, AdjustOptions(weights=tuple(first), coarse=True))
+    return _reweighted(block, adjust, cauchy, None, result, coarse=True, rounds=FEW_ROUNDS)
+
+
+def _reweighted(
+    block: BundleInput,
+    adjust: Adjust,
+    options: SearchOptions,
+    least_squares: BundleResult | None,
+    result: BundleResult,
+    *,
+    coarse: bool,
+    rounds: int = ROUNDS,
+) -> BundleResult:
+    """Adjusted with the weights of the residuals before, again and again."""
     previous: tuple[Float, ...] = ()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         current = tuple(_weights(o, result, options, least_squares, i) for i, o in enumerate(result.observations))
         converged = bool(previous) and all(
             (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(current, previous)
@@ -94,13 +133,17 @@ def _weights(
     o, rows = observations.observed, np.flatnonzero(observations.used)
     weight = np.ones(len(o))
     if not (o.components or o.exact or not len(rows)):
-        v = np.where(o.records.observed_components()[rows], predicted(o.records, result.adjusted.state, rows)[0], 0.0)
-        size = np.abs(v).max(axis=1)
+        v = whitened_residuals(o, result.adjusted.state, rows)
         if options.weights == "li_posterior" and least_squares is not None:
             r = 1.0 - np.einsum("nii->ni", least_squares.observations[i].covariance[rows])
-            size = np.abs(v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))).max(axis=1)
-        weight[rows] = weights(options.weights, size, options.k)
+            v = v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))
+        weight[rows] = weights(options.weights, np.abs(v).max(axis=1), options.k)
     return weight
+
+
+def whitened_residuals(o: Observed, state: State, rows: Int) -> Float:
+    """Of some records, zero where nothing is observed, (k, m), in standard deviations."""
+    return np.where(o.records.observed_components()[rows], predicted(o.records, state, rows)[0], 0.0)
 
 
 def _down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:

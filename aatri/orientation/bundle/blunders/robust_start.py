@@ -5,10 +5,12 @@ Each point with something above the limit, or rejected by an earlier stage, is l
 where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
@@ -16,7 +18,7 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
-from aatri.orientation.bundle.blunders.robust import Adjust, robust
+from aatri.orientation.bundle.blunders.robust import Adjust, robust, robust_from_start, whitened_residuals
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
@@ -47,7 +49,7 @@ class RobustStart(FittedSigmas):
                 break
             rescaled, _ = self._initial_least_squares(active)
             least_squares = None if rescaled is None else rescaled.result
-            result = robust(self.block, self.adjust, self.options, least_squares, coarse=True)
+            result = self._robust(self.block, least_squares)
         state = result.adjusted.state
         tests = [
             tests_of(replace(o, covariance=least_squares_covariance(o, least_squares, i)), state)
@@ -79,15 +81,40 @@ class RobustStart(FittedSigmas):
         return (active | readmitted) & ~rejected
 
     def _robust_from(self, initial: TestedBlock | None, active: Bool) -> BundleResult:
-        """The robust adjustment from least squares; from where these began if gross errors have led them astray."""
-        as_given = self.block
-        if initial is not None:
-            self.block = self._start_from(initial, active)
+        """The robust adjustment from least squares; from where these began if gross errors have led them astray.
+
+        Where least squares end in no fit it is done from both, and that counts which leaves less to reject: in either
+        what is far off may hold off all others.
+        """
+        as_given, least_squares = self.block, None if initial is None else initial.result
+        moved = as_given if initial is None else self._start_from(initial, active)
+        ways: list[tuple[BundleInput, Callable[[], BundleResult]]] = [
+            (moved, lambda: self._robust(moved, least_squares))
+        ]
+        if least_squares is None or least_squares.adjusted.sigma0 > MAX_SIGMA0:
+            ways.append((as_given, lambda: robust_from_start(as_given, self.adjust, self.options)))
+        best: tuple[float, BundleInput, BundleResult] | None = None
+        for start, way in ways:
             try:
-                return robust(self.block, self.adjust, self.options, initial.result, coarse=True)
+                result = way()
             except (ConvergenceError, GeometryError):
-                self.block = as_given
-        return robust(as_given, self.adjust, self.options, None if initial is None else initial.result, coarse=True)
+                continue
+            squares = self._truncated_squares(result)
+            if best is None or squares < best[0]:
+                best = squares, start, result
+        if best is None:
+            return self._robust(as_given, least_squares)
+        self.block = best[1]
+        return best[2]
+
+    def _truncated_squares(self, result: BundleResult) -> float:
+        """Sum of the squares of the whitened residuals of all records, of each at most that of the limit."""
+        state, most = result.adjusted.state, self.options.limit**2
+        v = [whitened_residuals(o.observed, state, np.flatnonzero(o.used)) for o in result.observations]
+        return sum(float(np.minimum((each**2).sum(axis=1), most).sum()) for each in v)
+
+    def _robust(self, start: BundleInput, least_squares: BundleResult | None) -> BundleResult:
+        return robust(start, self.adjust, self.options, least_squares, coarse=True)
 
     def _kind_to_reject(self, wrong: Bool, active: Bool, held: int) -> slice | None:
         """A kind with more wrong than there is room for, where the rest agrees without it, and only without it.
