@@ -67,7 +67,8 @@ def recognised(path: Path, unread: list[Path] | None = None) -> list[Recognised]
     Parameters
     ----------
     unread : list of Path, optional
-        Gets the files of a folder that are of no format; photographs are none of them.
+        Gets the files of a folder that are of no format, and its folders that are too deep to be looked into;
+        photographs are none of them.
 
     Raises
     ------
@@ -112,8 +113,11 @@ def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path
         one = _as_source(path)
         if one is not None:
             sources.append(one)
-        elif path.is_dir() and not path.is_symlink() and levels > 1:
-            sources += _within(path, read, levels - 1, unread)
+        elif path.is_dir():
+            if levels > 1 and not path.is_symlink():
+                sources += _within(path, read, levels - 1, unread)
+            elif any(path.iterdir()):
+                unread.append(path)
         elif path.is_file() and without_extension(path.name) == path.name:
             unread.append(path)
     return sources

@@ -89,8 +89,10 @@ def read_all(
     sources, unread = sources_of(paths, settings, without)
     for source in sources:
         reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
-    if unread:
-        reporter.log(f"of no known format, not read: {shown([str(path) for path in unread])}")
+    if files := [str(path) for path in unread if not path.is_dir()]:
+        reporter.log(f"of no known format, not read: {shown(files)}")
+    if deep := [str(path) for path in unread if path.is_dir()]:
+        reporter.log(f"folders too deep, not looked into: {shown(deep)}; what belongs to the block: --from {deep[0]}")
     if lists := [path.name for path in unread if _is_of_numbers(path)]:
         what = f"lists without a header are read by their columns: {shown(lists)}"
         reporter.log(f'{what}; for example --set "{lists[0]}:columns=point X Y Z"')

@@ -40,13 +40,15 @@ def test_a_folder_of_several_files_is_several_sources(tmp_path: Path) -> None:
     assert found == {"odm_gcp": "gcp.txt", "opensfm": "reconstruction.json", "opensfm_tracks": "tracks.csv"}
 
 
-def test_files_of_no_format_beside_others_are_listed_and_photographs_are_not(tmp_path: Path) -> None:
+def test_files_of_no_format_and_deep_folders_are_listed_and_photographs_are_not(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text("point,X,Y,Z\nA,1,2,3\n")
     for name in ("readme.md", "a.jpg"):
         (tmp_path / name).write_text("something else\n")
+    for deep in ("a/b/c", "a/empty"):
+        (tmp_path / deep).mkdir(parents=True)
     unread: list[Path] = []
     assert [r.format.name for r in recognised(tmp_path, unread)] == ["table"]
-    assert unread == [tmp_path / "readme.md"]
+    assert unread == [tmp_path / "a" / "b", tmp_path / "readme.md"]
 
 
 def test_a_list_of_numbers_below_a_remark_is_no_list_of_control(tmp_path: Path) -> None:
