@@ -7,12 +7,15 @@ from tests.formats.damage.good_sample import GoodSample
 from tests.formats.damage.texts import (
     CALIBRATION,
     GROUND_CONTROL,
+    MMVII_CAMERA,
+    MMVII_POSE,
     OPF,
     ORIENTATION,
     PRJ,
     RECONSTRUCTION,
     TRACKS,
 )
+from tests.formats.metashape.test_metashape import OLD
 from tests.formats.metashape.test_metashape import local as local_chunk
 from tests.formats.nvm.test_sparse_models import BUNDLER, NVM
 from tests.formats.opf.made_project import NAMES
@@ -138,3 +141,62 @@ OF_PROGRAMS = {
         ("47.25", "5200000.5"),
     ),
 }
+
+OLD_CHUNK = local_chunk(OLD, "0.9.1").replace(
+    "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>1 2 3</translation><scale>2</scale></transform>",
+    "<transform>2 0 0 1.5 0 2 0 2 0 0 2 3 0 0 0 1</transform>",
+)
+LENS = """<?xml version="1.0"?>
+<calibration>
+<projection>frame</projection>
+<width>4000</width><height>3000</height>
+<f>3000.5</f>
+<cx>10</cx><cy>-20</cy>
+</calibration>
+"""
+
+OF_VARIANTS = {
+    "metashape/psz": GoodSample(
+        {"p.psz": local_chunk()},
+        "p.psz",
+        'x="[2200.5]"',
+        "b.jpg",
+        ('type="frame" class="adjusted"', 'type="fisheye" class="adjusted"'),
+        ('<camera id="7"', "<camera"),
+        ('label="P2"', 'label="P1"'),
+        ('sxyz="0.5"', 'sxyz="-0.5"'),
+        packed=True,
+    ),
+    "metashape/old": GoodSample(
+        {"cameras.xml": OLD_CHUNK},
+        "cameras.xml",
+        "0 0 [1.5] 0 2",
+        "b.jpg",
+        ("<skew>0</skew>", "<skew>0</skew><p3>0.1</p3>"),
+        ("<fy>3000</fy>", ""),
+        ('id="8" sensor_id="1"', 'id="7" sensor_id="1"'),
+        ("<fx>3003</fx><fy>3000</fy>", "<fx>12.0</fx><fy>12.0</fy>"),
+    ),
+    "metashape/calibration": GoodSample(
+        {"lens.xml": LENS},
+        "lens.xml",
+        "<f>[3000.5]</f>",
+        "frame",
+        ("<projection>frame", "<projection>fisheye"),
+        ("<f>3000.5</f>\n", ""),
+        ("<cx>", "<cx>11</cx><cx>"),
+        ("3000.5", "-12.0"),
+    ),
+    "micmac/mmvii": GoodSample(
+        {"Calib-cam.xml": MMVII_CAMERA, "Ori-a.jpg.xml": MMVII_POSE},
+        "Calib-cam.xml",
+        "<F>[2000.5]</F>",
+        "cam",
+        ("MMVII_Serialization", "MMVII_Binary"),
+        ("<PixelFrame><NbPix>4000 3000</NbPix></PixelFrame>\n", ""),
+        ("<F>2000.5</F>", "<F>2000.5</F><F>2000.5</F>"),
+        ("<F>2000.5</F>", "<F>-8.5</F>"),
+        path="",
+    ),
+}
+"""Further forms of a format, by its name and what they are: the same damages."""

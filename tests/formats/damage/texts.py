@@ -34,6 +34,29 @@ ORIENTATION = """<?xml version="1.0" ?>
 <OneMesureAF1I><NamePt>P2</NamePt><PtIm>710 300</PtIm></OneMesureAF1I></MesureAppuiFlottant1Im>
 </ExportAPERO>
 """
+_MMVII = """<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>
+<Root>
+<Type>"MMVII_Serialization"</Type>
+<Version>"0.0.0"</Version>
+<Data>{}</Data>
+</Root>
+"""
+MMVII_CAMERA = _MMVII.format("""<InternalCalibration>
+<Name>"cam"</Name>
+<PixelFrame><NbPix>4000 3000</NbPix></PixelFrame>
+<Projection>"Stenope"</Projection>
+<PerfectProj><F>2000.5</F><PP>2010 1490</PP></PerfectProj>
+<Distorsion><Radial><K1>-0.05</K1></Radial></Distorsion>
+</InternalCalibration>""")
+MMVII_POSE = _MMVII.format("""<CameraPose>
+<NameImage>"a.jpg"</NameImage>
+<NameInternalCalib>"cam"</NameInternalCalib>
+<Center>10 20 100.5</Center>
+<RotMatrix><AxeI>1 0 0</AxeI><AxeJ>0 -1 0</AxeJ><AxeK>0 0 -1</AxeK></RotMatrix>
+</CameraPose>
+<SetMesIm><NameIm>"a.jpg"</NameIm><Measures>
+<el><Name>"P1"</Name><Pt>700 300</Pt><Sigma2>1 0 1</Sigma2></el></Measures></SetMesIm>
+""")
 _SHOT = {"camera": "c", "rotation": [3.14, 0.0, 0.5], "translation": [1.0, 2.0, 3.0]}
 RECONSTRUCTION = json.dumps(
     [
