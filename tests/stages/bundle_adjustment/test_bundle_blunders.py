@@ -14,6 +14,8 @@ from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
+from tests.stages.initial_orientation import unordered
+from tests.stages.initial_orientation.unordered import SMALL_UAV
 
 SIGMA_MM = 0.005
 
@@ -91,6 +93,26 @@ def test_a_clean_block_loses_next_to_nothing(chain: Chain) -> None:
     options = BundleOptions(interior_unknowns=True, blunders="robust_snooping")
     solution = bundle(chain.block, chain.refined, _unsuspecting(chain.strip_block), options=options)
     assert len(solution.suspects) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_told_of_few_control_points_is_the_same_whatever_is_guessed_of_image_points(seed: int) -> None:
+    """Control of 4 mm, given as 2 mm, beside image points of half their standard deviation, and of the right one."""
+    flight, no_positions = {"strips": 3, "images_per_strip": 6}, np.zeros(0, dtype=np.intp)
+    block = unordered.simulated(seed, **{**SMALL_UAV, "flight": flight, "ties": {"random_per_image": 25.0}})
+    g, truth, rng = block.ground_points, block.true_points, np.random.default_rng(seed)
+    assert truth is not None
+    true_m = truth.xyz_m[np.searchsorted(truth.point, g.point)] + rng.normal(0, 0.004, (len(g), 3))
+    given = replace(g, xyz_m=true_m, covariance_m2=np.tile(0.002**2 * np.eye(3), (len(g), 1, 1)))
+    block = replace(block, ground_points=given, exterior=block.exterior.take(no_positions))
+    points, initial, of_control = unordered.measured(block), unordered.initial_of(block), []
+    for times in (1.0, 0.5):
+        told, m = Told(), points.measurements
+        guessed = replace(points, measurements=replace(m, sigma_mm=m.sigma_mm * times))
+        bundle(block, guessed, _unsuspecting(initial), context=told)
+        of_control.append(["control" in text.split(": ")[-1] for text in told.warnings if "do not fit" in text])
+    assert any(of_control[0]) == any(of_control[1])
 
 
 @pytest.mark.parametrize("kind", ["image_point", "control", "position"])

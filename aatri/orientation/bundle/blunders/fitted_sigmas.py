@@ -57,9 +57,10 @@ class FittedSigmas(Rejections):
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scales = self.scaling.classes.scales(tested.result)
-            if not (tested.low_redundancy or self._is_harmful(tested, tested.active)):
-                scales = self.scaling.classes.of_small_kinds(scales, tested.result)
             scaling, factor = self.scaling.after(scales)
+            small = (factor == 1.0).all()  # after the others: their errors would be taken for those of small kinds too
+            if small and not (tested.low_redundancy or self._is_harmful(tested, tested.active)):
+                scaling, factor = self.scaling.after(self.scaling.classes.of_small_kinds(scales, tested.result))
             self.smeared = self._is_harmful(tested, tested.active, self._smallest_factors(factor))
             if self.smeared:
                 break
