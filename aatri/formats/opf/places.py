@@ -80,9 +80,9 @@ def projected_places(project: OpfProject, scene: SceneFrame) -> Projected:
         ("projected-control-points", "projected_gcps", (), "coordinates", str),
     ):
         document = project.open(resource)
-        for k, row in enumerate(document.get(list, table) if document is not None else ()):
+        for k in range(len(document.get(list, table)) if document is not None else 0):
             assert document is not None
-            if all(key in row for key in inner):
+            if all(key in document.get(dict, table, k) for key in inner):
                 xyz, sigma = (document.numbers(table, k, *inner, c, count=3) for c in (column, "sigmas"))
                 key = document.get(kind, table, k, "id")
                 projected[key] = (np.array(xyz) - scene.shift_m, np.diag(np.square(sigma)))

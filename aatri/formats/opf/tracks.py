@@ -35,16 +35,20 @@ def read_tracks(path: Path, name_of: dict[int, str], files: list[Path]) -> list[
     files.append(path)
     file, rows = len(files) - 1, list[tuple[Any, ...]]()
     for m, _ in enumerate(document.get(list, "meshes")):
-        for p, primitive in enumerate(document.get(list, "meshes", m, "primitives")):
-            if EXTENSION not in primitive.get("extensions", {}):
+        for p, _ in enumerate(document.get(list, "meshes", m, "primitives")):
+            of_primitive: tuple[Key, ...] = ("meshes", m, "primitives", p)
+            if "extensions" not in document.get(dict, *of_primitive):
                 continue
-            keys: tuple[Key, ...] = ("meshes", m, "primitives", p, "extensions", EXTENSION)
+            if EXTENSION not in document.get(dict, *of_primitive, "extensions"):
+                continue
+            keys: tuple[Key, ...] = (*of_primitive, "extensions", EXTENSION)
             ranges = _accessor(document, (*keys, "pointIndexRanges"), files).astype(np.uint64)
             cameras = _accessor(document, (*keys, "cameraIds"), files)[:, 0].astype(np.intp)
             if document.get(dict, *keys, "imagePoints", default=None) is None:
                 raise document.fault(keys, "matches without imagePoints", "export the tracks with their image points")
             xy = _accessor(document, (*keys, "imagePoints", "pixelCoordinates"), files).astype(np.float64)
-            uids = document.get(list, *keys, "cameraUids")
+            number_of_uids = len(document.get(list, *keys, "cameraUids"))
+            uids = [document.get(int, *keys, "cameraUids", j) for j in range(number_of_uids)]
             unknown = [uid for uid in uids if uid not in name_of]
             if unknown:
                 raise document.fault(keys, f"camera {unknown[0]} is not in the list of cameras", "export them together")
