@@ -24,6 +24,7 @@ import numpy.typing as npt
 from aatri.errors import ArtifactError
 from aatri.ids import several
 from aatri.tables.offers import Offer
+from aatri.units import DASH
 
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
 ATTRIBUTE_TYPES = (str, int, float, bool)
@@ -162,6 +163,8 @@ class Artifact:
     def _repr_html_(self) -> str:
         """For notebooks: attributes, and tables with their rows."""
         values = {name: getattr(self, name) for name in attributes_of(type(self))}
+        floats = {name: value for name, value in values.items() if isinstance(value, float)}
+        values |= {name: f"{value:.6g}" if value == value else DASH for name, value in floats.items()}
         tables = {name: getattr(self, name) for name in tables_of(type(self))}
         values |= {name: several(len(rows), "row") for name, rows in tables.items() if rows is not None and len(rows)}
         lines = "".join(f"<tr><th>{name}</th><td>{escape(str(value))}</td></tr>" for name, value in values.items())

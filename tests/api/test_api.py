@@ -116,7 +116,9 @@ def test_a_block_of_arrays_is_what_a_folder_with_the_same_tables_is() -> None:
     assert block.images.id.tolist() == ["1", "2"]
     assert block.image_points.xy.tolist() == XY
     assert np.isnan(block.ground_points.xyz_m[0, 2])
-    assert "<caption>Block</caption>" in block._repr_html_()
+    shown = block._repr_html_()
+    assert "<caption>Block</caption>" in shown
+    assert "nan" not in shown
 
 
 def test_mistakes_in_arrays_are_told_by_table_and_row() -> None:
