@@ -8,9 +8,12 @@ from types import SimpleNamespace
 import pytest
 
 from aatri.artifacts.block import Block
+from aatri.evaluation.accuracy import evaluate
+from aatri.report.judgement import judgement
 from aatri.report.verdict import Light, _check, external_lights, internal_lights
-from aatri.report.view.run_view import RunView, StageView
+from aatri.report.view.run_view import RunView, StageView, view
 from tests.made_solutions import made_block, made_solution
+from tests.report.test_page import STAGES, make_run
 
 
 @pytest.mark.parametrize(
@@ -81,3 +84,20 @@ def test_few_check_points_are_good_where_theory_explains_their_errors(points: in
     light = _check({"check_points": points, "check_rmse_x_m": 0.012, "check_rmse_y_m": 0.1}, Light("", theory, ""))
     assert light.state == state
     assert light.words.startswith(f"RMSE X 12, Y 100 mm at {points} check points")
+
+
+def test_the_accuracy_of_a_start_is_not_that_of_a_result_that_is_still_to_be_evaluated(tmp_path: Path) -> None:
+    """A run that was stopped between its bundle and the evaluation of it; the start has its own."""
+    block = made_block()
+    start, evaluation = made_solution(block, shift_m=0.5), evaluate(block, made_solution(block, shift_m=0.5))
+    before = [("start", "initial_orientation/graph", {"block": "block"}, "Solution")]
+    before += [("accuracy_start", "accuracy/evaluation", {"block": "block", "solution": "start"}, "Evaluation")]
+    artifacts = {"block": block, "start": start, "accuracy_start": evaluation, "bundle": made_solution(block)}
+    declared = [STAGES[0], *before, *STAGES[1:]]
+    stopped = view(make_run(tmp_path / "stopped", artifacts, declared=declared))
+    assert [light.words for light in external_lights(stopped)] == ["accuracy was not evaluated"]
+    assert "The accuracy was not evaluated." in judgement(stopped)
+    done = view(make_run(tmp_path / "done", {**artifacts, "accuracy": evaluation}, declared=declared))
+    assert judgement(done).startswith("Check points agree")
+    of_start = view(make_run(tmp_path / "start", {k: artifacts[k] for k in list(artifacts)[:3]}, declared=declared))
+    assert "Check points agree" in judgement(of_start)

@@ -84,9 +84,16 @@ class RunView:
         return next((s.name for s in further if set(last) & set(s.inputs.values())), "")
 
     def evaluated(self) -> list[StageView]:
-        """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups."""
-        stages = self.of_kind(Evaluation)
-        return [s for s in stages if RESULTS & s.metrics.keys()] or stages
+        """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups.
+
+        Where the last Solution is still to be evaluated, what is known of those before it is not said of it.
+        """
+        stages, last = self.of_kind(Evaluation), {s.name for s in self.of_kind(Solution)[-1:]}
+        of_results = [s for s in stages if RESULTS & s.metrics.keys()]
+        of_last = [s for s in self.stages if s.kind == Evaluation.kind and last & set(s.inputs.values())]
+        if any(s.status != "done" for s in of_last):
+            return [s for s in of_results if s in of_last]
+        return of_results or stages
 
     def artifact(self, stage: StageView) -> Artifact:
         """The artifact of a stage.
