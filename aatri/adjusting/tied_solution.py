@@ -33,6 +33,13 @@ MAX_ITERATIONS = 30
 LINEAR = 1e-5
 """An iteration ends when no residual departs from the linear model by more of its standard deviation."""
 
+STEADY = 1e-3
+"""Covariances of ties that have turned with their bodies by a smaller share of themselves stay as they are: weights by
+that share wrong move no result by more than about that share of its standard deviation."""
+
+TURNS = 5
+"""Adjustments, each with the covariances of the one before, after which these are near enough in any case."""
+
 WEAK = BELOW**-0.5
 """Ten: a redundancy number of 0.01 is the limit of what counts as controlled at all (Foerstner 1980)."""
 
@@ -167,6 +174,8 @@ def solve_tied(
 ) -> TiedSolution:
     """Adjust with some active observations and an added standard deviation.
 
+    The covariances of the ties are those of the bodies as they are turned at the end, not at the start.
+
     Raises
     ------
     GeometryError
@@ -174,6 +183,16 @@ def solve_tied(
     ConvergenceError
         If the iteration does not converge.
     """
+    solution = _solved(problem, state, use, tau_m, before)
+    for _ in range(TURNS):
+        if _is_steady(solution.spread, problem.spread(solution.state), tau_m):
+            break
+        solution = _solved(problem, solution.state, use, tau_m, solution)
+    return solution
+
+
+def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None) -> TiedSolution:
+    """The same with the covariances that the ties have at a state."""
     spread = problem.spread(state)
     same = before is not None and before.tau_m == tau_m and before.spread.values is spread.values
     whiteners = before.whiteners if before is not None and same else problem.whiteners(spread, tau_m)
@@ -197,6 +216,15 @@ def solve_tied(
         remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "
         "and whether X and Y of the control are exchanged or left-handed against the observed positions",
     )
+
+
+def _is_steady(before: Spread, after: Spread, tau_m: float) -> bool:
+    """Whether the covariances of no tie have changed with its body."""
+    if before.values is after.values:
+        return True
+    first, second = (np.einsum("nij,nj,nkj->nik", s.vectors, s.values + tau_m**2, s.vectors) for s in (before, after))
+    off, size = (np.linalg.norm(C, axis=(1, 2)) for C in (second - first, first))
+    return bool((off <= STEADY * size).all())
 
 
 def _step(

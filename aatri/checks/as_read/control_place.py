@@ -155,7 +155,10 @@ def _against_each_other(ids: Sequence[str], xyz: Float, rows: Int, places: Seque
         others = xyz[np.delete(rows, k), :2]
         centre = np.median(others, axis=0)
         from_origin[k] = np.linalg.norm(centre)
-        usual[k] = np.median(np.linalg.norm(others - centre, axis=1)) * 2
+        off_centre = np.sort(np.linalg.norm(others - centre, axis=1))
+        usual[k] = (
+            np.median(off_centre[1:]) * 2
+        )  # of few points the centre is one of them, and says nothing of the rest
         distances[k] = np.linalg.norm(xyz[rows[k], :2] - centre)
         off[:, k] = [np.linalg.norm(xy[k] - centre) for xy in changed]
     return _single(ids, rows, distances, list(off), usual, float(np.median(from_origin)), places)

@@ -31,6 +31,13 @@ def test_good_control_is_left_alone_with_and_without_positions() -> None:
     assert _found(POINTS, np.full_like(STATIONS, np.nan)) == []
 
 
+def test_two_near_points_among_four_say_nothing_against_the_others() -> None:
+    """Two control points 3 m apart, two a kilometre away, no positions: the middle of three is one of the near ones."""
+    points = MAP + np.array([[0.0, 0.0], [2.0, 2.2], [1000.0, 30.0], [40.0, 900.0]])
+    control = np.arange(4)
+    assert _found(points, np.full_like(STATIONS, np.nan), (control, control), IDS[:4]) == []
+
+
 @pytest.mark.parametrize("positions", [True, False])
 def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions: bool) -> None:
     local = POINTS - MAP + np.array([3000.0, 9000.0])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from aatri.errors import GeometryError
 from aatri.orientation.relative.critical import GENERAL, critical_configuration
-from tests.orientation.relative.pairs import gruber_ground, relative_orientation, simulate
+from tests.complex_step import complex_step
+from tests.orientation.relative.pairs import C_MM, gruber_ground, relative_orientation, simulate
 
 ALONG = np.array([0.6, 0.0, 0.0])
 
@@ -29,6 +32,27 @@ def said(X: np.ndarray, base: np.ndarray = ALONG, sigma: float = 0.005) -> str:
 
 def test_a_critical_cylinder_is_named() -> None:
     assert "critical cylinder" in said(valley())
+
+
+def test_beside_the_critical_cylinder_the_standard_deviations_are_those_of_a_dense_pair() -> None:
+    """Points 3 % of the height off the cylinder: rotation and base as two images with unknown points have them."""
+    X = valley() + np.column_stack([np.zeros((30, 2)), np.random.default_rng(7).normal(0, 0.03, 30)])
+    rays, R, base = simulate(X, np.eye(3), np.eye(3), np.zeros(3), ALONG)
+    unit_points = X / np.linalg.norm(ALONG)
+    across = np.linalg.svd(base[None])[2][1:]
+
+    def image_points(z: Any) -> Any:
+        w, points = z[:3], z[5:].reshape(-1, 3)
+        turned = np.array([[1, -w[2], w[1]], [w[2], 1, -w[0]], [-w[1], w[0], 1]]) @ R
+        second = (points - base - z[3:5] @ across) @ turned
+        return np.concatenate([-C_MM * u[:, :2] / u[:, 2:] for u in (points, second)])
+
+    J = complex_step(image_points, np.concatenate([np.zeros(5), unit_points.ravel()])) / 0.005
+    dense = np.linalg.inv(J.T @ J)[:5, :5]
+    ours = relative_orientation(rays).covariance
+    assert np.sqrt(dense[0, 0]) > 3e-4  # of 5e-5 on flat ground
+    np.testing.assert_allclose(ours[:3, :3], dense[:3, :3], rtol=1e-5, atol=1e-6 * dense[0, 0])
+    np.testing.assert_allclose(np.trace(ours[3:, 3:]), np.trace(dense[3:, 3:]), rtol=1e-6)
 
 
 def test_a_tiny_base_is_named() -> None:

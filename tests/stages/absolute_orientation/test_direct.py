@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from aatri.errors import GeometryError
 from aatri.stages.absolute_orientation.direct import direct
+from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.small_blocks import C_MM
+from tests.small_blocks import flown as small_flown
 from tests.stages.bundle_adjustment.test_attitudes import flown
 from tests.stages.film_blocks import Told
 from tests.stages.geodetic_blocks import figures
@@ -66,3 +73,31 @@ def test_a_free_boresight_is_told() -> None:
     heard = Told()
     direct(flown(1, boresight="free"), context=heard)
     assert any("boresight is free" in text for text in heard.warnings)
+
+
+def test_points_are_those_of_a_dense_intersection_with_their_poses_observed(tmp_path: Path) -> None:
+    """Point by point: positions and angles of its images are unknowns with their sigmas."""
+    small = small_flown(2, 3, points=6, apart_m=350.0, seed=5)
+    small.observed, small.attitudes = dict.fromkeys(small.strip, "XYZ"), list(small.strip)
+    block = tables(options=TablesOptions(path=small.write(tmp_path / "b")))
+    points = calibrated(block)
+    solution, m, e = direct(block, points), points.measurements, block.exterior
+    intersected = np.flatnonzero(np.isfinite(solution.points.xyz_m).all(axis=1))
+    for p in intersected[::6].tolist():
+        rays = np.flatnonzero(m.point == p)
+        rows = np.array([e.image.tolist().index(i) for i in m.image[rays].tolist()])
+        near, angles, centre = solution.points.xyz_m[p], e.angles_rad[rows], e.position_m[rows]
+        sigma_m, sigma_rad = np.sqrt(np.einsum("nii->ni", e.position_covariance_m2[rows])), e.angle_sigma_rad[rows]
+
+        def residuals(z: Any, data: Any = (rays, near, angles, centre, sigma_m, sigma_rad)) -> Any:
+            rays, near, angles, centre, sigma_m, sigma_rad = data
+            poses = z[3:].reshape(-1, 6)
+            R = Rotation.from_euler("XYZ", angles + poses[:, 3:] * sigma_rad)
+            u = R.inv().apply(z[:3] + near - centre - poses[:, :3] * sigma_m)
+            v = (-C_MM * u[:, :2] / u[:, 2:] - m.xy_mm[rays]) / m.sigma_mm[rays]
+            return np.concatenate([v.ravel(), z[3:]])
+
+        dense = least_squares(residuals, np.zeros(3 + 6 * len(rays)), x_scale="jac", jac="3-point", xtol=1e-12)
+        sigma = np.sqrt(np.diag(np.linalg.inv(dense.jac.T @ dense.jac))[:3])
+        assert (np.abs(dense.x[:3]) < 0.01 * sigma).all()
+        np.testing.assert_allclose(np.sqrt(np.diag(solution.points.covariance_m2[p])), sigma, rtol=2e-3)

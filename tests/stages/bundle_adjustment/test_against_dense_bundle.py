@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.report.drawing.vectors import error_field_pictures
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -67,6 +68,7 @@ class Adjusted:
     xyz_m: Array
     sigma_m: Array
     parameters: Array
+    parameter_covariance: Array
     redundancy: int
     sigma0: float
 
@@ -91,6 +93,7 @@ def both(
     edit: Callable[[Path], None] = lambda _: None,
     by: str = "graph",
     told: Told | None = None,
+    calibration: Solution | None = None,
     **options: Any,
 ) -> Adjusted:
     """The stage, and the same observations in dense matrices, from the truth.
@@ -111,7 +114,7 @@ def both(
     points = calibrated(block, context=Told())
     start = _start(block, points, by)
     chosen = BundleOptions(blunders="none", tolerance=1e-9, **options)
-    solution = bundle(block, points, start, options=chosen, context=told or Told())
+    solution = bundle(block, points, start, calibration, options=chosen, context=told or Told())
     n, k = len(block.images), len(block.points)
     of_image = np.zeros(n, dtype=int) if sets is None else sets
     size = 0 if basis is None else basis(np.zeros((1, 2))).shape[2]
@@ -134,7 +137,9 @@ def both(
     count = sum(int(np.isfinite(rows.sigma).sum()) for rows in observed(x)) - len(x)
     at = slice(6 * n, 6 * n + 3 * k)
     sigma = np.sqrt(np.diag(Q)[at]).reshape(k, 3)
-    return Adjusted(solution, x[at].reshape(k, 3), sigma, x[at.stop :], count, float(np.sqrt(vPv / (count - share))))
+    of_sets = Q[at.stop :, at.stop :]
+    sigma0 = float(np.sqrt(vPv / (count - share)))
+    return Adjusted(solution, x[at].reshape(k, 3), sigma, x[at.stop :], of_sets, count, sigma0)
 
 
 def _start(block: Block, points: ImagePoints, by: str) -> Solution:
@@ -265,6 +270,51 @@ def test_parameters_are_those_of_their_columns_written_out(
         self_calibration=chosen,
     )
     result.agree()
+
+
+def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_path: Path) -> None:
+    """The strategy of the notes' 4.7.2: calibrated over a field, weighted in the project (A1108); both in dense matrices."""
+    basis, chosen = COLUMNS["ebner12"], {"set": "ebner12", "sigma_um": None, "interior": False}
+    field = both(_flown(), tmp_path / "field", basis=basis, self_calibration=chosen)
+    root = np.linalg.inv(np.linalg.cholesky(field.parameter_covariance))
+
+    def more(block: Block) -> list[Rows]:
+        columns = 6 * len(block.images) + 3 * len(block.points) + np.arange(12)[None]
+        return [Rows(lambda z: (z - field.parameters) @ root.T, columns, np.ones((1, 12)))]
+
+    project = both(_flown(seed=2), tmp_path / "b", basis=basis, more=more, calibration=field.solution)
+    np.testing.assert_allclose(project.solution.points.xyz_m, project.xyz_m, rtol=0, atol=1e-9)
+    sigma = np.sqrt(np.einsum("nii->ni", project.solution.points.covariance_m2))
+    np.testing.assert_allclose(sigma, project.sigma_m, rtol=1e-7)
+    free = both(_flown(seed=2), tmp_path / "free", basis=basis, self_calibration=chosen)
+    assert (project.sigma_m < free.sigma_m + 1e-12).all()
+    assert np.median(project.sigma_m / free.sigma_m) < 0.95
+
+
+def test_image_errors_drawn_are_those_of_the_columns_at_the_scale_printed(tmp_path: Path) -> None:
+    """A1112: measured minus ideal is -K p, of covariance K C K'; its shape is what six columns of an orientation leave."""
+    basis = COLUMNS["ebner12"]
+    chosen = {"set": "ebner12", "sigma_um": None, "interior": False}
+    field = both(_flown(), tmp_path / "b", basis=basis, self_calibration=chosen)
+    fields = field.solution.error_fields
+    assert fields is not None
+    K = 1e3 * basis(fields.xy_mm)
+    error = -K @ field.parameters
+    np.testing.assert_allclose(fields.error_um, error, rtol=0, atol=1e-7)
+    variance = np.einsum("nij,jk,nik->ni", K, field.parameter_covariance, K)
+    np.testing.assert_allclose(fields.sigma_um, np.sqrt(variance), rtol=1e-7)
+    (x, y), o = fields.xy_mm.T / HALF_MM, np.zeros(len(fields))
+    taken_up = np.stack([[o + 1, o], [o, o + 1], [x, y], [-y, x], [x * x, x * y], [x * y, y * y]])
+    A = taken_up.transpose(2, 1, 0).reshape(-1, 6)
+    left = error - (A @ np.linalg.lstsq(A, error.ravel(), rcond=None)[0]).reshape(-1, 2)
+    np.testing.assert_allclose(fields.shape_um, left, rtol=0, atol=1e-6)
+    for picture, vector in zip(error_field_pictures(fields), (error, left)):
+        segments = next(marks.xy for marks in picture.marks if marks.shape == "segments")
+        assert picture.key is not None
+        value, unit = picture.key[1].split()
+        printed_mm = float(value) * {"um": 1e-3, "nm": 1e-6, "mm": 1.0}[unit]
+        drawn_mm = segments[:, 1] - segments[:, 0]
+        np.testing.assert_allclose(drawn_mm / picture.key[0] * printed_mm, 1e-3 * vector, rtol=0, atol=1e-9)
 
 
 def test_a_set_of_each_image_is_that_of_its_columns(tmp_path: Path) -> None:

@@ -43,3 +43,25 @@ def test_a_degree_that_is_asked_for_and_falls_is_a_warning(name: str) -> None:
     heard = Heard()
     method(*given, options=options(degree=2), context=heard)
     assert any("height" in text and "degree 2: rank" in text for text in heard.warnings)
+
+
+def test_second_degree_by_control_in_a_third_of_a_strip_falls_by_the_factor_of_its_design() -> None:
+    """Corrections a1 + aU U + aV V + aUU U^2 + aUV U V of all points against single points, written out: sqrt(tr D Q D')."""
+    made, heard = MadeBlock(1, 12), Heard()
+    near = np.flatnonzero(made.truth[:, 0] < made.truth[0, 0] + 800.0)
+    made.control(near[[0, 3, 9, 16, 21, -1]].tolist(), sigma_m=0.02)
+    block, points, strips = made.block(), made.image_points(), made.strips()
+    start = similarity(block, strips, points)
+    solution = polynomial(block, points, strips, start, context=heard)
+    value = dict(zip(solution.transformations.parameter.tolist(), solution.transformations.value.tolist()))
+    d = start.points.xyz_m - [value[f"origin_{axis}_m"] for axis in "XYZ"]
+    sin, cos = np.sin(value["azimuth_of_U_rad"]), np.cos(value["azimuth_of_U_rad"])
+    U = (d[:, 0] * sin + d[:, 1] * cos) / value["half_range_U_m"]
+    V = (d[:, 1] * sin - d[:, 0] * cos) / value["half_range_V_m"]
+    D = np.column_stack([np.ones_like(U), U, V, U * U, U * V])
+    D, of_control = D[np.isfinite(U)], D[sorted(made.given)]
+    Q = np.linalg.inv(of_control.T @ of_control)
+    factor = np.sqrt(np.mean(np.einsum("ni,ij,nj->n", D, Q, D)))
+    assert factor > 5
+    told = [line for line in heard.lines if "less precise" in line]
+    assert [f"corrections {factor:.1f} times" in line for line in told] == [True, True]  # plan, and height

@@ -42,6 +42,32 @@ def test_error_free_strips_equal_the_truth_in_their_own_frames() -> None:
     assert len(strips.gaps) == len(strips.suspects) == 0
 
 
+def test_discrepancies_of_connection_points_are_those_written_out() -> None:
+    """x = R2'(X - B) of the model before against k x of the next, k the mean of the points' own; heights by the notes'.
+
+    The notes' k = (Z2a - Bza) / Z1b asks for equal heights of the connection points: their heights after joining
+    differ by what it differs from point to point.
+    """
+    made = made_strips(4, noise_mm=0.005, seed=3)
+    models = dependent(made.block, made.image_points)
+    strips = scale_transfer(made.block, models, options=ScaleTransferOptions(estimator="mean", snooping_limit=50))
+    o, p, d = models.orientations, models.model_points, strips.discrepancies
+    turned, unit = np.eye(3), 1.0
+    for a in range(2):
+        rows = [np.flatnonzero(p.model == k) for k in (a, a + 1)]
+        point, i, j = np.intersect1d(p.point[rows[0]], p.point[rows[1]], return_indices=True)
+        before = (p.xyz[rows[0][i]] - o.base[a]) @ o.left_from_right[a]
+        after = p.xyz[rows[1][j]]
+        k = np.exp(np.mean(np.log(np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1))))
+        turned = turned @ o.left_from_right[a]
+        here = np.flatnonzero(d.joint == a)
+        assert d.point[here].tolist() == point.tolist()
+        np.testing.assert_allclose(d.xyz[here], unit * (k * after - before) @ turned.T, atol=1e-7)
+        of_the_notes = before[:, 2] / after[:, 2]
+        np.testing.assert_allclose((d.xyz[here] @ turned)[:, 2], unit * (k - of_the_notes) * after[:, 2], atol=1e-7)
+        unit *= k
+
+
 def test_a_missing_model_splits_the_strip_and_is_reported() -> None:
     made = made_strips(6)
     m = made.image_points.measurements
