@@ -101,3 +101,18 @@ def test_points_are_those_of_a_dense_intersection_with_their_poses_observed(tmp_
         sigma = np.sqrt(np.diag(np.linalg.inv(dense.jac.T @ dense.jac))[:3])
         assert (np.abs(dense.x[:3]) < 0.01 * sigma).all()
         np.testing.assert_allclose(np.sqrt(np.diag(solution.points.covariance_m2[p])), sigma, rtol=2e-3)
+
+
+def test_an_image_turned_by_a_degree_is_named_and_good_ones_are_not(tmp_path: Path) -> None:
+    small = small_flown(2, 4, points=10, apart_m=350.0, seed=6)
+    small.observed, small.attitudes = dict.fromkeys(small.strip, "XYZ"), list(small.strip)
+    block, heard = tables(options=TablesOptions(path=small.write(tmp_path / "b"))), Told()
+    direct(block, calibrated(block), context=heard)
+    assert heard.warnings == []
+    angles = block.exterior.angles_rad.copy()
+    angles[2, 2] += np.radians(1.0)
+    turned = replace(block, exterior=replace(block.exterior, angles_rad=angles))
+    direct(turned, calibrated(turned), context=heard)
+    (told,) = heard.warnings
+    assert "rays miss each other: sigma0 " in told
+    assert f"largest residuals in images {block.images.id[block.exterior.image[2]]} (" in told

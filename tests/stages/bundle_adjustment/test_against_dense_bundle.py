@@ -273,7 +273,7 @@ def test_parameters_are_those_of_their_columns_written_out(
 
 
 def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_path: Path) -> None:
-    """The strategy of the notes' 4.7.2: calibrated over a field, weighted in the project (A1108); both in dense matrices."""
+    """Calibrated over a field, weighted in the project (notes 4.7.2, A1108); both in dense matrices."""
     basis, chosen = COLUMNS["ebner12"], {"set": "ebner12", "sigma_um": None, "interior": False}
     field = both(_flown(), tmp_path / "field", basis=basis, self_calibration=chosen)
     root = np.linalg.inv(np.linalg.cholesky(field.parameter_covariance))
@@ -292,7 +292,7 @@ def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_p
 
 
 def test_image_errors_drawn_are_those_of_the_columns_at_the_scale_printed(tmp_path: Path) -> None:
-    """A1112: measured minus ideal is -K p, of covariance K C K'; its shape is what six columns of an orientation leave."""
+    """Measured minus ideal is -K p, of covariance K C K'; its shape is what six columns of an orientation leave."""
     basis = COLUMNS["ebner12"]
     chosen = {"set": "ebner12", "sigma_um": None, "interior": False}
     field = both(_flown(), tmp_path / "b", basis=basis, self_calibration=chosen)

@@ -46,7 +46,7 @@ def test_a_degree_that_is_asked_for_and_falls_is_a_warning(name: str) -> None:
 
 
 def test_second_degree_by_control_in_a_third_of_a_strip_falls_by_the_factor_of_its_design() -> None:
-    """Corrections a1 + aU U + aV V + aUU U^2 + aUV U V of all points against single points, written out: sqrt(tr D Q D')."""
+    """Corrections a1 + aU U + aV V + aUU U^2 + aUV U V of all points over a single point's: sqrt(mean d'Q d)."""
     made, heard = MadeBlock(1, 12), Heard()
     near = np.flatnonzero(made.truth[:, 0] < made.truth[0, 0] + 800.0)
     made.control(near[[0, 3, 9, 16, 21, -1]].tolist(), sigma_m=0.02)
