@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.report.drawing.vectors import error_field_pictures
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -174,7 +173,7 @@ def _control(block: Block, first: int) -> list[Rows]:
     return rows
 
 
-def _flown(**options: Any) -> Small:
+def two_by_four(**options: Any) -> Small:
     """Two strips of four images, every point in two or more; eight control points, no position is observed."""
     small = flown(2, 4, points=8, apart_m=350.0, **options)
     images = Counter(point for _, point in small.rays)
@@ -192,13 +191,13 @@ def _flown(**options: Any) -> Small:
 )
 def test_orders_of_elimination_and_memory_give_the_dense_solution(tmp_path: Path, options: dict[str, Any]) -> None:
     told = Told()
-    both(_flown(), tmp_path / "b", told=told, **options).agree()
+    both(two_by_four(), tmp_path / "b", told=told, **options).agree()
     assert any("the factor goes to" in line for line in told.lines) == ("memory_gb" in options)
 
 
 def test_orientations_by_strips_are_a_start_of_six_iterations_at_most(tmp_path: Path) -> None:
     """Lecture notes 5.3: results of the strips as initial values; no orientation is given by the user."""
-    result = both(_flown(), tmp_path / "b", by="strips")
+    result = both(two_by_four(), tmp_path / "b", by="strips")
     result.agree()
     assert result.solution.iterations <= 6
 
@@ -214,17 +213,17 @@ def test_standard_deviations_of_rows_and_groups_weight_as_in_dense_matrices(tmp_
         head["sigma"]["control"] = [0.1] * 3
         (folder / "block.yaml").write_text(yaml.safe_dump(head))
 
-    result = both(_flown(), tmp_path / "b", edit=edit)
+    result = both(two_by_four(), tmp_path / "b", edit=edit)
     result.agree()
     of_image = result.solution.residuals
     assert len(np.unique(of_image.sigma[of_image.kind == "image_point", :2])) == 2
-    plain = both(_flown(), tmp_path / "plain").xyz_m
+    plain = both(two_by_four(), tmp_path / "plain").xyz_m
     assert np.abs(result.xyz_m - plain).max() > 0.01
 
 
 def test_relative_control_has_no_unknowns_of_its_own(tmp_path: Path) -> None:
     """A distance and a difference of heights, weighted, in dense matrices."""
-    small = _flown()
+    small = two_by_four()
     a, b, c = [p for p in small.xyz_m if p not in small.control and sum(q == p for _, q in small.rays) > 2][:3]
     d = float(np.linalg.norm(small.xyz_m[a] - small.xyz_m[b])) + 0.02
     dz = float(small.xyz_m[c][2] - small.xyz_m[b][2]) - 0.1
@@ -245,7 +244,7 @@ def test_relative_control_has_no_unknowns_of_its_own(tmp_path: Path) -> None:
 
 
 def test_plan_and_height_control_count_coordinate_by_coordinate(tmp_path: Path) -> None:
-    small = _flown()
+    small = two_by_four()
     small.control = dict(zip(small.control, ("XYZ", "XY", "Z", "XYZ", "Y", "Z", "XYZ")))
     result = both(small, tmp_path / "b")
     seen = len(small.rays)
@@ -263,7 +262,7 @@ def test_parameters_are_those_of_their_columns_written_out(
     chosen |= {"balance_radius_mm": 70.0} if name == "bauer3" else {}
     chosen |= {"user": tmp_path / "own_set.py"} if name == "user" else {}
     result = both(
-        _flown(),
+        two_by_four(),
         tmp_path / "b",
         basis=basis,
         prior_mm=None if sigma_um is None else 1e-3 * sigma_um,
@@ -272,54 +271,9 @@ def test_parameters_are_those_of_their_columns_written_out(
     result.agree()
 
 
-def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_path: Path) -> None:
-    """Calibrated over a field, weighted in the project (notes 4.7.2, A1108); both in dense matrices."""
-    basis, chosen = COLUMNS["ebner12"], {"set": "ebner12", "sigma_um": None, "interior": False}
-    field = both(_flown(), tmp_path / "field", basis=basis, self_calibration=chosen)
-    root = np.linalg.inv(np.linalg.cholesky(field.parameter_covariance))
-
-    def more(block: Block) -> list[Rows]:
-        columns = 6 * len(block.images) + 3 * len(block.points) + np.arange(12)[None]
-        return [Rows(lambda z: (z - field.parameters) @ root.T, columns, np.ones((1, 12)))]
-
-    project = both(_flown(seed=2), tmp_path / "b", basis=basis, more=more, calibration=field.solution)
-    np.testing.assert_allclose(project.solution.points.xyz_m, project.xyz_m, rtol=0, atol=1e-9)
-    sigma = np.sqrt(np.einsum("nii->ni", project.solution.points.covariance_m2))
-    np.testing.assert_allclose(sigma, project.sigma_m, rtol=1e-7)
-    free = both(_flown(seed=2), tmp_path / "free", basis=basis, self_calibration=chosen)
-    assert (project.sigma_m < free.sigma_m + 1e-12).all()
-    assert np.median(project.sigma_m / free.sigma_m) < 0.95
-
-
-def test_image_errors_drawn_are_those_of_the_columns_at_the_scale_printed(tmp_path: Path) -> None:
-    """Measured minus ideal is -K p, of covariance K C K'; its shape is what six columns of an orientation leave."""
-    basis = COLUMNS["ebner12"]
-    chosen = {"set": "ebner12", "sigma_um": None, "interior": False}
-    field = both(_flown(), tmp_path / "b", basis=basis, self_calibration=chosen)
-    fields = field.solution.error_fields
-    assert fields is not None
-    K = 1e3 * basis(fields.xy_mm)
-    error = -K @ field.parameters
-    np.testing.assert_allclose(fields.error_um, error, rtol=0, atol=1e-7)
-    variance = np.einsum("nij,jk,nik->ni", K, field.parameter_covariance, K)
-    np.testing.assert_allclose(fields.sigma_um, np.sqrt(variance), rtol=1e-7)
-    (x, y), o = fields.xy_mm.T / HALF_MM, np.zeros(len(fields))
-    taken_up = np.stack([[o + 1, o], [o, o + 1], [x, y], [-y, x], [x * x, x * y], [x * y, y * y]])
-    A = taken_up.transpose(2, 1, 0).reshape(-1, 6)
-    left = error - (A @ np.linalg.lstsq(A, error.ravel(), rcond=None)[0]).reshape(-1, 2)
-    np.testing.assert_allclose(fields.shape_um, left, rtol=0, atol=1e-6)
-    for picture, vector in zip(error_field_pictures(fields), (error, left)):
-        segments = next(marks.xy for marks in picture.marks if marks.shape == "segments")
-        assert picture.key is not None
-        value, unit = picture.key[1].split()
-        printed_mm = float(value) * {"um": 1e-3, "nm": 1e-6, "mm": 1.0}[unit]
-        drawn_mm = segments[:, 1] - segments[:, 0]
-        np.testing.assert_allclose(drawn_mm / picture.key[0] * printed_mm, 1e-3 * vector, rtol=0, atol=1e-9)
-
-
 def test_a_set_of_each_image_is_that_of_its_columns(tmp_path: Path) -> None:
     result = both(
-        _flown(),
+        two_by_four(),
         tmp_path / "b",
         basis=COLUMNS["bauer3"],
         sets=np.arange(8),

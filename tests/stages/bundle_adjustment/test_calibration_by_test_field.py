@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from aatri.errors import InputError, SpecError
 from aatri.report.drawing.vectors import error_field_pictures
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.image_refinement.additional_parameters import additional_parameters
+from tests.dense_bundle import Rows
+from tests.small_blocks import HALF_MM
+from tests.stages.bundle_adjustment.test_against_dense_bundle import COLUMNS, both, two_by_four
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
 
@@ -145,3 +149,48 @@ def test_what_does_not_fit_the_block_is_refused(calibration: Solution, project: 
     corrected = additional_parameters(project.block, project.refined, calibration)
     with pytest.raises(SpecError, match="already"):
         additional_parameters(project.block, corrected, calibration)
+
+
+def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_path: Path) -> None:
+    """Calibrated over a field, weighted in the project (notes 4.7.2, A1108); both in dense matrices."""
+    basis, chosen = COLUMNS["ebner12"], {"set": "ebner12", "sigma_um": None, "interior": False}
+    field = both(two_by_four(), tmp_path / "field", basis=basis, self_calibration=chosen)
+    root = np.linalg.inv(np.linalg.cholesky(field.parameter_covariance))
+
+    def more(block: Block) -> list[Rows]:
+        columns = 6 * len(block.images) + 3 * len(block.points) + np.arange(12)[None]
+        return [Rows(lambda z: (z - field.parameters) @ root.T, columns, np.ones((1, 12)))]
+
+    project = both(two_by_four(seed=2), tmp_path / "b", basis=basis, more=more, calibration=field.solution)
+    np.testing.assert_allclose(project.solution.points.xyz_m, project.xyz_m, rtol=0, atol=1e-9)
+    sigma = np.sqrt(np.einsum("nii->ni", project.solution.points.covariance_m2))
+    np.testing.assert_allclose(sigma, project.sigma_m, rtol=1e-7)
+    free = both(two_by_four(seed=2), tmp_path / "free", basis=basis, self_calibration=chosen)
+    assert (project.sigma_m < free.sigma_m + 1e-12).all()
+    assert np.median(project.sigma_m / free.sigma_m) < 0.95
+
+
+def test_image_errors_drawn_are_those_of_the_columns_at_the_scale_printed(tmp_path: Path) -> None:
+    """Measured minus ideal is -K p, of covariance K C K'; its shape is what six columns of an orientation leave."""
+    basis = COLUMNS["ebner12"]
+    chosen = {"set": "ebner12", "sigma_um": None, "interior": False}
+    field = both(two_by_four(), tmp_path / "b", basis=basis, self_calibration=chosen)
+    fields = field.solution.error_fields
+    assert fields is not None
+    K = 1e3 * basis(fields.xy_mm)
+    error = -K @ field.parameters
+    np.testing.assert_allclose(fields.error_um, error, rtol=0, atol=1e-7)
+    variance = np.einsum("nij,jk,nik->ni", K, field.parameter_covariance, K)
+    np.testing.assert_allclose(fields.sigma_um, np.sqrt(variance), rtol=1e-7)
+    (x, y), o = fields.xy_mm.T / HALF_MM, np.zeros(len(fields))
+    taken_up = np.stack([[o + 1, o], [o, o + 1], [x, y], [-y, x], [x * x, x * y], [x * y, y * y]])
+    A = taken_up.transpose(2, 1, 0).reshape(-1, 6)
+    left = error - (A @ np.linalg.lstsq(A, error.ravel(), rcond=None)[0]).reshape(-1, 2)
+    np.testing.assert_allclose(fields.shape_um, left, rtol=0, atol=1e-6)
+    for picture, vector in zip(error_field_pictures(fields), (error, left)):
+        segments = next(marks.xy for marks in picture.marks if marks.shape == "segments")
+        assert picture.key is not None
+        value, unit = picture.key[1].split()
+        printed_mm = float(value) * {"um": 1e-3, "nm": 1e-6, "mm": 1.0}[unit]
+        drawn_mm = segments[:, 1] - segments[:, 0]
+        np.testing.assert_allclose(drawn_mm / picture.key[0] * printed_mm, 1e-3 * vector, rtol=0, atol=1e-9)
