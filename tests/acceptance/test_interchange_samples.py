@@ -14,7 +14,7 @@ import pytest
 from tests.acceptance.small_block import aatri
 
 MISSING = {
-    "bingo": r"image point B1_1.JPG/31 measured twice, 1.28777 apart",
+    "bingo": r"image point B1_1.JPG/31 measured twice, 1.28777 mm apart",
     "borea": r"terrain_test0.mes:2: 7 of its image points have other coordinates in",
     "micmac": r"no image in common: GroundMeasure.xml, Ori-Ground_mm3d (4 images); Ori-MMV1 (7 images)",
     "micmac/Ori-MMV1": r"there are 7 images, but no image points",

@@ -27,7 +27,8 @@ def measured_twice(block: Block) -> list[Finding]:
     for k in np.flatnonzero(apart)[:MOST_LISTED]:
         a, b = int(leader[k]), int(order[k])
         gap = np.abs(rows.xy[b] - rows.xy[a]).max()
-        text = f"image point {name_of_image_point(block, b)} measured twice, {gap:g} apart"
+        unit = "px" if pixel[block.images.camera[rows.image[b]], 0] else "mm"
+        text = f"image point {name_of_image_point(block, b)} measured twice, {gap:g} {unit} apart"
         text = f"{text} (first: {read_at(block, rows, a)})"
         remedy = "remove the wrong one; or two points have one name, as markers and tie points may: rename one"
         findings.append(Finding("measured_twice", "error", text, remedy, where=read_at(block, rows, b)))

@@ -58,7 +58,7 @@ def test_models_of_a_strip_share_their_photos(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("second", "told"),
     [
-        ("153.033 0.01 -0.02\n12 -761000 -1500 0 0\n13 1 2 3 4\n24 5 6 7 8\n", "measured twice, 0.1 apart"),
+        ("153.033 0.01 -0.02\n12 -761000 -1500 0 0\n13 1 2 3 4\n24 5 6 7 8\n", "measured twice, 0.1 mm apart"),
         ("152 0 0\n12 -760000 -1500 0 0\n", "the files before have"),
         ("153.033 0.01 -0.02\n13 1 2 3\n", "4 words"),
         ("153.033 0.01\n", "interior elements should be"),
