@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from aatri.adapters import solution as assemble
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.adapters.frame.tangent_block import InTangentFrame
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -25,9 +26,6 @@ from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 
 METHOD = "absolute_orientation/direct"
-
-FALSE_ALARM = 0.001
-"""Share of right blocks whose rays are told not to meet."""
 
 MOST_NAMED = 3
 
@@ -193,7 +191,7 @@ def _misfit(block: Block, image: Int, points: UncertainIntersection, sigma0: flo
     rows = np.flatnonzero(points.used)
     images, of_image = np.unique(image[rows], return_inverse=True)
     freedom = max(len(images), 2) / 2
-    limit = float(np.sqrt(chi2.isf(FALSE_ALARM, freedom) / freedom))
+    limit = float(np.sqrt(chi2.isf(ALARM, freedom) / freedom))
     if not sigma0 > limit:
         return ()
     squares = (points.whitened[rows] ** 2).mean(axis=1)
