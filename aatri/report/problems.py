@@ -71,7 +71,9 @@ def _of_stages(run: RunView) -> list[ReportedProblem]:
     Stages on the way have theirs beside them: the next one tests again what they tell.
     """
     solutions = run.of_kind(Solution)
-    asked = [*run.of_kind(Block), *solutions[-1:], *run.of_kind(Evaluation)] if solutions else run.stages
+    earlier = {stage.name for stage in solutions[:-1]}
+    evaluations = [stage for stage in run.of_kind(Evaluation) if not earlier & set(stage.inputs.values())]
+    asked = [*run.of_kind(Block), *solutions[-1:], *evaluations] if solutions else run.stages
     return [
         ReportedProblem(_in_words(str(warning)), stage=stage.name)
         for stage in asked

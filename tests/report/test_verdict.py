@@ -10,6 +10,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.judgement import judgement
+from aatri.report.problems import problems
 from aatri.report.verdict import Light, _check, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView, view
 from tests.made_solutions import made_block, made_solution
@@ -101,3 +102,17 @@ def test_the_accuracy_of_a_start_is_not_that_of_a_result_that_is_still_to_be_eva
     assert judgement(done).startswith("Check points agree")
     of_start = view(make_run(tmp_path / "start", {k: artifacts[k] for k in list(artifacts)[:3]}, declared=declared))
     assert "Check points agree" in judgement(of_start)
+
+
+def test_what_the_evaluation_of_a_start_warns_of_is_no_problem_of_the_result(tmp_path: Path) -> None:
+    block, warning = made_block(), "heights bend"
+    result = made_solution(block)
+    declared = [STAGES[0], ("start", "initial_orientation/graph", {"block": "block"}, "Solution")]
+    declared += [("accuracy_start", "accuracy/evaluation", {"block": "block", "solution": "start"}, "Evaluation")]
+    artifacts = {"block": block, "start": result, "accuracy_start": evaluate(block, result)}
+    artifacts |= {"bundle": result, "accuracy": evaluate(block, result)}
+    run = view(make_run(tmp_path, artifacts, declared=[*declared, *STAGES[1:]]))
+    for stage in run.stages:
+        stage.record["warnings"] = [f"{warning} in {stage.name}"]
+    texts = [problem.text for problem in problems(run, [])]
+    assert [text for text in texts if warning in text and "accuracy" in text] == [f"{warning} in accuracy"]
