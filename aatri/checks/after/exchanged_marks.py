@@ -138,6 +138,8 @@ def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float,
     """T, and by how much the two are off by their own marks, and by those of the other, mm."""
     own = [oriented.by_marks(image, image) for image in (a, b)]
     other = [oriented.by_marks(image, marks_of) for image, marks_of in ((a, b), (b, a))]
+    if not all(len(xy_mm) for xy_mm, _ in (*own, *other)):
+        return 0.0, (np.inf, np.inf)  # one sees no point that the adjustment has
     off_own, off_other = (max(float(np.median(_lengths(r_mm))) for _, r_mm in pair) for pair in (own, other))
     off_mm = (off_own, off_other)
     if not np.isfinite(off_other):

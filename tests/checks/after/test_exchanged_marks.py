@@ -44,13 +44,21 @@ def test_a_film_image_with_a_mark_off_is_not_exchanged_with_another() -> None:
     assert _of_marks(replace(block, fiducial_points=replace(marks, xy=xy)), np.arange(len(block.images))) == []
 
 
-def _of_marks(block: Any, photograph: Any) -> Any:
+def test_film_images_that_see_no_solved_point_take_no_part() -> None:
+    """Two images are oriented; the first of the others sees none of their points."""
+    assert _of_marks(simulated(1, **FILMS), np.arange(8), not_oriented=[0, 1, 2, 3, 4, 5]) == []
+
+
+def _of_marks(block: Any, photograph: Any, not_oriented: Any = ()) -> Any:
     assert block.true_images is not None
     assert block.true_points is not None
     points = systematic(block=block, image_points=affine(block=block))
     truth = block.true_images
     poses = Poses(truth.position_m[photograph], truth.ground_from_image[photograph])
-    return exchanged_marks(block, points, poses, block.true_points.xyz_m)
+    xyz_m, m = block.true_points.xyz_m.copy(), block.image_points
+    poses.position_m[[*not_oriented]], poses.ground_from_image[[*not_oriented]] = np.nan, np.nan
+    xyz_m[np.isin(block.true_points.point, m.point[np.isin(m.image, not_oriented)])] = np.nan
+    return exchanged_marks(block, points, poses, xyz_m)
 
 
 @pytest.mark.slow
