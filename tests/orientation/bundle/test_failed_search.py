@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.errors import ConvergenceError
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders import tested_block
 from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
 from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, settings
 
@@ -40,3 +45,13 @@ def _wrong(parts: Parts) -> Parts:
     xy_mm = parts.rays.xy_mm.copy()
     xy_mm[0, 0] += 100 * parts.rays.sigma_mm[0, 0]
     return replace(parts, rays=replace(parts.rays, xy_mm=xy_mm))
+
+
+def test_what_is_out_and_fits_wherever_it_is_has_no_test() -> None:
+    """Heights 1 m off by a standard deviation of 0.1 m: predicted to 0.2 m, and to 10 m, which tells nothing."""
+    (control,) = MadeBody(CORNERS).control(range(4), [HEIGHT] * 4, 0.1).observed
+    used = np.array([True, True, False, False])
+    covariance = np.zeros((4, 3, 3)) + np.array([0.1, 0.1, 4.0, 1e4])[:, None, None] * np.eye(3)
+    observations = AdjustedObservations(control.without(~used), np.arange(4), used, covariance)
+    tests = tested_block.tests_of(observations, {POINT: CORNERS + np.array([0.0, 0.0, 1.0])})
+    np.testing.assert_allclose(tests, [10 / 0.9**0.5, 10 / 0.9**0.5, 10 / 5**0.5, np.nan])

@@ -93,7 +93,7 @@ class RobustStart(FittedSigmas):
         ways: list[tuple[BundleInput, Callable[[], BundleResult]]] = [
             (start, lambda: self._robust(start, least_squares))
         ]
-        if initial is None or (active & ~(initial.test <= ASTRAY * self.options.limit)).any():
+        if initial is None or (active & (initial.test > ASTRAY * self.options.limit)).any():
             ways.append((as_given, lambda: robust_from_start(as_given, self.adjust, self.options)))
         best: tuple[float, BundleInput, BundleResult] | None = None
         for begun, way in ways:

@@ -86,11 +86,16 @@ def misfit(result: BundleResult, limit: float) -> float:
 
 
 def residuals_and_redundancy(observations: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
-    """Whitened residuals and redundancy numbers, (k, m) each; of what has no test the second is zero."""
+    """Whitened residuals and redundancy numbers, (k, m) each; of what has no test the second is zero.
+
+    What is out has 1 over the redundancy number that it would have if it were used: predicted so badly that nothing
+    would control it then, it has no test either, for it would fit wherever it is.
+    """
     records = observations.observed.records
-    v = whitened_residuals(records, state, rows)
-    r = 1.0 + np.where(records.active[rows], -1.0, 1.0)[:, None] * np.einsum("nii->ni", observations.covariance[rows])
-    return v, np.where(records.observed_components()[rows] & (r > CONTROLLED), r, 0.0)
+    v, used = whitened_residuals(records, state, rows), records.active[rows][:, None]
+    r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
+    is_controlled = np.where(used, r > CONTROLLED, r < 1.0 / CONTROLLED)
+    return v, np.where(records.observed_components()[rows] & is_controlled, r, 0.0)
 
 
 def gains_of(observations: AdjustedObservations, state: State, rows: Int) -> Float:
