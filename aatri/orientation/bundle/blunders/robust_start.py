@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics.rejection import room_left
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
@@ -55,12 +55,9 @@ class RobustStart(FittedSigmas):
             least_squares = None if rescaled is None else rescaled.result
             result = self._robust_from(self.block, rescaled, active)
         state = result.adjusted.state
-        tests = [
-            tests_of(replace(o, covariance=least_squares_covariance(o, least_squares, i)), state)
-            for i, o in enumerate(result.observations)
-        ]
         tails = self._tails(result, least_squares)
-        test = np.concatenate(tests) / tails
+        # what least squares followed, so that nothing controlled it there, may be far off here: at least |v|
+        test = np.fmax(*(self._robust_tests(result, covariances) for covariances in (least_squares, None))) / tails
         above_limit = active & (test > self.options.limit)
         self.block = from_result(self.block, result)
         without_point = above_limit & ~self.all.at_points
@@ -108,6 +105,16 @@ class RobustStart(FittedSigmas):
             return self._robust(as_given, least_squares)
         self.block = best[1]
         return best[2]
+
+    @staticmethod
+    def _robust_tests(result: BundleResult, least_squares: BundleResult | None) -> Float:
+        """Tests at a robust adjustment, with the covariances of least squares; without these |v|."""
+        return np.concatenate(
+            [
+                tests_of(replace(o, covariance=least_squares_covariance(o, least_squares, i)), result.adjusted.state)
+                for i, o in enumerate(result.observations)
+            ]
+        )
 
     def _truncated_squares(self, result: BundleResult) -> float:
         """Sum of the squares of the whitened residuals of all records, of each at most that of the limit."""
