@@ -1,5 +1,7 @@
 """A robust adjustment before anything is rejected by least squares, where gross errors smear.
 
+It begins where least squares have come to; where something is very far off also at the start, with weights that let
+nothing so far off pull (`robust.robust_from_start`), and that result counts of which less is to be rejected.
 Each point with something above the limit, or rejected by an earlier stage, is looked at from the robust poses, held
 (`points`): the fewest records are left out without which the others agree. Of other kinds what is above the limit goes;
 where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
