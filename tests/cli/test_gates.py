@@ -45,7 +45,7 @@ def test_a_gate_that_fails_is_told_a_line_each_and_ends_with_6() -> None:
     assert "to go on" not in aatri("run", "--force", "all").stderr
     report = Path("out/report.html").read_text()
     assert "<caption>Gates</caption>" in report
-    assert "<td>at most 5</td><td>failed</td>" in report
+    assert '<td>at most 5</td><td class="id">failed</td>' in report
     assert ">gate failed ·" in report
 
 

@@ -70,7 +70,7 @@ def test_a_field_that_keeps_the_rules() -> None:
             "1 of 9 parts of the field have no target",
         ),
         (field(crowded()), "of 75 targets are in one of its 9 parts"),
-        (field(grid(), pillars=1), "from 1 pillars, 2 or more"),
+        (field(grid(), pillars=1), "from 1 pillar, 2 or more"),
         (field(grid(), pillars=0), "from 0 pillars"),
         (field(grid(), camera=(2.0, 1.5, 0.7)), "1 of 1 cameras stand among the targets"),
     ],

@@ -202,7 +202,7 @@ def test_the_veto_counts_active_points_that_change_sides_since_the_last_state_ta
     above = {**STATE, POINT: np.array([[130.0, 160.0, 2000.0], [0.0, 0.0, -1.0]])}
     assert "2 image points" in side_veto(ROWS)(STATE, above)
     veto = side_veto(replace(ROWS, active=np.array([True, False])))
-    assert "1 image points" in veto(STATE, above)
+    assert "1 image point changes" in veto(STATE, above)
     assert veto(STATE, {**STATE}) == ""
     assert veto(above, {**above}) == ""  # what is behind from the start may stay there
 

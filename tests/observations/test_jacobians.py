@@ -196,6 +196,6 @@ def test_a_point_that_passes_through_the_camera_is_seen() -> None:
     rows, state, _, X0, X, *_ = _ray(0)
     behind = {**state, POINT: (2 * X0 - X)[None]}
     veto = side_veto(rows)
-    assert "1 image points" in veto(state, behind)
+    assert "1 image point changes" in veto(state, behind)
     assert veto(state, state) == ""
-    assert "1 image points" in veto(behind, state)
+    assert "1 image point changes" in veto(behind, state)
