@@ -47,11 +47,17 @@ def _wrong(parts: Parts) -> Parts:
     return replace(parts, rays=replace(parts.rays, xy_mm=xy_mm))
 
 
-def test_what_is_out_and_fits_wherever_it_is_has_no_test() -> None:
-    """Heights 1 m off by a standard deviation of 0.1 m: predicted to 0.2 m, and to 10 m, which tells nothing."""
+def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one() -> None:
+    """Predicted to 2, and to 100 times the standard deviation of the observation."""
+    used, inflated = np.array([True, True, False, False]), np.array([0.1, 0.1, 4.0, 1e4])
     (control,) = MadeBody(CORNERS).control(range(4), [HEIGHT] * 4, 0.1).observed
-    used = np.array([True, True, False, False])
-    covariance = np.zeros((4, 3, 3)) + np.array([0.1, 0.1, 4.0, 1e4])[:, None, None] * np.eye(3)
+    covariance = inflated[:, None, None] * np.eye(3)
     observations = AdjustedObservations(control.without(~used), np.arange(4), used, covariance)
     tests = tested_block.tests_of(observations, {POINT: CORNERS + np.array([0.0, 0.0, 1.0])})
-    np.testing.assert_allclose(tests, [10 / 0.9**0.5, 10 / 0.9**0.5, 10 / 5**0.5, np.nan])
+    np.testing.assert_allclose(tests, [10 / 0.9**0.5, 10 / 0.9**0.5, 10 / 5**0.5, 10 / 10001**0.5])
+    result = least_squares(made_bundle().together(), AdjustOptions())
+    (rays,) = (o for o in result.observations if o.observed.kind == "image_point")
+    observed = rays.observed.without(np.arange(len(rays.observed)) < 2)
+    covariance = np.where(np.arange(len(observed)) == 0, 4.0, 1e4)[:, None, None] * np.eye(2)
+    out = AdjustedObservations(observed, np.arange(2), np.zeros(len(observed), dtype=bool), covariance)
+    assert np.isfinite(tested_block.tests_of(out, result.adjusted.state)[:2]).tolist() == [True, False]

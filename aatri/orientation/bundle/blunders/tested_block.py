@@ -15,6 +15,7 @@ from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 
@@ -88,13 +89,15 @@ def misfit(result: BundleResult, limit: float) -> float:
 def residuals_and_redundancy(observations: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:
     """Whitened residuals and redundancy numbers, (k, m) each; of what has no test the second is zero.
 
-    What is out has 1 over the redundancy number that it would have if it were used: predicted so badly that nothing
-    would control it then, it has no test either, for it would fit wherever it is.
+    What is out has 1 over the redundancy number that it would have if it were used: a ray predicted so badly that
+    nothing would control it then has no test either, for it would fit wherever it is. Of other kinds that is no reason:
+    control may be far more precise than the block predicts it.
     """
     records = observations.observed.records
     v, used = whitened_residuals(records, state, rows), records.active[rows][:, None]
     r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
-    is_controlled = np.where(used, r > CONTROLLED, r < 1.0 / CONTROLLED)
+    most = 1.0 / CONTROLLED if is_ray(observations.observed) else np.inf
+    is_controlled = np.where(used, r > CONTROLLED, r < most)
     return v, np.where(records.observed_components()[rows] & is_controlled, r, 0.0)
 
 
