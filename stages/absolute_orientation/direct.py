@@ -17,6 +17,8 @@ from aatri.adapters.solution import check_same_block
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.checks.after.rays_miss import rays_miss
+from aatri.checks.finding import report
 from aatri.notes import tell
 from aatri.observations.attitudes import USES as OF_ATTITUDES
 from aatri.plugin import SILENT, Context, stage
@@ -40,5 +42,5 @@ def direct(block: Block, image_points: ImagePoints | None = None, *, context: Co
         image_points, of_lens = without_distortion(block, image_points)
         tell(of_lens, context)
     solution, notes = direct_solution(block, image_points)
-    tell(notes, context)
+    report([*notes, *rays_miss(solution)], context)
     return solution

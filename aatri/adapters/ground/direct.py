@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.adapters.frame.tangent_block import InTangentFrame
-from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -26,8 +24,6 @@ from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 
 METHOD = "absolute_orientation/direct"
-
-MOST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -58,10 +54,7 @@ def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Sol
         )
     points = _intersected(block, image_points, poses)
     solution = _solution(block, image_points, poses, points)
-    notes = _notes(block, oriented)
-    if points is not None and image_points is not None:
-        notes += _misfit(block, image_points.measurements.image, points, solution.sigma0)
-    return InTangentFrame(block, None, frame).back(solution), notes
+    return InTangentFrame(block, None, frame).back(solution), _notes(block, oriented)
 
 
 def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
@@ -179,28 +172,3 @@ def _notes(block: Block, oriented: Bool) -> tuple[Note, ...]:
         text = "boresight is free, but nothing here determines it: taken as given; calibrate it by a bundle first"
         notes.append(Note("warning", text, cameras))
     return tuple(notes)
-
-
-def _misfit(block: Block, image: Int, points: UncertainIntersection, sigma0: float) -> tuple[Note, ...]:
-    """A warning if the rays miss each other by more than their poses allow, with the images that are farthest off.
-
-    The rays of an image share the error of its pose: sigma0^2 has the spread of a mean square of fewer degrees of
-    freedom than the redundancy. Simulated, these are 0.8 for a pair, 1.7 for three images, 15 for two strips of four:
-    half as many as images are assumed.
-    """
-    rows = np.flatnonzero(points.used)
-    images, of_image = np.unique(image[rows], return_inverse=True)
-    freedom = max(len(images), 2) / 2
-    limit = float(np.sqrt(chi2.isf(ALARM, freedom) / freedom))
-    if not sigma0 > limit:
-        return ()
-    squares = (points.whitened[rows] ** 2).mean(axis=1)
-    rms = np.sqrt(np.bincount(of_image, squares) / np.bincount(of_image))
-    worst = np.argsort(-rms, kind="stable")[:MOST_NAMED]
-    far = ", ".join(f"{block.images.id[images[k]]} ({rms[k]:.1f} sigma)" for k in worst)
-    text = (
-        f"rays miss each other: sigma0 {sigma0:.2f}, by chance {limit:.2f} at most (99.9 %, {len(images)} images); "
-        f"largest residuals in images {far}: a position, angles, mount, boresight or lever arm is wrong, or standard "
-        "deviations are too small"
-    )
-    return (Note("warning", text),)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from aatri.adjustment.statistics.limits import ALARM
+from aatri.adjustment.statistics.limits import ALARM, MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 
@@ -106,7 +106,7 @@ def robust_scale(v: Float, redundancy: Float) -> float:
         Above zero.
     """
     w = np.abs(v) / np.sqrt(redundancy)
-    scale = float(np.median(w)) / 0.67449
+    scale = float(np.median(w)) / MEDIAN_OF_NORMAL
     squares = v**2
     for _ in range(_ITERATIONS if scale > 0 else 0):
         inside = w <= K * scale

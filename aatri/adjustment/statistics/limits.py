@@ -19,6 +19,9 @@ ALARM = 0.001
 """Chance that a kind of test - of sigma0, of classes, groups, terrain, a click - tells anything where nothing is wrong,
 shared by all tests of that kind."""
 
+MEDIAN_OF_NORMAL = 0.67449
+"""Median of the absolute value of a standard normal variable."""
+
 SHOWN = 0.05
 """Probability outside an interval that is told beside a figure."""
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtr, stdtrit
 
+from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
 from aatri.arrays import Float
 
 LEAST_FREEDOM = 4.0
@@ -73,7 +74,7 @@ def tail_of(w: Float, limit: float) -> Tail:
     True
     """
     normal = Tail(np.inf, limit)
-    middle = float(np.median(w)) / 0.67449 if len(w) >= FEWEST else 0.0
+    middle = float(np.median(w)) / MEDIAN_OF_NORMAL if len(w) >= FEWEST else 0.0
     if middle <= 0:
         return normal
     edges = np.linspace(0.0, REACH * limit, _CLASSES + 1)

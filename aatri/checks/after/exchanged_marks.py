@@ -145,10 +145,10 @@ def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float,
     if not np.isfinite(off_other):
         return 0.0, (np.inf, np.inf)
     freedom = sum(2 * len(xy_mm) - 12 for xy_mm, _ in other)
-    if freedom < 1:
-        return 0.0, off_mm
     none = np.zeros((0, 2))
-    variance = sum(_square_left(*fit, none) for fit in other) / freedom
+    variance = sum(_square_left(*fit, none) for fit in other) / max(freedom, 1)
+    if freedom < 1 or not variance:
+        return 0.0, off_mm
     marks_mm = [oriented.marks_mm(image) for image in (a, b)]
     gains = [_square_left(*own[k], marks_mm[k]) - _square_left(*other[k], marks_mm[1 - k]) for k in (0, 1)]
     return (sum(gains) / variance if min(gains) > 0 else 0.0), off_mm

@@ -156,9 +156,7 @@ def _against_each_other(ids: Sequence[str], xyz: Float, rows: Int, places: Seque
         centre = np.median(others, axis=0)
         from_origin[k] = np.linalg.norm(centre)
         off_centre = np.sort(np.linalg.norm(others - centre, axis=1))
-        usual[k] = (
-            np.median(off_centre[1:]) * 2
-        )  # of few points the centre is one of them, and says nothing of the rest
+        usual[k] = np.median(off_centre[1:]) * 2  # without the first: of few points it is the centre itself
         distances[k] = np.linalg.norm(xyz[rows[k], :2] - centre)
         off[:, k] = [np.linalg.norm(xy[k] - centre) for xy in changed]
     return _single(ids, rows, distances, list(off), usual, float(np.median(from_origin)), places)

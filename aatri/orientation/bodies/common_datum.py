@@ -49,6 +49,11 @@ def undetermined_bodies(
         Points that are control.
     given : (c, 3) bool
         Their given coordinates.
+
+    Returns
+    -------
+    tuple of int
+        Those of `movable` to be left out, the one that moves most first.
     """
     left, out = list(movable), list[int]()
     centre = np.mean([bodies[k].xyz_m.mean(axis=0) for k in bodies], axis=0)

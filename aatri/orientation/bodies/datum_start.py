@@ -39,8 +39,8 @@ from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.similarity_ties import LABELS
 
 COLLINEAR, THINNEST = 0.01, 1e-8
-"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first;
-down to the second they are one start among others."""
+"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first.
+Down to the second, where rounding begins to decide the turn about that line, they are one start among others."""
 
 HEADINGS = 12
 """Starts: every 30 degrees one."""
@@ -56,8 +56,9 @@ SMALLEST = 0.1
 ITERATIONS, TOLERANCE = 60, 0.1
 
 ROUGH_M = 0.1
-"""Standard deviation of the points of a body, about, beside which exact coordinates are weighed; or half of the
-coordinates are weaker: against those of kilometres even these would leave the rest open to rounding."""
+"""Standard deviation of the points of a body, about, beside which exact coordinates are weighed; or the median of those
+of all given coordinates, if that is larger: beside positions of ten metres, exact control that is weighed as 1 mm
+leaves what these alone determine to rounding."""
 
 UPWARDS = 0.7
 """Sine of the elevation above which images look upwards: such an end counts only where there is no other."""

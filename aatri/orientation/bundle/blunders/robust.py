@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.records import predicted
+from aatri.adjustment.residuals import whitened_residuals
 from aatri.adjustment.statistics.attribution import CONTROLLED
+from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.weight_functions import weights
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
@@ -25,9 +26,6 @@ from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
 
 ROUNDS, FEW_ROUNDS = 40, 3
 """Adjustments with the weights of the one before, at most: until these stay; to choose what to begin with."""
-
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of the size of a normal error, in standard deviations."""
 
 STAYS = 0.01
 """Largest change of a weight, as a share of it, that counts no more."""
@@ -91,7 +89,7 @@ def robust_from_start(block: BundleInput, adjust: Adjust, options: SearchOptions
     for o in block.observed:
         weight, rows = np.ones(len(o)), np.flatnonzero(o.records.active)
         if not (o.components or o.exact or not len(rows)):
-            size = np.abs(whitened_residuals(o, state, rows)).max(axis=1)
+            size = np.abs(standardised(o, state, rows)).max(axis=1)
             usual = max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
             weight[rows] = np.where(np.isfinite(size), weights(cauchy.weights, size / usual, cauchy.k), 1.0)
         first.append(weight)
@@ -133,7 +131,7 @@ def _weights(
     o, rows = observations.observed, np.flatnonzero(observations.used)
     weight = np.ones(len(o))
     if not (o.components or o.exact or not len(rows)):
-        v = whitened_residuals(o, result.adjusted.state, rows)
+        v = standardised(o, result.adjusted.state, rows)
         if options.weights == "li_posterior" and least_squares is not None:
             r = 1.0 - np.einsum("nii->ni", least_squares.observations[i].covariance[rows])
             v = v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))
@@ -141,9 +139,9 @@ def _weights(
     return weight
 
 
-def whitened_residuals(o: Observed, state: State, rows: Int) -> Float:
-    """Of some records, zero where nothing is observed, (k, m), in standard deviations."""
-    return np.where(o.records.observed_components()[rows], predicted(o.records, state, rows)[0], 0.0)
+def standardised(o: Observed, state: State, rows: Int) -> Float:
+    """Residuals of some records in units of their standard deviations, zero where nothing is observed, (k, m)."""
+    return np.where(o.records.observed_components()[rows], whitened_residuals(o.records, state, rows), 0.0)
 
 
 def _down_weighted(result: BundleResult, weighting: str, bound: float) -> list[Note]:

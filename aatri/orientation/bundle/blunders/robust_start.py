@@ -7,7 +7,7 @@ Each point with something above the limit, or rejected by an earlier stage, is l
 where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
 """
 
-from collections.abc import Callable
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
-from aatri.orientation.bundle.blunders.robust import Adjust, robust, robust_from_start, whitened_residuals
+from aatri.orientation.bundle.blunders.robust import Adjust, robust, robust_from_start, standardised
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
@@ -89,24 +89,16 @@ class RobustStart(FittedSigmas):
         Where something is very far off it is done from both, and that counts which leaves less to reject.
         """
         as_given, least_squares = self.block, None if initial is None else initial.result
-        ways: list[tuple[BundleInput, Callable[[], BundleResult]]] = [
-            (start, lambda: self._robust(start, least_squares))
-        ]
+        ends = list[tuple[BundleInput, BundleResult]]()
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            ends.append((start, self._robust(start, least_squares)))
         if initial is None or (active & (initial.test > ASTRAY * self.options.limit)).any():
-            ways.append((as_given, lambda: robust_from_start(as_given, self.adjust, self.options)))
-        best: tuple[float, BundleInput, BundleResult] | None = None
-        for begun, way in ways:
-            try:
-                result = way()
-            except (ConvergenceError, GeometryError):
-                continue
-            squares = self._truncated_squares(result)
-            if best is None or squares < best[0]:
-                best = squares, begun, result
-        if best is None:
+            with contextlib.suppress(ConvergenceError, GeometryError):
+                ends.append((as_given, robust_from_start(as_given, self.adjust, self.options)))
+        if not ends:
             return self._robust(as_given, least_squares)
-        self.block = best[1]
-        return best[2]
+        self.block, result = min(ends, key=lambda end: self._truncated_squares(end[1]))
+        return result
 
     @staticmethod
     def _robust_tests(result: BundleResult, least_squares: BundleResult | None) -> Float:
@@ -121,7 +113,7 @@ class RobustStart(FittedSigmas):
     def _truncated_squares(self, result: BundleResult) -> float:
         """Sum of the squares of the whitened residuals of all records, of each at most that of the limit."""
         state, most = result.adjusted.state, self.options.limit**2
-        v = [whitened_residuals(o.observed, state, np.flatnonzero(o.used)) for o in result.observations]
+        v = [standardised(o.observed, state, np.flatnonzero(o.used)) for o in result.observations]
         return sum(float(np.minimum((each**2).sum(axis=1), most).sum()) for each in v)
 
     def _robust(self, start: BundleInput, least_squares: BundleResult | None) -> BundleResult:
