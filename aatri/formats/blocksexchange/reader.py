@@ -1,29 +1,31 @@
-"""Reading of BlocksExchange XML, versions 2.1 to 3.2: cameras, poses, control and check points, tie points.
+"""Reading of BlocksExchange XML (.xml, .xmlz), versions 2.1 to 3.2: cameras, poses, control, check and tie points.
 
-A rotation M_ij turns ground to camera, x right, y down (`XRightYDown`, the default) or y up (`XRightYUp`). Pixels and
-principal point count from the centre of the first pixel. The distortion is forward, in normalised coordinates:
+Pixels and principal point count from the centre of the first pixel; `xmm`, `ymm` count from the image centre or the
+principal point, along the axes of the camera (`axes`). The distortion is forward, in normalised coordinates:
 
     u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
 
-AspectRatio, Skew and angles omega, phi, kappa in degrees are read in the way that the points of the file show (`ways`).
-An image is called by its file name, by its whole path where that stands for two; a photogroup by its name, with its
-number where two have one. Poses are start values. Control in
-another system than the block's is converted to that.
+AspectRatio, Skew and angles are read in the way that the points of the file show (`ways`). An image is called by its
+file name, by its whole path where that stands for two; a photogroup by its name, with its number where two have one.
+Poses are start values. A point is in the system of its own SRSId, of the list that it is in, or of the block, and
+converted to that of the block; `ENU:latitude,longitude` is a plane of its own.
 
 Source: Bentley, CC Orientations (BlocksExchange) format description.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from aatri.codes import APPROXIMATE, CHECK, CONTROL
-from aatri.formats.blocksexchange.cameras import XYZ, lens_of, open_ways, rotation_of, way_of, xyz
+from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
+from aatri.formats.blocksexchange.axes import rotation_of
+from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, points_of, way_of, xyz
 from aatri.formats.conventions.lens_conversion import camera_parts
-from aatri.formats.parts.block_parts import LOCAL, BlockParts
+from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.text_line import places
@@ -37,6 +39,13 @@ CATEGORIES = {"Full": (True, True, True), "Horizontal": (True, True, False), "Ve
 """Which coordinates of a control point are known."""
 
 
+class _Photo(NamedTuple):
+    """A photo: the name of its image, and its photogroup."""
+
+    name: str
+    group: XmlElement
+
+
 def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
     """Read a block.
 
@@ -48,13 +57,17 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     root = read_xml(path, ("BlocksExchange",), "BlocksExchange XML")
     if (version := root.get("version")) not in VERSIONS:
         raise root.error(f"version {clipped(version)!r}", f"versions {', '.join(VERSIONS)} are read: export anew")
+    blocks = root.all("Block")
+    if len(blocks) > 1:
+        names = shown([name.text for of in blocks for name in of.all("Name")])
+        raise blocks[1].error(f"{len(blocks)} blocks: {names}", "export the one that is to be read")
     block = root.one("Block")
     every = block.all("Photogroups", "Photogroup")
     groups = [group for group in every if group.all("Photo")]
     if not groups:
         raise block.error("no Photogroup with photos", "export the block with its photos")
     frame = _frame(root, block)
-    way = way_of(block, groups, geographic=frame.geographic)
+    way, of_way = way_of(block, groups, geographic=frame.geographic)
     lenses = [lens_of(group, k, way) for k, group in enumerate(groups, 1)]
     ids = [lens.id for lens in lenses]
     lenses = [replace(of, id=f"{of.id} {k}") if of.id in ids[: k - 1] else of for k, of in enumerate(lenses, 1)]
@@ -67,12 +80,14 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     )
     if len(groups) < len(every):
         parts.notes.append(f"{len(every) - len(groups)} photogroups without photos are not read")
-    if len(open_ways(groups)) > 1:
-        parts.notes.append(f"{way}: so its own measured points are where it projects them")
+    if of_way:
+        parts.notes.append(of_way)
+    if frame is PLANE:
+        parts.notes.append("its system is a plane at a place of its own (ENU), taken as a local one")
     parts.cameras = {**parts.cameras, "pixel_origin": "top-left-centre"}
     photos = [(photo, lens.id, group) for lens, group in zip(lenses, groups) for photo in group.all("Photo")]
     names = _names([photo for photo, _, _ in photos])
-    of_id = {photo.one("Id").text: name for (photo, _, _), name in zip(photos, names)}
+    of_id = {photo.one("Id").text: _Photo(name, group) for (photo, _, group), name in zip(photos, names)}
     parts.images = {
         "id": names,
         "camera": [camera for _, camera, _ in photos],
@@ -95,6 +110,9 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
 def _frame(root: XmlElement, block: XmlElement) -> Frame:
     """The system of the block; a free one without."""
     number = block.optional("SRSId")
+    for other in block.all("Photogroups", "Photogroup", "SRSId"):
+        if number is None or other.text != number.text:
+            raise other.error("a photogroup in another system than the block", "export all in one system")
     return LOCAL if number is None else _system(root, number)
 
 
@@ -106,6 +124,8 @@ def _system(root: XmlElement, number: XmlElement) -> Frame:
     definition = systems[number.text].text
     if re.match("LOCAL_CS", definition):
         return LOCAL
+    if re.match("ENU:", definition):
+        return PLANE
     return Frame("blocksexchange", _axes(definition, systems[number.text]), definition)
 
 
@@ -134,26 +154,25 @@ def _names(photos: list[XmlElement]) -> list[str]:
 
 
 def _give_points(
-    parts: BlockParts, block: XmlElement, of_id: dict[str, str], root: XmlElement, reporter: Reporter
+    parts: BlockParts, block: XmlElement, photos: Mapping[str, _Photo], root: XmlElement, reporter: Reporter
 ) -> None:
     """Control, check and tie points, and where they were measured."""
     own, foreign = block.optional("SRSId"), dict[str, list[int]]()
     points, rows = list[dict[str, Any]](), list[tuple[str, str, list[float], XmlElement]]()
-    for element in block.all("ControlPoints", "ControlPoint"):
-        system = element.optional("SRSId")
-        if system is not None and system.text != (own.text if own is not None else ""):
-            if own is None:
-                raise system.error("a control point in a system, and the block has none", "export all in one system")
-            foreign.setdefault(system.text, []).append(len(points))
-        points.append(_control(element))
-        _measured(element, points[-1]["point"], of_id, rows)
-    for k, element in enumerate(block.all("TiePoints", "TiePoint"), 1):
-        position = element.optional("Position")
-        name = f"tie {k}"
-        if position is not None:
-            tie = {"point": name, "xyz_m": xyz(position), "sigma_m": [0.0] * 3, "role": [APPROXIMATE] * 3}
-            points.append({**tie, "at": element})
-        _measured(element, name, of_id, rows)
+    for kind, name_of in (("ControlPoint", "control"), ("TiePoint", "tie")):
+        for number, element, system in points_of(block, kind):
+            name = element.optional("Name")
+            point = name.text if name is not None and name.text else f"{name_of} {number}"
+            if kind == "ControlPoint" or element.optional("Position") is not None:
+                if system is not None and system.text != (own.text if own is not None else ""):
+                    if own is None:
+                        raise system.error("a point in a system, and the block has none", "export all in one system")
+                    foreign.setdefault(system.text, []).append(len(points))
+                values = _control(element) if kind == "ControlPoint" else _tie(element)
+                points.append({"point": point, **values, "at": element, "system": system})
+            _measured(element, point, photos, rows)
+    if elsewhere := [path.text for path in block.all("TiePoints", "Path")]:
+        parts.notes.append(f"tie points in files beside it are not read: {shown(elsewhere)}; export them in the file")
     first: dict[str, XmlElement] = {}
     for point in points:
         at = point["at"]
@@ -164,7 +183,7 @@ def _give_points(
         columns = {key: [point[key] for point in points] for key in ("point", "xyz_m", "sigma_m", "role")}
         parts.ground_points = {**columns, **places([point["at"] for point in points], parts.files)}
         for rows_of_system in foreign.values():
-            _convert(parts, rows_of_system, _system(root, points[rows_of_system[0]]["at"].one("SRSId")), reporter)
+            _convert(parts, rows_of_system, _system(root, points[rows_of_system[0]]["system"]), reporter)
     if rows:
         parts.image_points = {
             **{key: [row[k] for row in rows] for k, key in enumerate(("image", "point", "xy"))},
@@ -200,20 +219,28 @@ def _control(element: XmlElement) -> dict[str, Any]:
     if min(across, up) <= 0:
         raise element.error(f"accuracies {across:g}, {up:g}", "they are positive, in m")
     known = CATEGORIES[kind]
+    position = element.one("Position")
+    there = [bool(k or position.all(axis)) for k, axis in zip(known, XYZ)]
     return {
-        "point": element.one("Name").text,
-        "xyz_m": xyz(element.one("Position")),
+        "xyz_m": [position.number(axis) if is_there else np.nan for axis, is_there in zip(XYZ, there)],
         "sigma_m": [sigma if k else 0.0 for sigma, k in zip((across, across, up), known)],
-        "role": [role if k else APPROXIMATE for k in known],
-        "at": element,
+        "role": [role if k else APPROXIMATE if is_there else NO_ROLE for k, is_there in zip(known, there)],
     }
 
 
+def _tie(element: XmlElement) -> dict[str, Any]:
+    return {"xyz_m": xyz(element.one("Position")), "sigma_m": [0.0] * 3, "role": [APPROXIMATE] * 3}
+
+
 def _measured(
-    element: XmlElement, point: str, of_id: dict[str, str], rows: list[tuple[str, str, list[float], XmlElement]]
+    element: XmlElement,
+    point: str,
+    photos: Mapping[str, _Photo],
+    rows: list[tuple[str, str, list[float], XmlElement]],
 ) -> None:
     for mark in element.all("Measurement"):
-        photo = mark.one("PhotoId").text
-        if photo not in of_id:
-            raise mark.error(f"PhotoId {clipped(photo)} is no photo of the block", "export it again")
-        rows.append((of_id[photo], point, [mark.number("x"), mark.number("y")], mark))
+        number = mark.one("PhotoId").text
+        if number not in photos:
+            raise mark.error(f"PhotoId {clipped(number)} is no photo of the block", "export it again")
+        photo = photos[number]
+        rows.append((photo.name, point, pixels_of(mark, photo.group).tolist(), mark))

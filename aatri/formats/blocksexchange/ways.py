@@ -1,12 +1,14 @@
 """What the description of BlocksExchange leaves open, decided by the points that a file itself measures.
 
-    AspectRatio a    fy = a f              or fy = f / a
-    Skew s           u = f u' + s v' + cx  or u = f (u' + s v') + cx
-    angles           (Rx(omega) Ry(phi) Rz(kappa))' turns ground to camera, x right, y up or as CameraOrientation says
+    AspectRatio a        fy = a f              or fy = f / a
+    Skew s               u = f u' + s v' + cx  or u = f (u' + s v') + cx
+    omega, phi, kappa    in the axes of CameraOrientation, as described, or x right, y up whatever these are
+    yaw, pitch, roll     roll clockwise to whom the camera looks at, as described, or to whom stands behind it
 
 A file that has one of them is read in each of the ways; the one that is taken projects the control and tie points of
-posed photos to where they are measured, to `MOST_PX` in the median, and the next one `CLEARLY` times as far off. A file
-whose points do not decide is refused. An affinity of less than `NOTHING_PX` at the edge of the image is none.
+posed photos to where they are measured, to `MOST_PX` in the median, and the next one `CLEARLY` times as far off. Where
+the points do not decide, angles are read as described, and a file with AspectRatio or Skew is refused. An affinity of
+less than `NOTHING_PX` at the edge of the image is none.
 """
 
 from dataclasses import dataclass
@@ -34,12 +36,12 @@ class Way:
 
     aspect: Literal["a f", "f / a"] = "a f"
     skew: Literal["px", "of f"] = "px"
-    angles: Literal["y up", "as stated"] = "y up"
+    angles: Literal["described", "other"] = "described"
 
     def __str__(self) -> str:
-        axes = "x right, y up" if self.angles == "y up" else "the axes of CameraOrientation"
         skew = "in px" if self.skew == "px" else "as a part of f"
-        return f"AspectRatio as fy = {self.aspect}, Skew {skew}, angles in {axes}"
+        angles = "" if self.angles == "described" else "not "
+        return f"AspectRatio as fy = {self.aspect}, Skew {skew}, angles {angles}as the format describes them"
 
 
 USUAL = Way()
@@ -77,7 +79,7 @@ def ways_of(affinities: list[Affinity], *, has_angles: bool) -> list[Way]:
     """The ways in which a file can be read; one where nothing is open."""
     aspects = ("a f", "f / a") if any(of.aspect != 1 for of in affinities) else ("a f",)
     skews = ("px", "of f") if any(of.skew for of in affinities) else ("px",)
-    angles = ("y up", "as stated") if has_angles else ("y up",)
+    angles = ("described", "other") if has_angles else ("described",)
     return [Way(a, s, o) for a, s, o in product(aspects, skews, angles)]  # type: ignore[arg-type]
 
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.codes import CHECK, CONTROL, NO_ROLE
-from aatri.errors import InputError
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES, PIXEL_MM
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
@@ -129,15 +128,13 @@ def _calibration(root: XmlElement, path: Path, reading: Reading, reporter: Repor
 
 
 def _archive(path: Path) -> Archive | None:
-    """The archive that a file is; None of another."""
-    return Archive(path) if FileView(path).head.startswith("PK\x03\x04") else None
+    """The archive with a document that a file is; None of another."""
+    return Archive(path) if DOCUMENT in FileView(path).names else None
 
 
 def _root(path: Path, archive: Archive | None) -> XmlElement:
     if archive is None:
         return read_xml(path, ("document", "calibration"), WANTED)
-    if DOCUMENT not in archive.names:
-        raise InputError(f"no {DOCUMENT} in the archive", where=str(path), remedy=f"give {WANTED}")
     return read_xml(path, ("document",), WANTED, decoded_xml(archive.bytes_of(DOCUMENT), archive.at(DOCUMENT)))
 
 

@@ -7,6 +7,7 @@ which reads the beginning of each file once.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.text.archive import ZIP, only_document
 from aatri.options import Options
 from aatri.progress import Reporter
 from aatri.regular_file import open_regular
@@ -54,24 +56,35 @@ class FileView:
         try:
             if self.is_folder:
                 return tuple(sorted(p.name for p, _ in zip(self.path.iterdir(), range(MOST_NAMES))))
-            if self.head.startswith("PK\x03\x04"):
+            if self._beginning.startswith(ZIP):
                 with zipfile.ZipFile(self.path) as archive:
                     return tuple(archive.namelist()[:MOST_NAMES])
-        except (OSError, zipfile.BadZipFile):
+        except (OSError, zipfile.BadZipFile, NotImplementedError):
             pass
         return ()
 
     @cached_property
     def head(self) -> str:
-        """The beginning of the text, whatever its encoding and line ends; empty of what cannot be read."""
-        try:
-            with open_regular(self.path) as file:
-                data = file.read(HEAD_BYTES)
-        except OSError:
-            return ""
+        """The beginning of the text, whatever its encoding and line ends, of the one XML file where a zip archive holds
+        one; empty of what cannot be read."""
+        data, document = self._beginning, only_document(self.names)
+        if data.startswith(ZIP) and document is not None:
+            try:
+                with zipfile.ZipFile(self.path) as archive, archive.open(document) as file:
+                    data = file.read(HEAD_BYTES)
+            except (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError):
+                pass  # told when it is read
         wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
         text = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
         return text.replace("\r\n", "\n").replace("\r", "\n")
+
+    @cached_property
+    def _beginning(self) -> bytes:
+        try:
+            with open_regular(self.path) as file:
+                return file.read(HEAD_BYTES)
+        except OSError:
+            return b""
 
     @cached_property
     def lines(self) -> list[str]:

@@ -9,6 +9,7 @@ import re
 import stat
 import zipfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 from aatri.errors import InputError
@@ -26,8 +27,16 @@ SMALL_BYTES = 1 << 20
 """Members up to this size may grow as they like."""
 
 _OUTSIDE = re.compile(r"^(?:[/\\]|[A-Za-z]:)|(?:^|[/\\])\.\.(?:[/\\]|$)")
-_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf\x27\x1c", b"Rar!")
+ZIP = b"PK\x03\x04"
+"""What a zip archive begins with."""
+_ARCHIVES = (ZIP, b"\x1f\x8b", b"7z\xbc\xaf\x27\x1c", b"Rar!")
 _EXPORT = "save it again in the program that wrote it"
+
+
+def only_document(names: Iterable[str]) -> str | None:
+    """The one XML document among the members of an archive, as `.xmlz` are; None of none or several."""
+    documents = [name for name in names if name.lower().endswith(".xml") and not name.startswith("__MACOSX/")]
+    return documents[0] if len(documents) == 1 else None
 
 
 class Archive:

@@ -1,4 +1,5 @@
-"""The text of an XML file, decoded as it declares: expat itself knows four encodings only.
+"""The text of an XML file, or of the one in a zip archive (`.xmlz`), decoded as it declares: expat itself knows four
+encodings only.
 
 Entities that a file defines, or leaves to a DTD, are refused: where the DTD is not read, expat drops them in silence.
 """
@@ -8,6 +9,7 @@ import re
 from pathlib import Path
 
 from aatri.errors import InputError
+from aatri.formats.text.archive import ZIP, Archive, only_document
 from aatri.formats.text.text_file import read_bytes, refuse_page
 
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,200}?\sencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
@@ -25,7 +27,12 @@ def xml_text(path: Path) -> str:
     InputError
         If it cannot be read, is not in the encoding it declares, or uses entities of its own.
     """
-    return decoded_xml(read_bytes(path), path)
+    data = read_bytes(path)
+    archive = Archive(path) if data.startswith(ZIP) else None
+    document = only_document(archive.names) if archive else None
+    if archive is None or document is None:
+        return decoded_xml(data, path)
+    return decoded_xml(archive.bytes_of(document), archive.at(document))
 
 
 def decoded_xml(data: bytes, path: Path) -> str:
@@ -38,7 +45,7 @@ def decoded_xml(data: bytes, path: Path) -> str:
     """
     refuse_page(data, path)
     if data.startswith(b"PK"):
-        raise InputError("this is a zip archive, not XML", where=str(path), remedy="unpack it")
+        raise InputError("this is a zip archive without one XML file", where=str(path), remedy="unpack it")
     declared = _DECLARED.match(data)
     marked = next((name for mark, name in _BYTE_ORDER_MARKS.items() if data.startswith(mark)), None)
     encoding = marked or (declared.group(1).decode() if declared else "utf-8")

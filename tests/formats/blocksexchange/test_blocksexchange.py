@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import pytest
 
+from aatri.arrays import Float
 from aatri.errors import AatriError
 from aatri.formats.blocksexchange.reader import read_blocksexchange
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
+from aatri.formats.registry.sources import read_source
+from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
 
 TEXT = """<?xml version="1.0" encoding="utf-8"?>
@@ -84,6 +88,95 @@ def test_control_of_another_system_is_converted_to_that_of_the_block(tmp_path: P
     assert np.sqrt(ground["covariance_m2"][0][2, 2]) == pytest.approx(0.02)
 
 
+def test_the_system_of_a_list_of_control_holds_for_its_points(tmp_path: Path) -> None:
+    east, north, _ = pyproj.Transformer.from_crs(32650, 32651, always_xy=True).transform(500012.0, 4000021.0, 110.0)
+    text = TEXT.replace("</SRS></S", "</SRS><SRS><Id>1</Id><Definition>EPSG:32651</Definition></SRS></S")
+    text = text.replace("<ControlPoints>", "<ControlPoints><SRSId>1</SRSId>")
+    text = text.replace("<x>500013</x><y>4000021</y>", f"<x>{east!r}</x><y>{north!r}</y>")
+    ground = read_blocksexchange(written(tmp_path, text)).ground_points
+    np.testing.assert_allclose(ground["xyz_m"], [[500012, 4000021, 110]] * 2, rtol=0, atol=1e-6)
+
+
+def test_what_a_category_does_not_know_and_names_may_be_missing_and_a_plane_of_its_own_is_local(tmp_path: Path) -> None:
+    text = TEXT.replace("<x>500012</x><y>4000021</y>", "").replace("<Name>Q</Name>", "")
+    parts = read_blocksexchange(written(tmp_path, text.replace("EPSG:32650", "ENU:39.97523,-83.00678")))
+    assert parts.ground_points["point"] == ["P", "control 2"]
+    np.testing.assert_array_equal(parts.ground_points["xyz_m"][0], [np.nan, np.nan, 110])
+    assert assembled([parts]).ground_points.role.tolist() == [[0, 0, 1], [2, 2, 2]]
+    assert parts.frame is not None
+    assert parts.frame.crs == "local"
+    assert parts.notes == ["its system is a plane at a place of its own (ENU), taken as a local one"]
+
+
+def test_a_zipped_file_is_read_as_it_is(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "block.xmlz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("block.xml", TEXT.replace("<K1>0.1", "<K1>0,1"))
+    with pytest.raises(AatriError, match=r"block.xmlz/block.xml:10: K1 is '0,1'|block.xmlz:10: K1 is '0,1'"):
+        read_source(tmp_path / "block.xmlz", Reading(), SILENT)
+
+
+DESCRIBED = """<M_00>-0.9999982912233401</M_00><M_01>-0.001636319085375301</M_01><M_02>-0.0008602425863163225</M_02>
+<M_10>-0.001631068695467463</M_10><M_11>0.9999802528616577</M_11><M_12>-0.00606906089589293</M_12>
+<M_20>0.0008701565192966738</M_20><M_21>-0.006067647409696231</M_21><M_22>-0.9999812130648239</M_22>"""
+"""A rotation of the format's description, version 2.1; there too as omega, phi, kappa."""
+
+
+def rotation(tmp_path: Path, inner: str, orientation: str = "XRightYDown") -> Float:
+    """Image to ground of the first photo, y up, with another rotation."""
+    matrix = TEXT[TEXT.index("<M_00>") : TEXT.index("</Rotation>")]
+    text = TEXT.replace(matrix, inner)
+    text = text.replace("<PrincipalPoint>", f"<CameraOrientation>{orientation}</CameraOrientation><PrincipalPoint>")
+    return np.asarray(read_blocksexchange(written(tmp_path, text)).exterior["ground_from_image"][0])
+
+
+def test_the_matrix_and_the_angles_of_the_description_are_one_rotation(tmp_path: Path) -> None:
+    angles = "<Omega>179.6523471469934</Omega><Phi>0.04985630236313049</Phi><Kappa>179.9065465708369</Kappa>"
+    np.testing.assert_allclose(rotation(tmp_path, angles), rotation(tmp_path, DESCRIBED), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("ypr", "right", "up"),
+    [
+        ((0, 0, 0), (1, 0, 0), (0, 0, 1)),  # looks north, level
+        ((90, 0, 0), (0, -1, 0), (0, 0, 1)),  # clockwise: looks east
+        ((0, -90, 0), (1, 0, 0), (0, 1, 0)),  # looks straight down, its upper edge to the north
+        ((90, -90, 0), (0, -1, 0), (1, 0, 0)),
+        ((0, 0, 90), (0, 0, 1), (-1, 0, 0)),  # its right side goes up: clockwise to whom it looks at
+    ],
+)
+def test_yaw_pitch_roll_turn_a_camera_that_looks_along_y(
+    tmp_path: Path, ypr: tuple[int, ...], right: tuple[int, ...], up: tuple[int, ...]
+) -> None:
+    text = "".join(f"<{name}>{angle}</{name}>" for name, angle in zip(("Yaw", "Pitch", "Roll"), ypr))
+    np.testing.assert_allclose(rotation(tmp_path, text)[:, :2].T, [right, up], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("orientation", "x", "y"),
+    [("XRightYUp", (1, 0), (0, 1)), ("XLeftYDown", (-1, 0), (0, -1)), ("XDownYRight", (0, -1), (1, 0)),
+     ("XUpYLeft", (0, 1), (-1, 0))],
+)  # fmt: skip
+def test_axes_of_the_camera_are_those_of_its_orientation(
+    tmp_path: Path, orientation: str, x: tuple[int, ...], y: tuple[int, ...]
+) -> None:
+    """M is the identity, so that east and north are where x and y of the camera point; right and up of the image."""
+    unit = "".join(f"<M_{i}{j}>{int(i == j)}</M_{i}{j}>" for i in range(3) for j in range(3))
+    np.testing.assert_array_equal(rotation(tmp_path, unit, orientation)[:2, :2], [x, y])
+
+
+def test_millimetres_are_those_of_the_description(tmp_path: Path) -> None:
+    """Its camera and its measurement, there in px and in mm."""
+    group = """<ImageDimensions><Width>9420</Width><Height>14430</Height></ImageDimensions><PixelSize>0.0072</PixelSize>
+<FocalLength>100.735601903992</FocalLength><PrincipalPoint><xmm>-0.1853590176</xmm><ymm>0.06130152144</ymm>
+</PrincipalPoint>"""
+    text = TEXT.replace(TEXT[TEXT.index("<ImageD") : TEXT.index("<Distortion>")], group)
+    parts = read_blocksexchange(
+        written(tmp_path, text.replace("<x>1</x><y>2</y>", "<xmm>18.6231910176</xmm><ymm>-4.48973352144</ymm>"))
+    )
+    np.testing.assert_allclose(parts.image_points["xy"], [[7270.31, 6599.44]], rtol=0, atol=1e-6)
+    assert parts.cameras["principal_distance_mm"] == [pytest.approx(100.735601903992)]
+
+
 def test_positions_in_metadata_are_told(tmp_path: Path) -> None:
     text = TEXT.replace("a.jpg</ImagePath></Photo>", "a.jpg</ImagePath><Pose><Metadata/></Pose></Photo>")
     assert read_blocksexchange(written(tmp_path, text)).notes == [
@@ -98,6 +191,10 @@ DAMAGE = [
     (TEXT.replace("Perspective", "Fisheye"), r":7: the camera model 'Fisheye'"),
     (TEXT.replace("<SensorSize>20</SensorSize>", ""), r":5: image 4000 x 3000, focal length 0 px"),
     (TEXT.replace("<K1>0.1", "<K1>0,1"), r":10: K1 is '0,1': a decimal comma"),
+    (TEXT.replace("<K3>0<", "<Direct>false</Direct><K3>0<"), r":10: Direct false of a distortion is not read"),
+    (TEXT.replace("<Block>", "<Block/><Block>"), r":4: 2 blocks: b"),
+    (TEXT.replace("<M_00>1<", "<Heading>1<").replace("</M_00>", "</Heading>"), r":11: a rotation of Heading, M_01"),
+    (TEXT.replace("<Photogroup>", "<Photogroup><SRSId>1</SRSId>"), r":5: a photogroup in another system"),
     (TEXT.replace("<K1>0.1", "<K1>nan"), r":10: K1 is 'nan'"),
     (TEXT.replace("<Id>1<", "<Id>0<"), r":14: photo Id 0 is given twice, first in line 11"),
     (TEXT.replace("<Name>Q", "<Name>P"), r":21: point P is given twice, first in line 17"),
@@ -126,7 +223,7 @@ def with_open_points(aspect: str, skew: str, angles: str, *, points: int = 8) ->
     ry = np.array([[c(phi), 0, s(phi)], [0, 1, 0], [-s(phi), 0, c(phi)]])
     rz = np.array([[c(kappa), -s(kappa), 0], [s(kappa), c(kappa), 0], [0, 0, 1]])
     camera_from_ground = (rx @ ry @ rz).T
-    if angles == "as stated":  # the same numbers, axes x right, y down: the photo looks up
+    if angles == "described":  # the same numbers, axes x right, y down: the photo looks up
         heights = 130.0
     else:
         camera_from_ground, heights = np.diag([1, -1, -1]) @ camera_from_ground, 110.0
@@ -155,7 +252,7 @@ def with_open_points(aspect: str, skew: str, angles: str, *, points: int = 8) ->
 
 @pytest.mark.parametrize("aspect", ["a f", "f / a"])
 @pytest.mark.parametrize("skew", ["px", "of f"])
-@pytest.mark.parametrize("angles", ["y up", "as stated"])
+@pytest.mark.parametrize("angles", ["other", "described"])
 def test_aspect_skew_and_angles_are_read_as_the_points_of_the_file_show(
     tmp_path: Path, aspect: str, skew: str, angles: str
 ) -> None:
@@ -165,7 +262,10 @@ def test_aspect_skew_and_angles_are_read_as_the_points_of_the_file_show(
     assert misfit_px(block, "C:\\f\\a.jpg", xy, xyz).max() < 0.08
 
 
-def test_angles_that_no_point_confirms_are_refused(tmp_path: Path) -> None:
-    text, _ = with_open_points("a f", "px", "y up", points=2)
+def test_an_affinity_that_no_point_confirms_is_refused_and_angles_are_as_described(tmp_path: Path) -> None:
+    text, _ = with_open_points("a f", "px", "other", points=2)
     with pytest.raises(AatriError, match="2 measured points of posed photos do not show which"):
         read_blocksexchange(written(tmp_path, text))
+    angles_alone = text.replace("<AspectRatio>1.001<", "<AspectRatio>1<").replace("<Skew>1.5<", "<Skew>0<")
+    (note,) = read_blocksexchange(written(tmp_path, angles_alone)).notes
+    assert note.startswith("angles of rotations read as the format describes them, one of two ways: 2 measured points")

@@ -22,12 +22,15 @@ from tests.formats.metashape.test_metashape import LOCAL_CS, OLD, local, written
 def test_an_archive_holds_the_same(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "p.psz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("doc.xml", local())
+    with zipfile.ZipFile(tmp_path / "cameras.xmlz", "w") as archive:
+        archive.writestr("cameras.xml", local())
+    assert read_source(tmp_path / "cameras.xmlz", Reading(), SILENT).images["id"] == ["a.jpg", "b.jpg"]
     parts = read_source(tmp_path / "p.psz", Reading(), SILENT)
     assert parts.format == "metashape"
     assert parts.images["id"] == ["a.jpg", "b.jpg"]
     with zipfile.ZipFile(tmp_path / "q.psz", "w") as archive:
-        archive.writestr("other.xml", "<a/>")
-    with pytest.raises(AatriError, match=r"no doc.xml in the archive"):
+        archive.writestr("other.txt", "a")
+    with pytest.raises(AatriError, match=r"a zip archive without one XML file"):
         read_metashape(tmp_path / "q.psz")
 
 

@@ -49,7 +49,7 @@ def test_elements_by_name_with_their_lines(tmp_path: Path) -> None:
         (TEXT.replace("root", "other"), r"file.xml:2: the root element is 'other'"),
         ("<!DOCTYPE html><html></html>", r"file.xml:1: this is a web page \(HTML\), not data"),
         ('<!DOCTYPE r [<!ENTITY e "x">]><root>&e;</root>', r"file.xml:1: an entity of its own"),
-        (b"PK\x03\x04rest", r"this is a zip archive, not XML"),
+        (b"PK\x03\x04rest", r"no zip archive, or one that is cut off"),
         (TEXT.encode("utf-16"), None),
         (TEXT.replace("2.5", "\u00e9").encode("latin-1"), r"file.xml:3: not utf-8, as it declares"),
     ],
