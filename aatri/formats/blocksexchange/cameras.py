@@ -131,7 +131,8 @@ def _marks(block: XmlElement) -> dict[str, list[tuple[XmlElement, XmlElement]]]:
         for _, point, system in points_of(block, kind):
             position, category = point.optional("Position"), point.optional("Category")
             is_full = category is None or category.text == "Full"
-            if position is not None and is_full and (system is own or (own is not None and system.text == own.text)):
+            in_own = system is own or (system is not None and own is not None and system.text == own.text)
+            if position is not None and is_full and in_own:
                 for mark in point.all("Measurement"):
                     marks.setdefault(mark.one("PhotoId").text, []).append((position, mark))
     return marks

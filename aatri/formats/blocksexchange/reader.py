@@ -59,8 +59,8 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         raise root.error(f"version {clipped(version)!r}", f"versions {', '.join(VERSIONS)} are read: export anew")
     blocks = root.all("Block")
     if len(blocks) > 1:
-        names = shown([name.text for of in blocks for name in of.all("Name")])
-        raise blocks[1].error(f"{len(blocks)} blocks: {names}", "export the one that is to be read")
+        named = shown([name.text for of in blocks for name in of.all("Name")])
+        raise blocks[1].error(f"{len(blocks)} blocks: {named}", "export the one that is to be read")
     block = root.one("Block")
     every = block.all("Photogroups", "Photogroup")
     groups = [group for group in every if group.all("Photo")]
@@ -161,16 +161,16 @@ def _give_points(
     points, rows = list[dict[str, Any]](), list[tuple[str, str, list[float], XmlElement]]()
     for kind, name_of in (("ControlPoint", "control"), ("TiePoint", "tie")):
         for number, element, system in points_of(block, kind):
-            name = element.optional("Name")
-            point = name.text if name is not None and name.text else f"{name_of} {number}"
+            stated = element.optional("Name")
+            name = stated.text if stated is not None and stated.text else f"{name_of} {number}"
             if kind == "ControlPoint" or element.optional("Position") is not None:
                 if system is not None and system.text != (own.text if own is not None else ""):
                     if own is None:
                         raise system.error("a point in a system, and the block has none", "export all in one system")
                     foreign.setdefault(system.text, []).append(len(points))
                 values = _control(element) if kind == "ControlPoint" else _tie(element)
-                points.append({"point": point, **values, "at": element, "system": system})
-            _measured(element, point, photos, rows)
+                points.append({"point": name, **values, "at": element, "system": system})
+            _measured(element, name, photos, rows)
     if elsewhere := [path.text for path in block.all("TiePoints", "Path")]:
         parts.notes.append(f"tie points in files beside it are not read: {shown(elsewhere)}; export them in the file")
     first: dict[str, XmlElement] = {}

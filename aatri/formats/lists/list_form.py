@@ -2,11 +2,12 @@
 
 import csv
 import re
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 from aatri.errors import InputError
-from aatri.formats.lists.list_columns import ListColumns, columns_of_header
+from aatri.formats.lists.list_columns import ANGLES, ListColumns, columns_of_header
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import TextLine, words_of
 from aatri.ids import several
@@ -15,6 +16,14 @@ NO_COLUMN = re.compile(r"(?:ellipsoid|ellipsoidal|orthometric)\s+(?=height)|(?<!
 """Before a height or a unit: the second word of a header between blanks is no column of its own."""
 UNITS = re.compile(r"\(\s*position in (\w+),\s*orientation in (deg|grad|gon|rad)", re.IGNORECASE)
 """The line of units that Applanix writes above its list."""
+UNIT_WORDS = {"m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "s": "s", "sec": "s", "seconds": "s",
+              "deg": "deg", "degree": "deg", "degrees": "deg", "gon": "gon", "grad": "gon", "rad": "rad", "px": "px",
+              "pixel": "px"}  # fmt: skip
+"""Units as a row below the header names them."""
+OF_COLUMN = {**dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ", "sXY"), ("m",)), "time": ("s",),
+             **dict.fromkeys(("x", "y"), ("px",)), **dict.fromkeys(("longitude", "latitude"), ("deg",)),
+             **dict.fromkeys(chain(*ANGLES.values()), ("deg", "gon", "rad"))}  # fmt: skip
+"""Units that a column may have."""
 FEWEST, MOST = 3, 200
 """Columns that a list has at least, and names that a line may have to be its header."""
 MOST_BEFORE = 50
@@ -78,6 +87,22 @@ def form_of_columns(lines: list[str], columns: ListColumns, path: Path) -> ListF
             return ListForm(columns, separator, k)
     what = f"no row has numbers where the columns {' '.join(columns.words)} have them"
     raise InputError(what, where=f"{path}:1", remedy="say the columns of the list, in their order")
+
+
+def in_units_of(row: TextLine, columns: ListColumns) -> ListColumns | None:
+    """The columns in the units of a row that has nothing but units and rules; None of a row of another kind."""
+    units = [cell.strip("()[]").lower() for cell in row.words]
+    if not any(units) or not all(unit in UNIT_WORDS or not unit.strip("-=_") for unit in units):
+        return None
+    for name, unit in zip(columns.names, units):
+        stated = UNIT_WORDS.get(unit)
+        if stated is None or name not in OF_COLUMN:
+            continue
+        if stated not in OF_COLUMN[name]:
+            raise row.error(f"{name} in {unit}", f"export it in {' or '.join(OF_COLUMN[name])}")
+        if len(OF_COLUMN[name]) > 1:
+            columns = columns._replace(angle=stated)
+    return columns
 
 
 def in_stated_units(columns: ListColumns, lines: list[str], path: Path) -> ListColumns:

@@ -25,6 +25,7 @@ from aatri.formats.lists.list_form import (
     form_of_columns,
     header_cells,
     in_stated_units,
+    in_units_of,
     proposed,
     separator_of,
     stated_crs,
@@ -80,14 +81,18 @@ def read_list(
         )
         raise InputError(what, where=f"{path}:1", remedy=remedy)
     columns = form.columns
-    rows = []
+    rows = list[TextLine]()
     for k, text in enumerate(lines[form.header :], form.header + 1):
         if text.strip() and not text.lstrip().startswith("#"):
             row = TextLine(cells(text, form.separator), path, k)
             if not columns.fewest <= len(row.words) <= len(columns.words):
                 what = f"{several(len(row.words), 'word')}, for the columns {' '.join(columns.words)}"
                 raise row.error(what, "mend the row" if form.separator else BLANKS)
-            rows.append(row)
+            in_units = None if rows else in_units_of(row, columns)
+            if in_units is None:
+                rows.append(row)
+            else:
+                columns = in_units
     if not rows:
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
     heading = lines[form.header - 1]

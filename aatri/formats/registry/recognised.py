@@ -20,6 +20,10 @@ MOST_FILES = 500
 MOST_LEVELS = 2
 """Folders within the folder, and within these."""
 MOST_TOLD = 12
+MOST_NEAR = 5
+"""So many formats are named of which a file might have been."""
+GRAMMARS = {"<": "XML", "{": "JSON", "[": "JSON"}
+"""What of `Format.looked_for` a file has whose text begins so."""
 
 
 @dataclass(frozen=True)
@@ -124,15 +128,26 @@ def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path
 
 
 def unrecognised(path: Path) -> InputError:
-    """The error for what is of no known format: what was looked for, and what the files begin with."""
+    """The error for what is of no known format: what the files begin with, and what the nearest formats have."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     begins = "; ".join(f"{p.name} begins with {clipped(_beginning(p), 40)!r}" for p in files[:MOST_TOLD])
     more = f" and {several(len(files) - MOST_TOLD, 'more file')}" if len(files) > MOST_TOLD else ""
-    looked = "; ".join(f"{f.name}: {f.looked_for}" for f in FORMATS if f.read or f.stage)
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
+    near = dict.fromkeys(f for one in dict.fromkeys([*files[:MOST_TOLD], path]) for f in _nearest(one))
+    looked = "; ".join(f"{f.name}: {f.looked_for}" for f in [*near][:MOST_NEAR])
     of_list = f'--set "{path.name}:columns=point X Y Z"' if not path.is_dir() else "`--set FILE:columns=...`"
-    remedy = f"looked for were {looked}. A list without a header: {of_list}, in a pipeline `columns` beside its path"
+    by_columns = f"; any list by its columns: {of_list}, in a pipeline `columns` beside its path"
+    remedy = f"nearest are {looked}{by_columns if BY_NAME['table'] in near else ''}; all formats: aatri formats"
     return InputError(what, where=str(path), remedy=remedy)
+
+
+def _nearest(path: Path) -> list[Format]:
+    """Formats that are read from such files: whose title has the ending of its name, then those of the same grammar."""
+    view = FileView(path)
+    grammar = "a folder" if view.is_folder else GRAMMARS.get(view.head.lstrip()[:1], "a header with the columns")
+    ending = path.suffix.lower() + ")"
+    by_ending = [f for f in FORMATS if path.suffix and ending in f.title.lower()]
+    return by_ending + [f for f in FORMATS if (f.read or f.stage) and grammar in f.looked_for]
 
 
 def _beginning(path: Path) -> str:

@@ -118,6 +118,28 @@ def test_an_applanix_list_is_recognised_and_observed_whatever_its_line_ends_and_
     assert "columns that are not read: EVENT, LAT, LONG; `columns` says what they are" in parts.notes
 
 
+@pytest.mark.parametrize(
+    ("below", "kappa"),
+    [("---- --- --- === --- --- --- --- --- --- ---", 90), ("- - (s) (m) [m] m (deg) deg deg deg deg", 90),
+     ("- - s m m m gon gon gon - -", 100)],
+)  # fmt: skip
+def test_a_rule_and_a_row_of_units_below_a_header_are_no_rows(tmp_path: Path, below: str, kappa: int) -> None:
+    text = HEADERS["applanix"].replace("(position in Meters, orientation in Degrees, lat, long in Deg)\n", "")
+    text = text.replace("a.jpg", f"\n{below}\n\na.jpg").replace(" 90 36", f" {kappa} 36")
+    parts = read_source(written(tmp_path, text), Reading(), SILENT)
+    assert parts.images["id"] == ["a.jpg"]
+    R, position = np.asarray(parts.exterior["ground_from_image"])[0], np.asarray(parts.exterior["position_m"])[0]
+    np.testing.assert_allclose(image_of(R, position), (0.0, -10.0), atol=1e-12)
+    assert any("not read, before the first row" in note and below in note for note in parts.notes)
+
+
+def test_a_row_of_other_units_is_refused(tmp_path: Path) -> None:
+    for units, message in (("- px px m", r"list.txt:2: X in px"), ("- ft ft ft", r"list.txt:2: 'ft': not a number")):
+        path = written(tmp_path, f"point X Y Z\n{units}\nP 1 2 3\n")
+        with pytest.raises(AatriError, match=message):
+            read_source(path, Reading(), SILENT)
+
+
 @pytest.mark.parametrize("above", ["", "# made by X\n# 2 images\n", "Lambert 93\nIGN69\n", "#"])
 def test_orientations_of_ign_are_recognised_below_comments_and_headings(tmp_path: Path, above: str) -> None:
     path = written(tmp_path, f"{above}NOM\tX\tY\tZ\tO\tP\tK\tCAMERA\na.jpg\t400.0\t-200.0\t1500.0\t0\t0\t90\tcam\n")

@@ -53,7 +53,7 @@ def test_files_of_no_format_and_deep_folders_are_listed_and_photographs_are_not(
 
 def test_a_list_of_numbers_below_a_remark_is_no_list_of_control(tmp_path: Path) -> None:
     (tmp_path / "eo.txt").write_text("# gon\n1 500000.0 5000000.0 1000.0 0.5 399.5 100.0\n2 1.0 2.0 3.0 4.0 5.0 6.0\n")
-    with pytest.raises(AatriError, match="A list without a header"):
+    with pytest.raises(AatriError, match="any list by its columns: --set"):
         recognised(tmp_path / "eo.txt")
     (tmp_path / "gcp.txt").write_text("# by hand\nEPSG:32632\n1 2 3 4 5 a.jpg\n")
     assert recognised(tmp_path / "gcp.txt")[0].format.name == "odm_gcp"
@@ -74,8 +74,14 @@ def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for
     (tmp_path / "notes.txt").write_text("Dear colleague\n")
     with pytest.raises(AatriError, match=r"notes.txt begins with 'Dear colleague'") as caught:
         recognised(tmp_path)
+    assert "nearest are table: a header with the columns of a list" in str(caught.value)
     assert "block.yaml" in str(caught.value)
-    assert "<gama-local>" in str(caught.value)
+    (tmp_path / "tree.xml").write_text('<?xml version="1.0"?><tree/>')
+    (tmp_path / "photos.ori").write_text("no rotation\n")
+    for name, near in (("tree.xml", "gama: XML with <gama-local>"), ("photos.ori", "patb: three records")):
+        with pytest.raises(AatriError, match=f"nearest are {near}") as caught:
+            recognised(tmp_path / name)
+        assert str(caught.value).endswith("all formats: aatri formats")
 
 
 def test_names_are_distinct_and_every_format_says_what_it_carries() -> None:

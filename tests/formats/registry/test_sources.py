@@ -49,7 +49,7 @@ def test_every_sample_is_recognised_by_its_content(samples: Path, folder: str) -
 def test_what_a_list_without_a_header_has_is_said_of_the_only_file(tmp_path: Path, said: str) -> None:
     path = tmp_path / "eo.txt"
     path.write_text("a.tif\t800000.5\t6200000.25\t2800.5\t0.5\t-0.25\t90.5\tcam\n")
-    with pytest.raises(InputError, match=r'A list without a header: --set "eo.txt:columns='):
+    with pytest.raises(InputError, match=r'any list by its columns: --set "eo.txt:columns='):
         read_all([path], [], SILENT)
     _, (parts,) = read_all([path], settings_of([said]), SILENT)
     assert list(parts.images["camera"]) == ["cam"]
@@ -113,7 +113,7 @@ def test_what_is_of_no_format_says_what_was_looked_for(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("to be done\n")
     with pytest.raises(InputError, match=r"of no known format \(notes.txt begins with 'to be done'\)") as refused:
         recognised(tmp_path)
-    assert "a first line NVM_V3" in refused.value.remedy
+    assert refused.value.remedy.endswith("all formats: aatri formats")
 
 
 def test_a_standard_deviation_whose_square_vanishes_is_refused_and_not_taken_for_exact(tmp_path: Path) -> None:
