@@ -90,7 +90,6 @@ class Workers(Protocol):
         work : callable
             A function of a module; `exchange(message)` gives the answer to a message. The same part and answers make
             it send the same messages.
-        parts : sequence
         combine : callable
             The answers to the next message of each part, in their order.
         """
@@ -117,7 +116,6 @@ class StageContext(Reporter, Protocol):
         ----------
         function : callable
             Gives an artifact.
-        items : sequence of Item
         kind : type
             Of the artifact.
         what : str

@@ -40,7 +40,6 @@ class Answers:
     ----------
     count : int
         Number of parts.
-    combine : callable
     answer : callable
         Takes part, attempt and answer.
     """

@@ -12,7 +12,7 @@ import numpy as np
 from aatri.adapters.observation_tables import suspect_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, Text
@@ -127,7 +127,6 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
 
     Parameters
     ----------
-    initial : Solution or None
     taken_back : bool
         What was left out is used again; ties of models stay as they were made.
     """

@@ -88,7 +88,6 @@ def not_seen_since(before: Uncontrolled | None, block: Block, seen: Bool) -> Unc
 
     Parameters
     ----------
-    before : Uncontrolled or None
     seen : (n_points,) bool
         Points of several strips, or with control.
     """

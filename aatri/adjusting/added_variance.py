@@ -7,7 +7,7 @@ times that of these.
 
 import numpy as np
 
-from aatri.adjustment.small_matrices import inverse_cholesky
+from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.records import Records
-from aatri.adjustment.residuals import residuals
+from aatri.adjustment.records import Records, residuals
 from aatri.adjustment.statistics.variance_components import GroupSigmas, group_sigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int

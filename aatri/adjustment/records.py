@@ -20,7 +20,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from aatri.adjustment.loss import Huber
+from aatri.adjustment.threads import in_threads
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import times_whitener
 from aatri.arrays import Bool, Float, Int
 
 Evaluate = Callable[[State, Int], tuple[Float, tuple[Float, ...]]]
@@ -29,6 +31,9 @@ Fill = Callable[[int, int, Float, tuple[Float, ...]], None]
 Bind = Callable[[State], Fill]
 Weigh = Callable[[Float], Bind]
 Compiled = Callable[[Int], Weigh]
+
+CHUNK = 4096
+"""Records at once: their Jacobians, which the lane makes too, stay in the cache."""
 
 
 @runtime_checkable
@@ -183,12 +188,28 @@ def predicted(records: Records, state: State, rows: Int) -> tuple[Float, tuple[F
     return times_whitener(records.whitener[rows], *records.evaluate(state, rows))
 
 
-def times_whitener(whitener: Float, v: Float, jacobians: tuple[Float, ...]) -> tuple[Float, tuple[Float, ...]]:
-    """Residuals and Jacobians in units of their standard deviations."""
-    with np.errstate(invalid="ignore", over="ignore"):  # of records that are not active; else refused by the cost
-        if whitener.ndim == 2:
-            return whitener * v, tuple(whitener[:, :, None] * J for J in jacobians)
-        return np.einsum("nij,nj->ni", whitener, v), tuple(whitener @ J for J in jacobians)
+def residuals(records: Records, state: State, rows: Int) -> Float:
+    """Residuals of some records, computed minus observed, in units of the observation, (n, m)."""
+    n, m = len(rows), records.rows
+    if records.compiled is None or n < CHUNK:
+        return records.evaluate(state, rows)[0]
+    widths = [J.shape[2] for J in records.evaluate(state, rows[:1])[1]]
+    unit = np.ones((n, m)) if records.whitener.ndim == 2 else np.tile(np.eye(m), (n, 1, 1))
+    fill, v = records.compiled(rows)(unit)(state), np.empty((n, m))
+
+    def part(first: int, last: int) -> None:
+        J = [np.empty((min(CHUNK, last - first), m, k)) for k in widths]
+        for a in range(first, last, CHUNK):
+            b = min(a + CHUNK, last)
+            fill(a, b, v[a:b], tuple(j[: b - a] for j in J))
+
+    in_threads(n, part)
+    return v
+
+
+def whitened_residuals(records: Records, state: State, rows: Int) -> Float:
+    """The same in units of their standard deviations, of inactive records too."""
+    return times_whitener(records.whitener[rows], residuals(records, state, rows), ())[0]
 
 
 def times(records: Records, rows: Int, jacobians: tuple[Float, ...], moves: Mapping[str, Float]) -> Float:
@@ -251,39 +272,3 @@ def active_lane(bind: Bind, active: Bool, loss: Huber | None) -> Bind:
         return fill_active
 
     return bind_active
-
-
-def whitener_of_sigmas(sigma: Float) -> Float:
-    """Whitener of independent components.
-
-    Parameters
-    ----------
-    sigma : (n, m) float64
-        NaN or infinite where not observed.
-
-    Returns
-    -------
-    (n, m) float64
-    """
-    usable = np.isfinite(sigma)
-    return np.where(usable, 1.0 / np.where(usable, sigma, 1.0), 0.0)
-
-
-def whitener_of_covariances(covariance: Float, observed: Bool | None = None) -> Float:
-    """Whitener of full covariances, of the observed components only.
-
-    Parameters
-    ----------
-    covariance : (n, m, m) float64
-    observed : (n, m) bool, optional
-
-    Returns
-    -------
-    (n, m, m) float64
-    """
-    n, m = covariance.shape[:2]
-    used = np.ones((n, m), dtype=bool) if observed is None else observed
-    both = used[:, :, None] & used[:, None, :]
-    filled = np.where(both, covariance, np.eye(m))
-    inverse = np.linalg.inv(np.linalg.cholesky(filled)) if n else np.zeros((0, m, m))
-    return np.asarray(np.where(both, inverse, 0.0))

@@ -28,7 +28,6 @@ def expected_ratios(
 
     Parameters
     ----------
-    figures : mapping
     independent : IndependentErrors, optional
     confidence : float
         Probability within the limits.

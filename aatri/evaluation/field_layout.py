@@ -53,7 +53,6 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -
         Control and check points are its targets, what geodetic observations start from its pillars.
     position_m : (n, 3) float64, m
         Places of cameras, planned or found; NaN where unknown.
-    rules : LayoutRules
 
     Raises
     ------

@@ -23,7 +23,6 @@ class Expanded:
 
     Parameters
     ----------
-    frame : TangentFrame
     reference : (3,) float64, m
         Subtracted from the coordinates of the block.
     """

@@ -30,8 +30,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_sigmas
 from aatri.arrays import Bool, Float, Int
 from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation, left_jacobian

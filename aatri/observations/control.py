@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import CONTROL
 from aatri.observations.correlated import joined

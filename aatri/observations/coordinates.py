@@ -5,8 +5,9 @@ v = x - x_observed,    dv/dx = I
 
 import numpy as np
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, State
+from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed, named
 

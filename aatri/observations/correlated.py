@@ -14,8 +14,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Float, Int
 from aatri.errors import InputError
 from aatri.observations.observed import Observed, named

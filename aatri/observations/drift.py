@@ -152,7 +152,6 @@ def observed_with_terms(
         (rows, exact, terms that these touch) -> their records but for the terms that have a basis.
     by_exactness : iterable of (bool, (k,) int)
         Rows with weighted components (False), and rows with exact ones (True).
-    terms : sequence of SharedUnknowns
     row : (n,) int
         In their table of the Block.
     names : (n,) str

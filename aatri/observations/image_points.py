@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adjustment.records import Records, Weigh, whitener_of_sigmas
+from aatri.adjustment.records import Records, Weigh
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_sigmas
 from aatri.arrays import Float, Int, Text
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.plane_transformations import open_basis

@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.errors import InputError

@@ -80,7 +80,6 @@ def least_squares_match(
     image, template : (h, w) float64
     start_px : (2,) float64, px
         Where the centre of the template is nearly.
-    model : str
     linear : (2, 2) float64, optional
         Start of A.
     """

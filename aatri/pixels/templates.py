@@ -26,7 +26,6 @@ def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:
 
     Parameters
     ----------
-    shape : str
     size_px : float
         Length of the strokes, or diameter.
     stroke_px : float

@@ -128,7 +128,6 @@ def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:
 
     Parameters
     ----------
-    cls : type
     only : collection of str, optional
         Tables that are wanted, with those they refer to; the others are without rows.
 

@@ -49,7 +49,6 @@ def properties(block: Block | None, inputs: Mapping[str, Artifact], made: Artifa
     ----------
     block : Block, optional
         The example; without truth, or a Block, only what the result says of itself is judged.
-    inputs : mapping of port to Artifact
     """
     yield from _matrices(made)
     if block is None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.adjustment.whitening import whitener_of_covariances
 
 
 def _rays(rng: np.random.Generator, n_kept: int, n_points: int, rays):

@@ -44,10 +44,8 @@ def observation_source(
 
     Parameters
     ----------
-    image_points : ImagePoints or None
     initial : Solution or None
         Start values.
-    parameters : tuple of ParameterRows
     origin : (3,) float64, optional
         Of the tangent frame, in the frame of the block; default its middle.
     linear_start : bool

@@ -24,7 +24,7 @@ import numpy as np
 
 from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Float, Int, Text
 from aatri.observations.attitudes import KIND as ATTITUDE

@@ -55,7 +55,6 @@ def information_of(
     ----------
     equations : EquationsOfShared
         Images and points whose unknowns stay; those of cameras, drifts ... always do.
-    sets : CalibratedSets or None
 
     Raises
     ------

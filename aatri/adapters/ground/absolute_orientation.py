@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import OrientedPart, levelled_part, oriented_part, pooled
-from aatri.adapters.ground.control_fit import CHECK_DISTANCE, height_notes, stretched
+from aatri.adapters.ground.ground_fit import CHECK_DISTANCE, fit_notes, height_notes, misfitting_strips, stretched
 from aatri.adapters.ground.ground_observed import GroundObserved
-from aatri.adapters.ground.strip_misfits import fit_notes, misfitting_strips
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
 from aatri.adjustment.threads import one_blas_thread

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.component_bodies import body_of, observed_by_neighbours, precision
-from aatri.adapters.ground.control_fit import height_notes
+from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
     HARDLY,

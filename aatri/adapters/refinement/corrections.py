@@ -58,10 +58,8 @@ def systematically_corrected(
 
     Parameters
     ----------
-    requested : sequence of str
     poses : Solution, optional
         Orientations: every ray is corrected in its own vertical plane.
-    atmosphere : str
 
     Raises
     ------

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjusting.added_variance import weighted_means
-from aatri.adjustment.small_matrices import inverse_cholesky
+from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Int
 from aatri.artifacts.models import Models
 from aatri.geometry.similarity import IDENTITY, Similarity, transform, transform_covariance

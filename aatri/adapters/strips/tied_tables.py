@@ -56,7 +56,6 @@ def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -
 
     Parameters
     ----------
-    observed : sequence of Observed
     before : mapping
         Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
     """
@@ -214,7 +213,6 @@ def solution_of_bodies(
     initial : Solution, optional
     unseen : Uncontrolled, optional
         What the stage before has listed.
-    transformations : sequence of StripTransformations
     at : State, optional
         Values from which the residuals are told; default: those of the adjustment.
     rounds : int

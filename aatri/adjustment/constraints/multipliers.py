@@ -52,7 +52,6 @@ def support(
     ----------
     unknowns, records
         The problem without them.
-    constraints : sequence of Records
     state : mapping
         Where rho is found.
 

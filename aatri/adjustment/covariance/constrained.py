@@ -14,8 +14,7 @@ from aatri.adjustment.covariance.gains import Gains, reduce_gains
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.right_hand_sides import backward, forward, sides_of
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
-from aatri.adjustment.records import predicted, times
-from aatri.adjustment.residuals import CHUNK
+from aatri.adjustment.records import CHUNK, predicted, times
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float

@@ -9,8 +9,7 @@ follows from the block's.
 import numpy as np
 
 from aatri.adjustment.covariance.gains import Gains, take_gains
-from aatri.adjustment.records import Records, predicted
-from aatri.adjustment.residuals import CHUNK
+from aatri.adjustment.records import CHUNK, Records, predicted
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State

@@ -26,8 +26,7 @@ import numpy as np
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.covariance.gains import Gains
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.records import Records, predicted, times
-from aatri.adjustment.residuals import CHUNK
+from aatri.adjustment.records import CHUNK, Records, predicted, times
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
@@ -71,7 +70,6 @@ def s_transformation(
     ----------
     problem : IndexedProblem
         With d scalars held that close the open directions.
-    state : mapping
     H : mapping of (n, k, d) float64
         Open directions by group; groups that are missing are zero.
     datum : mapping of (n, k) bool

@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from aatri.adjustment.elimination.schedule import Stretch, in_parallel
-from aatri.adjustment.records import Fill, predicted, whitened
-from aatri.adjustment.residuals import CHUNK
+from aatri.adjustment.records import CHUNK, Fill, predicted, whitened
 from aatri.adjustment.structure.index import KeptRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.layout import Layout

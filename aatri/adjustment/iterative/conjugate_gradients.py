@@ -63,7 +63,6 @@ def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping:
     ----------
     problem : IndexedProblem
         With the subtrees to factorise.
-    state : mapping
 
     Returns
     -------

@@ -24,7 +24,6 @@ def within_reach(records: Sequence[Records], candidates: Sequence[int], state: S
 
     Parameters
     ----------
-    records : sequence of Records
     candidates : sequence of int
         Places of those whose weight may be brought within reach.
     state : mapping

@@ -38,7 +38,6 @@ def unseen_combinations(
 
     Parameters
     ----------
-    records : sequence of Records
     moves : mapping of (n, k, 7) float64
         Moves of the unknowns of each group with the seven.
     fixed : sequence of (m, 7) float64

@@ -157,7 +157,6 @@ def correlated_with_others(
     ----------
     cross_covariance : (s, k) float64
     other_variance : (k,) float64
-    other_names : sequence of str
     """
     rho = cross_covariance / np.outer(_sigma(np.diag(e.covariance)), _sigma(other_variance))
     return _pairs(rho, e.names, other_names, limit)

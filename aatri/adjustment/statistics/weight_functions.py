@@ -40,7 +40,6 @@ def weights(weighting: Weighting, s: Float, k: float) -> Float:
 
     Parameters
     ----------
-    weighting : str
     s : (n,) float64
         Size of the standardised residuals.
     k : float

@@ -61,7 +61,6 @@ def steadied(problem: IndexedProblem, state: dict[str, Any], veto: Veto | None =
 
     Parameters
     ----------
-    state : dict
     veto : callable, optional
         What it refuses is not done.
     """

@@ -113,7 +113,6 @@ def exchanged_marks(block: Block, image_points: ImagePoints | None, poses: Poses
 
     Parameters
     ----------
-    block : Block
     image_points : ImagePoints, optional
     poses : Poses
         As adjusted; where an adjustment fails, of its start.

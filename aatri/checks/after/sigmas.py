@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
 from aatri.checks.finding import Finding
 from aatri.checks.limits import COMPUTED, LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL

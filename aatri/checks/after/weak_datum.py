@@ -27,8 +27,6 @@ def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) ->
 
     Parameters
     ----------
-    inputs : BundleInput
-    result : BundleResult
     scale : float
         Of the standard deviations of image points in use, which the covariances follow, over those given.
     """

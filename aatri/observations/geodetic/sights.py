@@ -135,7 +135,6 @@ def sight_records(
 
     Parameters
     ----------
-    measured : callable
     own : Calibrated, optional
     angular : bool
         Residuals are angles, taken between -pi and pi.

@@ -143,7 +143,6 @@ def observed_conditions(
 
     Parameters
     ----------
-    observe : callable
     at_once : int
         Points of a record.
     """

@@ -120,7 +120,6 @@ def orient_body(
 
     Parameters
     ----------
-    observe : callable
     what : str
         The body, for messages.
     image_ids, point_ids : (n,) str

@@ -42,7 +42,6 @@ def undetermined_bodies(
 
     Parameters
     ----------
-    bodies : mapping of int to PlacedBody
     movable : sequence of int
         Those to be determined together; the others are where they are.
     control : (c,) int

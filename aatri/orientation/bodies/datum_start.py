@@ -93,7 +93,6 @@ def searched_start(
 
     Parameters
     ----------
-    observe : callable
     use : (n,) bool
         Observations that count, kind by kind.
     offered : Similarity, optional

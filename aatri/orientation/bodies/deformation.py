@@ -122,7 +122,6 @@ def sigma0_notes(
 
     Parameters
     ----------
-    tied : sequence of TiedResult
     names : sequence of str
         Of each, for messages.
     sigma0 : float

@@ -152,7 +152,6 @@ def ties_of(
 
     Parameters
     ----------
-    observed : sequence of Observed
     start : Similarity
         Ground from body.
     what : str

@@ -107,8 +107,6 @@ def exchanged_by_all(
 
     Parameters
     ----------
-    observed : sequence of Observed
-    observe : callable
     use : (n,) bool
         Observations that count, kind by kind.
     level : Similarity

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.residuals import residuals
+from aatri.adjustment.records import residuals
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.observations.image_points import KIND as IMAGE_POINT

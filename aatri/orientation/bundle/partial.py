@@ -16,8 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
+from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note

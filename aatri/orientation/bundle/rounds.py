@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.statistics.removal import size_of_idle
 from aatri.adjustment.unknowns import State
@@ -134,7 +134,6 @@ def without_idle_parameters(before: AdjustedBlock, adjust: Adjust, rebuilt: Rebu
     ----------
     before : AdjustedBlock
         With standard deviations.
-    adjust, rebuilt : callable
 
     Raises
     ------
@@ -172,7 +171,6 @@ def with_considered(done: AdjustedBlock, adjust: Adjust, rebuilt: Rebuilt) -> Ad
     ----------
     done : AdjustedBlock
         After all changes of weights.
-    adjust, rebuilt : callable
 
     Source: Tapley, Schutz, Born 2004, Statistical orbit determination, 6.3 (consider parameters).
     """

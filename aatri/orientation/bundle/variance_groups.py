@@ -46,7 +46,6 @@ def variance_components(
     ----------
     result : BundleResult
         Of it, with covariances.
-    adjust : callable
 
     Returns
     -------
@@ -137,7 +136,6 @@ def grouped(observed: Sequence[Observed], labels: Sequence[Sequence[str]], parts
 
     Parameters
     ----------
-    labels : sequence of sequence of str
     parts : sequence of (n, m) int
         Place among the labels; -1 none.
     """

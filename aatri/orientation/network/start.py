@@ -50,7 +50,6 @@ def approximate_coordinates(network: Network, xyz_m: Float) -> tuple[Float, set[
 
     Parameters
     ----------
-    network : dict of str to NetworkObservations
     xyz_m : (n, 3) float64, m
         NaN where unknown.
 

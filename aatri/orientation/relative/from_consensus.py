@@ -31,7 +31,6 @@ class FromConsensus:
     ----------
     start : (m + 1,) int
         First point of each pair.
-    max_samples : int
     fewest : int
         Pairs with fewer points get no start.
     expected : (m, 3, 3) float64, optional

@@ -98,7 +98,6 @@ def select(
 
     Parameters
     ----------
-    nodes : tuple of StageNode
     start : str, optional
         This stage and what depends on it.
     until : str, optional

@@ -24,7 +24,6 @@ class StoreView:
 
     Parameters
     ----------
-    run : Path
     verify : bool
         Read every artifact and input file, whatever is remembered of it.
     """

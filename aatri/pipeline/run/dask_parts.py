@@ -28,7 +28,6 @@ class Mailbox:
 
     Parameters
     ----------
-    client : distributed.Client
     name : str
         Not in use elsewhere.
     """

@@ -48,7 +48,6 @@ def garbage(run: Path, keep: int, older_days: float | None, now: datetime.dateti
         So many of the latest results of each stage stay, beside those referred to.
     older_days : float, optional
         Only what is older than this.
-    now : datetime
     """
     base = base_of(run)
     kept = set(_referred(base))

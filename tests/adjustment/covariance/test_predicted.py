@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
-from aatri.adjustment.records import Records, whitener_of_covariances
+from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
+from aatri.adjustment.whitening import whitener_of_covariances
 from tests.adjustment.block_problem import joined_problem, made_problem, posed_problem, shared_problem
 from tests.adjustment.reference import constrained_reference, dense_jacobian
 

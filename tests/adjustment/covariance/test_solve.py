@@ -12,12 +12,13 @@ from aatri.adjustment.covariance import solve as solving
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.solve import solve
 from aatri.adjustment.elimination.reduced import reduced_normals
-from aatri.adjustment.records import Records, whitener_of_covariances, whitener_of_sigmas
+from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import counts
 from aatri.adjustment.structure.weights import Weights
 from aatri.adjustment.unknowns import Unknowns, add_step
+from aatri.adjustment.whitening import whitener_of_covariances, whitener_of_sigmas
 from tests.adjustment.reference import dense_jacobian
 
 

@@ -10,9 +10,10 @@ import pytest
 
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.iterative.forecast import forecast, memory_limit
-from aatri.adjustment.records import Records, whitener_of_sigmas
+from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
+from aatri.adjustment.whitening import whitener_of_sigmas
 from tests.adjustment.block_problem import _along, _group, _observed, _prior
 
 N_KEPT, N_POINTS, RAYS = 300, 900, 3

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.records import Records
-from aatri.adjustment.small_matrices import inverse_cholesky
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, pool_of, stranded
 from aatri.adjustment.statistics.search import SETTLED, search
 from aatri.adjustment.statistics.variance_components import common_sigma
+from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 

@@ -79,7 +79,6 @@ def attributed_in_kind(
         Left out by it though only some of them are wrong.
     exchanged : (n,) bool
         Left out, and fitting with each other's numbers: these are wrong, whatever else would explain as much.
-    adjust : callable
     """
     state = _Attribution(tested, undecided, records, adjust)
     for kind in dict.fromkeys(o.kind for o in records.observed):

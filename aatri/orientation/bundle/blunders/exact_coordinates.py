@@ -83,7 +83,6 @@ def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> 
     ----------
     tested : TestedBlock
         Adjusted, with covariances.
-    adjust : callable
     """
     is_exact_kind = [o.holds is not None for o in tested.block.observed]
     variance = np.diagonal(tested.result.point_covariance_m2, axis1=1, axis2=2)

@@ -20,7 +20,6 @@ def without_search(block: BundleInput, adjust: Adjust, failure: AatriError) -> A
 
     Parameters
     ----------
-    adjust : callable
     failure : AatriError
         Of the search.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.weight_functions import weights
@@ -65,7 +65,6 @@ def robust(
 
     Parameters
     ----------
-    adjust : callable
     least_squares : BundleResult or None
         The adjustment by least squares with its covariances, for the redundancy numbers that Li's function asks for;
         without it they count as 1.

@@ -64,7 +64,6 @@ def search(
     ----------
     block : BundleInput
         What earlier stages have rejected is not active, and may come back.
-    adjust : callable
     tolerance : float
         Bound of the Newton decrement of the result.
     least_squares : BundleResult, optional

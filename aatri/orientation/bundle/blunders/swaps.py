@@ -124,7 +124,6 @@ def exchanged_coordinates(
 
     Parameters
     ----------
-    observed : tuple of Observed
     suspected_by_kind : tuple of (n,) bool
         Suspected, kind by kind.
     state : mapping

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.residuals import whitened_residuals
+from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT

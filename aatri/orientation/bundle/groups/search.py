@@ -65,7 +65,6 @@ def search_with_groups(
 
     Parameters
     ----------
-    adjust : callable
     single : callable
         (block, least squares of it or None) -> the block adjusted by `options`, searching for single gross errors.
     candidates_of : callable

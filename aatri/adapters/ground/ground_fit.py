@@ -1,21 +1,28 @@
-"""Whether strips fit control and positions, and how well each of them does."""
+"""How bodies on the ground fit control, positions and each other; wrong heights or principal distances."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import OrientedPart, free_images, pooled
+from aatri.adapters.imported import read_at
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
 from aatri.arrays import Bool, Float
+from aatri.artifacts.block import Block
 from aatri.artifacts.strips import Strips
-from aatri.errors import ConvergenceError
+from aatri.errors import ConvergenceError, InputError
 from aatri.notes import Note
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.deformation import Misfit, rms_m, sigma0_notes
+from aatri.orientation.bodies.height_factor import height_factor
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
+
+CHECK_DISTANCE = "check principal distance and pixel size, both in mm, and unit and reference of the heights"
 
 
 def fit_notes(strips: Strips, parts: Sequence[OrientedPart], max_sigma0: float | None) -> list[Note]:
@@ -106,3 +113,52 @@ def _farthest(parts: Sequence[OrientedPart]) -> str:
         rows += list(zip(off[worst].tolist(), names))
     texts = [f"{name} {m:.3g} m" for m, name in sorted(rows, reverse=True)[:WORST] if m > 0]
     return f"; farthest off: {', '.join(texts)}" if texts else ""
+
+
+def stretched(block: Block, body: OrientedBody) -> str:
+    """In words, by what factor control and positions together ask for another principal distance; else empty.
+
+    A principal distance too long by f stretches a model along its rays: its heights, and the flying height above it.
+    Over flat ground a common error of the heights of all positions does the same.
+    """
+    places = body.places
+    factor = height_factor(places.xyz, places.observed_m, places.given)
+    if factor is None:
+        return ""
+    levels_m = [
+        np.median(places.observed_m[of & places.given[:, 2], 2])
+        for of in (places.kind == CONTROL, places.kind != CONTROL)
+        if (of & places.given[:, 2]).any()
+    ]
+    c_mm = np.unique(block.cameras.principal_distance_mm[block.images.camera])
+    share = f"{factor.factor:.3f} (+- {factor.sigma:.2g}) times as much as those of the models"
+    if len(levels_m) < 2 or len(c_mm) > 1:
+        return f"given heights vary {share}: their unit or a principal distance is wrong"
+    off_m = (levels_m[1] - levels_m[0]) * (1 / factor.factor - 1)
+    distance = f"a principal distance of {c_mm[0] * factor.factor:.2f} mm instead of {c_mm[0]:.2f} mm"
+    higher = f"positions {abs(off_m):.3g} m {'higher' if off_m > 0 else 'lower'}"
+    return f"heights of control and positions vary {share}: {distance} would explain it, or {higher}"
+
+
+def height_notes(block: Block, body: OrientedBody, what: str) -> list[Note]:
+    """A warning where heights of control differ from those of the model by a factor.
+
+    Raises
+    ------
+    InputError
+        If that is certain.
+    """
+    observed = body.tied.problem.observed
+    control = [o for o in observed if o.kind == CONTROL and len(o)]
+    if not control:
+        return []
+    places = body.places
+    places = places.take(places.kind == CONTROL)
+    sigma_m, row = (np.concatenate(columns) for columns in zip(*((o.sigmas()[:, 2], o.row) for o in control)))
+    factor = height_factor(places.xyz, places.observed_m, places.given, sigma_m)
+    if factor is None:
+        return []
+    if not factor.certain:
+        return [Note("warning", f"{what}: {factor}; {factor.remedy}")]
+    where = read_at(block, block.ground_points, int(row[np.argmax(places.given[:, 2])]))
+    raise InputError(f"{what}: {factor}", where=where, remedy=factor.remedy)
