@@ -18,20 +18,23 @@ Source: collocation with the filter of another adjustment: Moritz 1980, Advanced
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
+from scipy.sparse import csr_array
 
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
+from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Float, Int, sums_of
 from aatri.geometry.strip_bases import StripAxes
 from aatri.notes import Note
 from aatri.observations.control import Control
+from aatri.observations.observed import Spread
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.deformation_components import deformation_components
+from aatri.orientation.bodies.deformation_components import DeformationComponents, deformation_components
 from aatri.orientation.bodies.deformed_normals import (
     DeformedTies,
     by_functions,
@@ -44,12 +47,7 @@ from aatri.orientation.bodies.deformed_normals import (
 )
 from aatri.orientation.bodies.determined_degrees import kept_coefficients
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials
-from aatri.orientation.bodies.summed_deformation import (
-    BESIDE,
-    COMPONENT,
-    HIGHEST,
-    TOGETHER,
-)
+from aatri.orientation.bodies.summed_deformation import BESIDE, COMPONENT, HIGHEST, TOGETHER
 from aatri.orientation.bodies.taken_up import SIZE, similarities, taken_up
 
 MOST_STRIPS = 200
@@ -75,6 +73,44 @@ class DeformedCovariances:
     """Why there are none."""
 
 
+@dataclass(frozen=True)
+class _Normals:
+    """Normal equations of coefficients c, similarities s and deformations z of all strips, of unit variance each."""
+
+    ties: DeformedTies
+    basis: Float
+    """(n_strips, functions, columns). The functions of c, s and z of each strip."""
+    weights: Float
+    """(n_points, 3, 3). Sums over the strips, without control."""
+    inverse: Float
+    """(n_points, 3, 3). Of the sums with control."""
+    control_whitener: Float
+    N: csr_array
+    c: Int
+    s: Int
+    z: Int
+    """Rows of each in N."""
+    taken_up: Float
+    """(n_s, n_z). By what the similarities err for deformations of one; no row where the coefficients hold them."""
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """The normal equations of the deformations that are left, without coefficients and similarities."""
+
+    z: Int
+    strip: Int
+    cause: Int
+    """(n,). Rows of the deformations in N, the strip of each, and what deforms it."""
+    S: Float
+    taken_up: Float
+    """Of these deformations."""
+    A: Float
+    """By what the coefficients err for deformations of one, changed in sign."""
+    Q: Float
+    """Inverse of the normal matrix of the coefficients."""
+
+
 @one_blas_thread()  # matrices of some hundred rows
 def deformed_covariances(
     result: StripPolynomials,
@@ -94,78 +130,125 @@ def deformed_covariances(
     """
     tied, n_strips = result.tied, len(axes)
     kept = kept_coefficients(result.degree, result.basis)
-    K = kept.shape[1]
-    undetermined = np.full((n_points, 3, 3), np.nan), np.full(kept.shape, np.nan)
-    problem = tied.problem
-    spread = problem.spread(tied.state)
-    redundancy = tied.redundancy
-    if redundancy <= 0 or not spread.values.any():
-        return DeformedCovariances(
-            *undetermined, {}, {}, "the deformation of the strips is not estimable (no redundancy)"
-        )
+    spread = tied.problem.spread(tied.state)
+    none = DeformedCovariances(np.full((n_points, 3, 3), np.nan), np.full(kept.shape, np.nan), {}, {})
+    if tied.redundancy <= 0 or not spread.values.any():
+        return replace(none, missing="the deformation of the strips is not estimable (no redundancy)")
     if n_strips > MOST_STRIPS:
-        return DeformedCovariances(*undetermined, {}, {}, f"{n_strips} strips, more than {MOST_STRIPS}")
+        return replace(none, missing=f"{n_strips} strips, more than {MOST_STRIPS}")
+    normal = _normals(result, spread, points, n_points, axes, control, models)
+    reduced = _reduced(normal, n_strips)
+    estimated, component, names, few = _estimated(normal, reduced, tied, spread)
+    present = np.unique(component).tolist()
+    sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
+    redundancy = {names[k]: float(estimated.redundancy[k]) for k in present}
+    if few or not present:
+        reason = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
+        missing = f"the deformation of the strips is not estimable ({reason})"
+        return replace(none, sigma=sigma, redundancy=redundancy, missing=missing)
+    theta = estimated.variance[component] * estimated.size[reduced.strip]
+    C = _of_parameters(normal, reduced, theta, estimated.phi, control.point)
+    sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, : kept.shape[1]]
+    of_points = _of_points(normal.ties, C, normal.basis, normal.weights, estimated.phi)
+    return DeformedCovariances(of_points, np.where(kept, sigmas, np.nan), sigma, redundancy)
+
+
+def _normals(
+    result: StripPolynomials,
+    spread: Spread,
+    points: BodyPoints,
+    n_points: int,
+    axes: Sequence[StripAxes],
+    control: Control,
+    models: Int,
+) -> _Normals:
+    """The weights of the adjustment, and its normal equations with all that strips are deformed by."""
+    tied, n_strips = result.tied, len(axes)
     active, T_ties = tied.active[: len(points.strip)], tie_whitener(spread, tied.tau_m)
     ties = deformed_ties(points, axes, active, T_ties, wide=is_wide(result.basis))
     typical = typical_variance(spread, tied.tau_m)
-    beside = [whitener_beside(o, C, typical) for o, C in zip(problem.ground, problem.covariances)]
+    beside = [whitener_beside(o, C, typical) for o, C in zip(tied.problem.ground, tied.problem.covariances)]
     T = np.concatenate([np.zeros((0, 3, 3)), *beside]) * tied.active[len(points.strip) :, None, None]
     total = _sums(T_ties[active], points.point[active], n_points)
-    strips_of_point = np.bincount(ties.point, minlength=n_points)
-    controlled = np.bincount(control.point, minlength=n_points) > 0
     inverse = _inverses(total + _sums(T, control.point, n_points))
-    latent_basis = by_functions(axes, models, result.basis)
+    shared = np.bincount(ties.point, minlength=n_points) > 1
+    controlled = np.bincount(control.point, minlength=n_points) > 0
+    kept = kept_coefficients(result.degree, result.basis)
+    K = kept.shape[1]
     width = SIZE if int(result.degree.min()) < 1 else 0  # columns of similarities: coefficients of degree 1 hold them
-    S = similarities(axes, ties.f.shape[1], HIGHEST + 1)[:, :, :width]
-    latent_basis = np.concatenate([latent_basis[:, :, :K], S, latent_basis[:, :, K:]], axis=2)
-    N_ties = normals(ties, latent_basis, inverse, (strips_of_point > 1) & ~controlled)
-    N = N_ties + normals(ties, latent_basis, inverse, controlled)
-    place = np.tile(np.arange(latent_basis.shape[2]), n_strips)
-    c = np.flatnonzero(np.pad(kept, ((0, 0), (0, latent_basis.shape[2] - K))).ravel())
+    latent, moved = by_functions(axes, models, result.basis), similarities(axes, ties.f.shape[1], HIGHEST + 1)
+    basis = np.concatenate([latent[:, :, :K], moved[:, :, :width], latent[:, :, K:]], axis=2)
+    N_ties = normals(ties, basis, inverse, shared & ~controlled)
+    N = N_ties + normals(ties, basis, inverse, controlled)
+    place = np.tile(np.arange(basis.shape[2]), n_strips)
+    c = np.flatnonzero(np.pad(kept, ((0, 0), (0, basis.shape[2] - K))).ravel())
     s, z = np.flatnonzero((place >= K) & (place < K + width)), np.flatnonzero(place >= K + width)
-    err = np.zeros((len(s), len(z)))  # of the similarities, for deformations of one
+    error = np.zeros((len(s), len(z)))
     if width:
-        N_ties = N_ties + normals(ties, latent_basis, _inverses(total), (strips_of_point > 1) & controlled)
-        moved = N if T.any() else normals(ties, latent_basis, 0.0 * inverse, np.ones(n_points, dtype=bool))
-        err = taken_up(N_ties, moved, s, z, axes)
+        N_ties = N_ties + normals(ties, basis, _inverses(total), shared & controlled)
+        to_ground = N if T.any() else normals(ties, basis, 0.0 * inverse, np.ones(n_points, dtype=bool))
+        error = taken_up(N_ties, to_ground, s, z, axes)
+    return _Normals(ties, basis, total, inverse, T, N, c, s, z, error)
+
+
+def _reduced(normal: _Normals, n_strips: int) -> _Reduced:
+    """Coefficients and similarities eliminated; without the deformations that these take up whole."""
+    N, c, s, z, error = normal.N, normal.c, normal.s, normal.z, normal.taken_up
     L = np.linalg.cholesky(N[c][:, c].toarray())
-    brought = N[:, z].toarray() + N[:, s] @ err
+    brought = N[:, z].toarray() + N[:, s] @ error
     half = solve_triangular(L, brought[c], lower=True)
     A, Q = solve_triangular(L, half, lower=True, trans="T"), cho_solve((L, True), np.eye(len(c)))
-    S = brought[z] + err.T @ brought[s] - half.T @ half
+    S = brought[z] + error.T @ brought[s] - half.T @ half
     left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
-    z, A, S, err = z[left], A[:, left], S[np.ix_(left, left)], err[:, left]
-    of_misfit = np.einsum("sfk,sf->sk", latent_basis, misfit(ties, tied.residuals, n_strips)).ravel()
-    squares = tied.weighted_sigma0**2 * redundancy
+    strip, cause = np.repeat(np.arange(n_strips), len(COMPONENT))[left], np.tile(COMPONENT, n_strips)[left]
+    return _Reduced(z[left], strip, cause, S[np.ix_(left, left)], error[:, left], A[:, left], Q)
+
+
+def _estimated(
+    normal: _Normals, reduced: _Reduced, tied: TiedResult, spread: Spread
+) -> tuple[DeformationComponents, Int, tuple[str, ...], list[str]]:
+    """Variances of the deformations, as many components as the block tells apart; which of these each has, their names,
+    and those that are not estimable, with their redundancies.
+    """
+    of_misfit = misfit(normal.ties, tied.residuals, len(normal.basis))
+    of_misfit = np.einsum("sfk,sf->sk", normal.basis, of_misfit).ravel()
+    g = of_misfit[reduced.z] + reduced.taken_up.T @ of_misfit[normal.s]
+    squares, redundancy = tied.weighted_sigma0**2 * tied.redundancy, tied.redundancy
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
-    g, kind = of_misfit[z] + err.T @ of_misfit[s], np.tile(COMPONENT, n_strips)[left]
-    strip = np.repeat(np.arange(n_strips), len(COMPONENT))[left]
     for names, of in TOGETHER:
-        component, lasting = of[kind], of[BESIDE]
-        estimated = deformation_components(S, g, component, strip, squares, redundancy, least)
+        component, lasting = of[reduced.cause], of[BESIDE]
+        estimated = deformation_components(reduced.S, g, component, reduced.strip, squares, redundancy, least)
         present = np.unique(component).tolist()
         r = np.bincount(lasting[present], estimated.redundancy[present])
         few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE]
         if not few:
             break
-    sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
-    of_component = {names[k]: float(estimated.redundancy[k]) for k in present}
-    if few or not present:
-        reason = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
-        reason = f"the deformation of the strips is not estimable ({reason})"
-        return DeformedCovariances(*undetermined, sigma, of_component, reason)
-    by_control = latent_basis.swapaxes(1, 2) @ of_control(ties, n_strips, inverse, control.point, T)
-    noise = Q @ by_control.reshape(N.shape[0], 3 * len(control.point))[c]
-    theta, C = estimated.variance[component] * estimated.size[strip], np.zeros(N.shape)
-    r, R = np.concatenate([c, s]), np.concatenate([-A, err])
+    return estimated, component, names, few
+
+
+def _of_parameters(normal: _Normals, reduced: _Reduced, theta: Float, phi: float, control: Int) -> Float:
+    """Covariances of coefficients, similarities and deformations together, (columns of all strips, square).
+
+    Parameters
+    ----------
+    theta : (n_z,) float64
+        Variances of the deformations.
+    phi : float
+        Variance of unit weight.
+    control : (n,) int
+        Points of the control.
+    """
+    N, c, s, z = normal.N, normal.c, normal.s, reduced.z
+    on_control = of_control(normal.ties, len(normal.basis), normal.inverse, control, normal.control_whitener)
+    by_control = normal.basis.swapaxes(1, 2) @ on_control
+    noise = reduced.Q @ by_control.reshape(N.shape[0], 3 * len(control))[c]
+    C = np.zeros(N.shape)
+    r, R = np.concatenate([c, s]), np.concatenate([-reduced.A, reduced.taken_up])
     root = R * np.sqrt(theta)
     C[np.ix_(r, r)], C[np.ix_(r, z)], C[np.ix_(z, r)] = root @ root.T, R * theta, (R * theta).T
     C[z, z] = theta
-    C[np.ix_(c, c)] += estimated.phi * Q + (1 - estimated.phi) * noise @ noise.T
-    sigmas = np.sqrt(np.maximum(C.diagonal(), 0.0)).reshape(n_strips, -1)[:, :K]
-    return DeformedCovariances(
-        _of_points(ties, C, latent_basis, total, estimated.phi), np.where(kept, sigmas, np.nan), sigma, of_component
-    )
+    C[np.ix_(c, c)] += phi * reduced.Q + (1 - phi) * noise @ noise.T
+    return C
 
 
 def covariance_notes(covariances: DeformedCovariances) -> list[Note]:
