@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment import residuals as module
+from aatri.adjustment import records as module
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.loss import NEWTON, Huber

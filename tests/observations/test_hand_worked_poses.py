@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.records import (
-    whitener_of_covariances,
-    whitener_of_sigmas,
-)
+from aatri.adjustment.whitening import whitener_of_covariances, whitener_of_sigmas
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import POINT, POSE, CommonTurn, Poses, pose_unknowns, retract_poses
 from tests.observations.test_hand_worked import QUARTER
