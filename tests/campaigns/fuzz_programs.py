@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -27,13 +28,20 @@ def reader_of(name: str, sample: GoodSample) -> Reader:
     def block_of(folder: Path) -> Block:
         return assembled([parts_of(folder)])
 
-    with TemporaryDirectory() as folder:
-        sample.write(Path(folder))
-        try:
-            block_of(Path(folder))
-        except AatriError:
-            return Reader(sample.write, parts_of, tuple(sample.files))
-    return Reader(sample.write, block_of, tuple(sample.files))
+    @cache
+    def is_block() -> bool:
+        with TemporaryDirectory() as folder:
+            sample.write(Path(folder))
+            try:
+                block_of(Path(folder))
+            except AatriError:
+                return False
+        return True
+
+    def read(folder: Path) -> Block | BlockParts:
+        return block_of(folder) if is_block() else parts_of(folder)
+
+    return Reader(sample.write, read, tuple(sample.files))
 
 
 OF_OTHER_PROGRAMS = {name: reader_of(name, sample) for name, sample in (OF_PROGRAMS | OF_LISTS).items()}
