@@ -8,8 +8,10 @@ with six unknowns of place and direction and its marks observed with C_X: those 
 coordinates no more than 3n - 6 are left without them. With a common scale of the distances it is a body of seven
 parameters.
 
-Marks in one plane: no distance sees what leaves it. 2n - 3 distances hold them within, and that they lie in a plane is
-an observation of its own, with the standard deviation of the marks across it. Three marks are a triangle, two a bar.
+Marks in one plane: no distance sees what leaves it, and marks off it by h see it by h over their distance alone, which
+an error of h as large makes worthless. So marks are a solid body where they lie off their plane by more than `SOLID`
+standard deviations; else 2n - 3 distances hold them within, and that they lie in a plane is an observation of its own, with
+the standard deviation of the marks across it and how far they were measured off it. Three marks are a triangle, two a bar.
 
 Chosen are those that are known best independently of each other: by a QR decomposition with column pivoting of (J L)',
 C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
@@ -25,6 +27,10 @@ from aatri.errors import GeometryError
 
 FLAT = 1e-4
 """Smallest pivot, of the largest, with which distances hold a body: in a plane none sees what leaves it."""
+
+SOLID = 10.0
+"""Standard deviations by which a mark lies off the plane of all where distances hold the body: their derivatives, and with
+these the weights across the plane, are wrong by a share of 1 / SOLID at most."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,9 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     _, R, order = qr((J @ np.linalg.cholesky(covariance_m2)).T, mode="economic", pivoting=True)
     pivot = np.abs(np.diagonal(R))
     count, plane_sigma = 3 * n - 6, float("nan")
-    if n < 4 or len(pivot) < count or not pivot[count - 1] > FLAT * pivot[0]:
-        count, plane_sigma = 2 * n - 3, _across(xyz_m, covariance_m2) if n > 3 else plane_sigma
+    off, own = _across(xyz_m, covariance_m2)
+    if n < 4 or not (off**2 > SOLID**2 * own).any() or not pivot[count - 1] > FLAT * pivot[0]:
+        count, plane_sigma = 2 * n - 3, float(np.sqrt((off**2 + own).mean())) if n > 3 else plane_sigma
     if not pivot[count - 1] > FLAT * pivot[0]:
         raise GeometryError(
             "the marks lie on a line, or nearly: distances do not hold what leaves it",
@@ -85,9 +92,8 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     return BodyDistances(pairs[chosen], length[chosen], chosen_rows @ covariance_m2 @ chosen_rows.T, plane_sigma)
 
 
-def _across(xyz_m: Float, covariance_m2: Float) -> float:
-    """How far marks lie off their plane, with what they are uncertain across it, RMS."""
+def _across(xyz_m: Float, covariance_m2: Float) -> tuple[Float, Float]:
+    """How far marks lie off their plane, (n,) m, and their variances across it, (n,) m^2."""
     normal = np.linalg.svd(xyz_m - xyz_m.mean(axis=0))[2][2]
-    off = (xyz_m - xyz_m.mean(axis=0)) @ normal
     own = np.einsum("ninj->nij", covariance_m2.reshape(len(xyz_m), 3, len(xyz_m), 3))
-    return float(np.sqrt((off**2 + np.einsum("i,nij,j->n", normal, own, normal)).mean()))
+    return (xyz_m - xyz_m.mean(axis=0)) @ normal, np.einsum("i,nij,j->n", normal, own, normal)

@@ -114,6 +114,19 @@ def test_marks_in_a_plane_are_distances_within_it_and_the_plane() -> None:
     assert np.isnan(bar.plane_sigma_m)
 
 
+def test_a_board_measured_with_errors_across_it_is_flat_and_marks_far_off_it_are_a_solid_body() -> None:
+    """0.3 mm off by chance, distances of a metre would hold it across by errors as large as themselves."""
+    flat, sigma = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 2, 0]], dtype=float), 3e-4
+    rng, C = np.random.default_rng(3), sigma**2 * np.eye(15)
+    boards = [body_distances(set_up(flat + rng.normal(0, sigma, (5, 3)), *PLACES[0]), C) for _ in range(50)]
+    assert {len(board.pairs) for board in boards} == {7}
+    planes = np.array([board.plane_sigma_m for board in boards])
+    expected = sigma**2 * (1 + 2 / 5)  # its own errors, and how far off it was measured: chi2 of 5 - 3, over five
+    assert np.mean(planes**2) == pytest.approx(expected, rel=4 * 0.4 / 1.4 / np.sqrt(50))
+    lifted = flat + np.array([[0, 0, 0.02]] + [[0, 0, 0]] * 4)
+    assert len(body_distances(lifted, C).pairs) == 9
+
+
 def test_marks_on_a_line_or_at_one_place_are_refused() -> None:
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 2, 0]], dtype=float)
     with pytest.raises(GeometryError, match="on a line"):
