@@ -3,19 +3,24 @@
     d = p2 - p1,    C(d) = C1 + C2
 
 Parameters of a camera correlate, c with the heights and x0 with p1, so that a difference of each over its own standard
-deviation says little: `congruence` asks of each parameter whether it alone explains the differences of all.
+deviation says little: `congruence` asks of each parameter whether it alone explains the differences of all. Of two that
+correlate nearly to 1 one is named, the other one as what explains them as well. Parameters of a set are corrections of
+nominal values, which must be the same in both.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, ParameterChanges
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import CalibratedSets, Solution
 from aatri.errors import InputError
-from aatri.evaluation.congruence import congruence
+from aatri.evaluation.congruence import Congruence, congruence, explain_as_well
 from aatri.ids import printable
+
+SAME_MM = 1e-6
+"""Nominal values that differ by less are the same, read from other digits."""
 
 
 def compared_calibrations(earlier: Solution, later: Solution, *, level: float) -> Evaluation:
@@ -31,8 +36,9 @@ def compared_calibrations(earlier: Solution, later: Solution, *, level: float) -
     Raises
     ------
     InputError
-        If they have no determined parameter in common.
+        If they have no determined parameter in common, or correct other nominal values.
     """
+    _check_nominal(earlier, later)
     names_1, values_1, C_1 = _determined(earlier)
     names_2, values_2, C_2 = _determined(later)
     common = [name for name in names_1 if name in set(names_2)]
@@ -67,7 +73,7 @@ def compared_calibrations(earlier: Solution, later: Solution, *, level: float) -
         "congruence_probability": result.probability,
     }
     return Evaluation(
-        verdict=_verdict(table, result.statistic, result.degrees),
+        verdict=_verdict(table, result, explain_as_well(d, C, np.arange(len(d)), result.moved, level=level)),
         figures=Figures(name=np.array(list(figures)), value=np.array(list(figures.values()))),
         differences=Differences.empty(),
         parameter_changes=table,
@@ -89,13 +95,40 @@ def _determined(solution: Solution) -> tuple[list[tuple[str, str, str]], Float, 
     return [(str(p.group[k]), str(p.object[k]), str(p.name[k])) for k in rows.tolist()], p.value[rows], C
 
 
-def _verdict(table: ParameterChanges, statistic: float, degrees: int) -> str:
+def _check_nominal(earlier: Solution, later: Solution) -> None:
+    """Parameters of the same camera, session or image correct the same nominal values."""
+    before, after = (_nominal_mm(solution.calibrated_sets) for solution in (earlier, later))
+    for name in before.keys() & after.keys():
+        if not np.allclose(before[name], after[name], rtol=0.0, atol=SAME_MM):
+            raise InputError(
+                f"{printable(name)} has other nominal values than in the earlier calibration: c, x0, y0, half format "
+                f"{_numbers(after[name])} mm, earlier {_numbers(before[name])} mm",
+                where="ports earlier and solution",
+                remedy="additional parameters correct the nominal camera: give both blocks the same one",
+            )
+
+
+def _nominal_mm(sets: CalibratedSets | None) -> dict[str, Float]:
+    """c, x0, y0 and half format of what has a set of its own."""
+    if sets is None:
+        return {}
+    values = np.column_stack([sets.principal_distance_mm, sets.principal_point_mm, sets.half_format_mm])
+    return dict(zip(sets.object.tolist(), values))
+
+
+def _numbers(values: Float) -> str:
+    return ", ".join(f"{v:.6g}" for v in values)
+
+
+def _verdict(table: ParameterChanges, result: Congruence, as_well: Bool) -> str:
     changed = np.flatnonzero(table.moved)
     if not len(changed):
-        return f"no parameter of {len(table)} has changed (chi2 {statistic:.1f} of {degrees} degrees of freedom)"
+        rest = f"chi2 {result.statistic:.1f} of {result.degrees} degrees of freedom"
+        return f"no parameter of {len(table)} has changed ({rest})"
     order = changed[np.argsort(-table.statistic[changed], kind="stable")]
     named = ", ".join(
         f"{printable(str(table.object[k]))} {table.name[k]} by {table.change[k]:.4g} ({table.sigma[k]:.2g})"
+        + "".join(f" or {table.name[other]} instead" for other in np.flatnonzero(as_well[k])[:3])
         for k in order[:5]
     )
     verb = "has" if len(changed) == 1 else "have"

@@ -134,6 +134,28 @@ def congruence(
     return _result(P_all, covariance, H, rows, moved, difference, test)
 
 
+def explain_as_well(difference: Float, covariance: Float, object_of: Int, moved: Bool, *, level: float = 0.05) -> Bool:
+    """Objects that explain the differences as well as one that has been named: which has moved cannot be told.
+
+    With the other moved ones free, k instead of j has the likelihood exp(-(T_j - T_k) / 2) of j. Named are those with
+    more than `level`: whatever k is, if it has moved alone, it is left out with a probability of `level` at most.
+
+    Returns
+    -------
+    (m, m) bool
+        Of each moved object, row by row, the others that may have moved instead of it.
+    """
+    m = len(moved)
+    rows = [np.flatnonzero(object_of == k) for k in range(m)]
+    P_all, as_well = _weights(covariance, np.zeros((len(difference), 0))), np.zeros((m, m), dtype=bool)
+    for j in np.flatnonzero(moved).tolist():
+        P = _without(P_all, rows, [k for k in np.flatnonzero(moved).tolist() if k != j])
+        least = _gain(P, difference, rows[j]) + 2.0 * np.log(level)
+        for k in np.flatnonzero(~moved).tolist():
+            as_well[j, k] = _gain(P, difference, rows[k]) > least
+    return as_well
+
+
 @dataclass(frozen=True)
 class _Level:
     """The test of one object at a level, with the scale of the standard deviations."""

@@ -10,8 +10,9 @@ parameters.
 
 Marks in one plane: no distance sees what leaves it, and marks off it by h see it by h over their distance alone, which
 an error of h as large makes worthless. So marks are a solid body where they lie off their plane by more than `SOLID`
-standard deviations; else 2n - 3 distances hold them within, and that they lie in a plane is an observation of its own, with
-the standard deviation of the marks across it and how far they were measured off it. Three marks are a triangle, two a bar.
+standard deviations; else 2n - 3 distances hold them within, and that they lie in a plane is an observation of its own,
+with the standard deviation of the marks across it and how far they were measured off it. Three marks are a triangle,
+two a bar.
 
 Chosen are those that are known best independently of each other: by a QR decomposition with column pivoting of (J L)',
 C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
@@ -29,8 +30,8 @@ FLAT = 1e-4
 """Smallest pivot, of the largest, with which distances hold a body: in a plane none sees what leaves it."""
 
 SOLID = 10.0
-"""Standard deviations by which a mark lies off the plane of all where distances hold the body: their derivatives, and with
-these the weights across the plane, are wrong by a share of 1 / SOLID at most."""
+"""Standard deviations by which a mark lies off the plane of all where distances hold the body: their derivatives, and
+with these the weights across the plane, are wrong by a share of 1 / SOLID at most."""
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, ncx2
+from scipy.stats import binom, chi2, ncx2
 
 from aatri.errors import GeometryError
-from aatri.evaluation.congruence import congruence
+from aatri.evaluation.congruence import congruence, explain_as_well
 from aatri.evaluation.epochs import datum_directions
 
 LEVEL = 0.05
@@ -141,3 +141,23 @@ def test_an_estimated_sigma0_takes_the_distribution_of_f() -> None:
     few = congruence(d, np.eye(4), object_of, sigma0=2.0, sigma0_degrees=3)
     assert (few.limits > exact.limits).all()
     assert (few.probabilities > exact.probabilities).all()
+
+
+def test_of_two_that_can_hardly_be_told_apart_the_other_is_named_beside_the_one_that_explains_most() -> None:
+    """Of changes of one of two components with a correlation of 0.98 no more than 5 % are left out of both."""
+    rng, C = np.random.default_rng(12), np.eye(4)
+    C[0, 1] = C[1, 0] = 0.98
+    L, named, left_out = np.linalg.cholesky(C), 0, 0
+    for _ in range(100):
+        d = L @ rng.standard_normal(4) + [1.2, 0.0, 0.0, 0.0]  # 6 standard deviations beside the others
+        moved = congruence(d, C, np.arange(4), level=LEVEL).moved
+        if moved.sum() == 1:
+            named += 1
+            left_out += not (moved[0] or explain_as_well(d, C, np.arange(4), moved, level=LEVEL)[moved, 0].any())
+    assert named > 50
+    assert left_out <= binom.isf(1e-4, named, LEVEL)
+    d = np.array([1.2, 0.0, 0.0, 0.0])
+    first = congruence(d, C, np.arange(4), level=LEVEL).moved
+    assert first.tolist() == [True, False, False, False]
+    assert explain_as_well(d, C, np.arange(4), first)[0].tolist() == [False, True, False, False]
+    assert not explain_as_well(3 * d, C, np.arange(4), first).any()

@@ -81,6 +81,14 @@ def test_a_camera_whose_principal_point_has_moved_is_named(epochs) -> None:
     assert changes.name[changes.moved].tolist() == ["x0"]
 
 
+def test_calibrations_that_correct_other_nominal_cameras_are_refused(epochs) -> None:
+    (_, earlier), (_, later) = epochs
+    sets = later.calibrated_sets
+    other = replace(later, calibrated_sets=replace(sets, principal_distance_mm=sets.principal_distance_mm + 0.05))
+    with pytest.raises(InputError, match=r"other nominal values than in the earlier calibration: c, x0"):
+        cameras(other, earlier)
+
+
 def test_a_control_point_that_sinks_is_named_by_its_survey(epochs) -> None:
     (first, _), (second, _) = epochs
     assert not surveys(second, first).displacements.moved.any()
