@@ -44,6 +44,33 @@ class FieldRequirements:
     depth: float
 
 
+@dataclass(frozen=True)
+class _Layout:
+    """Targets, pillars and cameras of a field."""
+
+    targets: int
+    extent_m: Float
+    """(3,). Along its axes, the longest first."""
+    cells: Int
+    """Targets of each of its parts."""
+    pillars: int
+    cameras: int
+    inside: int
+    """Cameras among the targets."""
+    nearest_m: float
+    """From a camera to a target; NaN without cameras."""
+
+    @property
+    def depth(self) -> float:
+        """As a share of the longest axis."""
+        return float(self.extent_m[2] / self.extent_m[0])
+
+    @property
+    def empty(self) -> int:
+        """Parts without a target."""
+        return int((self.cells == 0).sum())
+
+
 def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -> tuple[Evaluation, list[str]]:
     """Figures of a field, and the rules that it breaks, in words.
 
@@ -67,58 +94,65 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -
             f"no field: {several(len(X), 'target')} known in three coordinates",
             remedy="give control or check points",
         )
-    along = (X - X.mean(axis=0)) @ np.linalg.svd(X - X.mean(axis=0), full_matrices=False)[2].T
-    low, high = np.percentile(along, [5, 95], axis=0)
-    extent = high - low
-    cell = np.clip(((along - low) / np.maximum(extent, 1e-12) * CELLS).astype(int), 0, CELLS - 1)
-    count = np.bincount(CELLS * cell[:, 0] + cell[:, 1], minlength=CELLS**2)
-    empty, crowding, chance = int((count == 0).sum()), _crowding(count), float(chdtri(CELLS**2 - 1, ALARM))
-    sights = block.geodetic.active & np.isin(block.geodetic.type, SIGHTS) & (block.geodetic.start_kind == "point")
-    at = np.where(block.geodetic.type == "angle", block.geodetic.via, block.geodetic.start)[sights]
-    pillars = len(np.unique(at))
-    cameras = position_m[np.isfinite(position_m).all(axis=1)]
-    depth = float(extent[2] / extent[0])
-    inside = int((Delaunay(X).find_simplex(cameras) >= 0).sum()) if len(cameras) and depth > 1e-6 else 0
+    layout = _layout(block, X, position_m[np.isfinite(position_m).all(axis=1)])
     figures = {
-        "field_targets": float(len(X)),
-        **{f"field_extent_{k + 1}_m": float(e) for k, e in enumerate(extent)},
-        "field_empty_cells": float(empty),
-        "field_crowding_chi2": crowding,
-        "field_depth_ratio": depth,
-        "field_pillars": float(pillars),
-        "field_cameras_inside": float(inside),
+        "field_targets": float(layout.targets),
+        **{f"field_extent_{k + 1}_m": float(e) for k, e in enumerate(layout.extent_m)},
+        "field_empty_cells": float(layout.empty),
+        "field_crowding_chi2": _crowding(layout.cells),
+        "field_depth_ratio": layout.depth,
+        "field_pillars": float(layout.pillars),
+        "field_cameras_inside": float(layout.inside),
     }
-    if len(cameras):
-        nearest = np.linalg.norm(cameras[:, None] - X, axis=2).min()
-        figures["field_nearest_camera_m"] = float(nearest)
-    broken = [
-        text
-        for text, wrong in (
-            (f"{several(len(X), 'target')}, {rules.targets} or more are wanted", len(X) < rules.targets),
-            (f"{empty} of {CELLS**2} parts of the field have no target", empty > 0),
-            (
-                f"{count.max()} of {len(X)} targets are in one of its {CELLS**2} parts, {count.min()} in another: chi2 "
-                f"{crowding:.1f}, at random below {chance:.1f}",
-                empty == 0 and crowding > chance,
-            ),
-            (
-                f"its depth is {depth:.2g} of its length, below {rules.depth:g}: c and the distance do not separate",
-                depth < rules.depth,
-            ),
-            (f"{inside} of {len(cameras)} cameras stand among the targets: they have no room", inside > 0),
-            (
-                f"targets are measured from {several(pillars, 'pillar')}, {rules.pillars} or more are wanted",
-                pillars < rules.pillars,
-            ),
-        )
-        if wrong
-    ]
-    size = " x ".join(f"{e:.3g}" for e in extent)
-    verdict = f"test field: {several(len(X), 'target')} in {size} m, {several(pillars, 'pillar')}; "
+    if layout.cameras:
+        figures["field_nearest_camera_m"] = layout.nearest_m
+    broken = _broken_rules(layout, rules)
+    size = " x ".join(f"{e:.3g}" for e in layout.extent_m)
+    verdict = f"test field: {several(layout.targets, 'target')} in {size} m, {several(layout.pillars, 'pillar')}; "
     verb = "is" if len(broken) == 1 else "are"
     verdict += f"{len(broken)} of 5 rules {verb} broken" if broken else "all 5 rules are kept"
     table = Figures(name=np.array(list(figures)), value=np.array(list(figures.values())))
     return Evaluation(verdict=f"{verdict}.", figures=table, differences=Differences.empty()), broken
+
+
+def _layout(block: Block, X: Float, cameras: Float) -> _Layout:
+    along = (X - X.mean(axis=0)) @ np.linalg.svd(X - X.mean(axis=0), full_matrices=False)[2].T
+    low, high = np.percentile(along, [5, 95], axis=0)
+    extent = high - low
+    cell = np.clip(((along - low) / np.maximum(extent, 1e-12) * CELLS).astype(int), 0, CELLS - 1)
+    cells = np.bincount(CELLS * cell[:, 0] + cell[:, 1], minlength=CELLS**2)
+    geodetic = block.geodetic
+    sights = geodetic.active & np.isin(geodetic.type, SIGHTS) & (geodetic.start_kind == "point")
+    pillars = np.unique(np.where(geodetic.type == "angle", geodetic.via, geodetic.start)[sights])
+    inside, nearest = 0, np.nan
+    if len(cameras):
+        nearest = float(np.linalg.norm(cameras[:, None] - X, axis=2).min())
+        if extent[2] / extent[0] > 1e-6:
+            inside = int((Delaunay(X).find_simplex(cameras) >= 0).sum())
+    return _Layout(len(X), extent, cells, len(pillars), len(cameras), inside, nearest)
+
+
+def _broken_rules(layout: _Layout, rules: FieldRequirements) -> list[str]:
+    n, count, crowding, chance = (
+        layout.targets,
+        layout.cells,
+        _crowding(layout.cells),
+        float(chdtri(CELLS**2 - 1, ALARM)),
+    )
+    broken = {
+        f"{several(n, 'target')}, {rules.targets} or more are wanted": n < rules.targets,
+        f"{layout.empty} of {CELLS**2} parts of the field have no target": layout.empty > 0,
+        f"{count.max()} of {n} targets are in one of its {CELLS**2} parts, {count.min()} in another: chi2 "
+        f"{crowding:.1f}, at random below {chance:.1f}": layout.empty == 0 and crowding > chance,
+        f"its depth is {layout.depth:.2g} of its length, below {rules.depth:g}: c and the distance do not separate": (
+            layout.depth < rules.depth
+        ),
+        f"{layout.inside} of {layout.cameras} cameras stand among the targets: they have no room": layout.inside > 0,
+        f"targets are measured from {several(layout.pillars, 'pillar')}, {rules.pillars} or more are wanted": (
+            layout.pillars < rules.pillars
+        ),
+    }
+    return [text for text, wrong in broken.items() if wrong]
 
 
 def _crowding(count: Int) -> float:

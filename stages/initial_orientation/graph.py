@@ -92,13 +92,7 @@ def graph(
         models = _models(block, image_points, options, context)
     pairs, _ = graph_of(models, options.min_points)
     if not len(pairs.left):
-        most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
-        raise GeometryError(
-            f"no two images have {options.min_points} points in common that fit, seen along a base",
-            remedy=f"measure more points that several images have in common (two images share {most} at most, "
-            "`min_points` goes down to 6); check the ids of images and points; images all taken at one place make no "
-            "model",
-        )
+        raise _no_pairs(block, image_points, options.min_points)
     inside = in_tangent_frame(block)
     rays, positions = rays_of(inside.block, image_points), positions_of(inside.block)
     observed = np.full((len(block.images), 3), np.nan)
@@ -125,7 +119,6 @@ def graph(
         rays,
         ground.origin_m,
         parts,
-        "initial_orientation/graph",
         image_points.suspects,
         tests=options.reliability,
     )
@@ -142,6 +135,15 @@ def graph(
         context,
     )
     return inside.back(solution)
+
+
+def _no_pairs(block: Block, image_points: ImagePoints, min_points: int) -> GeometryError:
+    most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
+    return GeometryError(
+        f"no two images have {min_points} points in common that fit, seen along a base",
+        remedy=f"measure more points that several images have in common (two images share {most} at most, `min_points` "
+        "goes down to 6); check the ids of images and points; images all taken at one place make no model",
+    )
 
 
 def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:

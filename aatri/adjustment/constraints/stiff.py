@@ -31,7 +31,7 @@ HELD = 0.05
 
 
 @dataclass(frozen=True)
-class Stiff:
+class StiffConstraints:
     """Constraints that stand among the observations."""
 
     records: tuple[Records, ...] = ()
@@ -69,9 +69,9 @@ class Stiff:
 
 def stiffened(
     unknowns: Sequence[Unknowns], records: Sequence[Records], constraints: Sequence[Records], state: State
-) -> Stiff:
+) -> StiffConstraints:
     """The constraints as stiff observations, where they are many; else nothing."""
     if sum(r.observations for r in constraints) <= MOST_BY_MULTIPLIERS:
-        return Stiff()
+        return StiffConstraints()
     felt = support(unknowns, records, constraints, state)
-    return Stiff(tuple(replace(r, whitener=np.sqrt(STIFF) * r.whitener) for r in felt), felt)
+    return StiffConstraints(tuple(replace(r, whitener=np.sqrt(STIFF) * r.whitener) for r in felt), felt)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained, support
-from aatri.adjustment.constraints.stiff import stiffened
+from aatri.adjustment.constraints.stiff import StiffConstraints, stiffened
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.iterative.forecast import within_limit
 from aatri.adjustment.openness.set_aside import (
@@ -97,31 +97,23 @@ def adjust_large(
     ConvergenceError
         If the iteration does not converge; the message names the worst records.
     """
+    settings = replace(settings or SolverSettings(), **changed)
     stiff = stiffened(unknowns, records, constraints, start)
     if stiff.records:
         records, constraints = (*records, *stiff.records), ()
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
-    settings = replace(settings or SolverSettings(), **changed)
-    tolerance = settings.tolerance
-    problem = indexed(stated, settings, support(unknowns, records, constraints, start))
-    problem = within_limit(problem, reporter)
-    notes = [*_without_observations(problem), *stiff.notes()]
-    problem, factored, more = without_open_parts(problem, start, factorise_constrained(problem, start))
-    notes += more
-    refuse_unusable(IterationState(problem, dict(start), factored))
-    if not factored.factor.is_direct:
-        refuse_singular(problem, start)
-    linear = factored.factor.is_direct and all(r.linear and r.loss is None for r in problem.records)
+    here, notes = _begun(stated, settings, start, stiff, reporter)
+    linear = here.factored.factor.is_direct and all(r.linear and r.loss is None for r in here.problem.records)
     joint_veto, others = veto, settings.others
     if others is not None:
         linear = others.total(float(not linear)) == 0.0
         joint_veto = _veto_of_all(veto, others)
-    here, kept = IterationState(problem, dict(start), factored), KeptIterations(settings.checkpoint, start)
+    kept = KeptIterations(settings.checkpoint, start)
     history = list[Step]()
+    redundancy = counts(here.problem)[2]
     if (latest := kept.latest(here)) is not None:
-        factored.factor.clear()
+        here.factored.factor.clear()
         here, history, notes = latest
-    redundancy = counts(problem)[2]
     for iteration in itertools.count(len(history) + 1):
         problem, factored = here.problem, here.factored
         step = steps(problem, factored, here.state)
@@ -129,11 +121,7 @@ def adjust_large(
         tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
         trial = retract_state(problem.unknowns, here.state, step)
         trial = steadied(problem, curve(here.state, trial, step) if curve else trial, veto)
-        if (
-            factored.damping == 0.0
-            and (linear or here.decrement <= tolerance)
-            and (tolerance >= ROUGH or settled(problem, here.state))
-        ):
+        if _may_end(here, settings.tolerance, linear=linear):
             weak = without_weak_parts(problem, here.state, factored)
             if isinstance(weak, tuple):
                 problem, factored, more = weak
@@ -147,9 +135,7 @@ def adjust_large(
                 done = replace(done, observations=done.observations - stiff.count)
                 return replace(done, factored=factored) if linear else done
             reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
-        if iteration >= (settings.max_iterations or MOST):
-            break
-        if settings.max_iterations is None and iteration == ENOUGH and not goes_on(history):
+        if _gives_up(history, iteration, settings.max_iterations):
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
         here, more = with_runaways_slowed(following(here, trial, step, joint_veto, reporter))
@@ -161,6 +147,34 @@ def adjust_large(
         raise NotInParts(f"no convergence in {len(history)} iterations")
     refuse_nearly_singular(here.problem, here.state, len(history))
     raise ConvergenceError(_failure(records, here.state, len(history), history[-1]), remedy=advice_after(history))
+
+
+def _begun(
+    stated: Problem, settings: SolverSettings, start: State, stiff: StiffConstraints, reporter: Reporter
+) -> tuple[IterationState, list[Note]]:
+    """The first factorisation, without what is open."""
+    problem = indexed(stated, settings, support(stated.unknowns, stated.records, stated.constraints, start))
+    problem = within_limit(problem, reporter)
+    notes = [*_without_observations(problem), *stiff.notes()]
+    problem, factored, more = without_open_parts(problem, start, factorise_constrained(problem, start))
+    here = IterationState(problem, dict(start), factored)
+    refuse_unusable(here)
+    if not factored.factor.is_direct:
+        refuse_singular(problem, start)
+    return here, [*notes, *more]
+
+
+def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:
+    """Whether the step from here is the last one, if it keeps to the linear model."""
+    if here.factored.damping != 0.0 or not (linear or here.decrement <= tolerance):
+        return False
+    return tolerance >= ROUGH or settled(here.problem, here.state)
+
+
+def _gives_up(history: Sequence[Step], iteration: int, max_iterations: int | None) -> bool:
+    if max_iterations is None and iteration == ENOUGH and not goes_on(history):
+        return True
+    return iteration >= (max_iterations or MOST)
 
 
 def _veto_of_all(veto: Veto | None, others: Others) -> Veto:
