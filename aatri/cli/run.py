@@ -134,8 +134,10 @@ def run(
         return
     if cluster and jobs > 1:
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
-    how = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
-    records, report = carry_out(opened, selection, how, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_)
+    running = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
+    records, report = carry_out(
+        opened, selection, running, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_
+    )
     verdicts = judge(opened.spec, records, selection.stages)
     if json:
         say_json(
@@ -158,7 +160,7 @@ def run(
 
         def of_variant(one: Opened) -> GateError | None:
             chosen = select(one.nodes, start=start, until=until, only=only or (), force=())
-            records, _ = carry_out(one, chosen, how, quiet=quiet, verbose=verbose, debug=debug)
+            records, _ = carry_out(one, chosen, running, quiet=quiet, verbose=verbose, debug=debug)
             return failure_of(judge(one.spec, records, chosen.stages))
 
         run_variants(opened, failed, of_variant)
@@ -169,7 +171,7 @@ def run(
 def carry_out(
     opened: Opened,
     selection: Selection,
-    how: dict[str, Any],
+    running: dict[str, Any],
     *,
     quiet: bool,
     debug: bool,
@@ -185,7 +187,12 @@ def carry_out(
     before = events.stat().st_size if events.exists() else 0
     compiled = opened.compilation.wait if opened.compilation else None
     settings = RunSettings(
-        selection, command=_command(), source=opened.source, request=opened.request.plain(), compiled=compiled, **how
+        selection,
+        command=_command(),
+        source=opened.source,
+        request=opened.request.plain(),
+        compiled=compiled,
+        **running,
     )
     try:
         with Narrator(quiet, opened.compilation, verbose=verbose) as narrator:

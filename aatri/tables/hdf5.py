@@ -70,8 +70,8 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
     digest = content_digest(artifact)
     try:
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
-        how = {"driver": "core", "backing_store": False} if in_memory else {}
-        with h5py.File(path, "w-", libver=_LIBVER, **how) as file:
+        driver = {"driver": "core", "backing_store": False} if in_memory else {}
+        with h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
             file.attrs["aatri_kind"] = _fixed(artifact.kind)
             file.attrs["schema_version"] = artifact.schema_version
             file.attrs["content_digest"] = _fixed(digest)

@@ -60,7 +60,7 @@ def adjusted_block(
     """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
     done, groups = _searched(source, inputs, options, context)
     adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
-    done = with_converged_terms(done, adjust, partial(adjust, how=AdjustOptions(covariances=False)))
+    done = with_converged_terms(done, adjust, partial(adjust, adjusting=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
     return with_considered(done, adjust, rebuilt), groups, components
 
@@ -73,8 +73,8 @@ def _searched(
     if options.variance_components is not None and searching.sigmas == "estimated":
         searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
-    def adjust(block: BundleInput, how: AdjustOptions = AdjustOptions()) -> BundleResult:
-        return adjusted(block, options, context, how)
+    def adjust(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
+        return adjusted(block, options, context, adjusting)
 
     def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
         if searching.method == "none":
@@ -108,11 +108,11 @@ def _searched(
 
 
 def adjusted(
-    inputs: BundleInput, options: BundleOptions, context: Context, how: AdjustOptions = AdjustOptions()
+    inputs: BundleInput, options: BundleOptions, context: Context, adjusting: AdjustOptions = AdjustOptions()
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
-    adjust = adjust_bundle if how.huber and how.coarse else adjust_bundle_from_afar
-    settings = _settings(options, how, context)
+    adjust = adjust_bundle if adjusting.huber and adjusting.coarse else adjust_bundle_from_afar
+    settings = _settings(options, adjusting, context)
 
     def once(block: BundleInput) -> BundleResult:
         return with_observed_sigma0(adjust(block, settings, reporter=context))
@@ -130,13 +130,13 @@ def adjusted(
         raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
 
 
-def _settings(options: BundleOptions, how: AdjustOptions, context: Context) -> BundleSettings:
+def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context) -> BundleSettings:
     searched = options.blunders.method != "none"
     covariances = searched or options.standard_deviations is not False or options.reliability
-    covariances = how.covariances and (covariances or options.variance_components is not None)
+    covariances = adjusting.covariances and (covariances or options.variance_components is not None)
     solution = SolverSettings(
         max_iterations=options.max_iterations,
-        tolerance=max(options.tolerance, COARSE) if how.coarse else options.tolerance,
+        tolerance=max(options.tolerance, COARSE) if adjusting.coarse else options.tolerance,
         ordering=options.ordering,
         reproducible=options.reproducible,
         memory_gb=options.memory_gb,
@@ -147,4 +147,6 @@ def _settings(options: BundleOptions, how: AdjustOptions, context: Context) -> B
         workers=context.workers,
     )
     keep_factor = not searched  # a search would keep the factors of several adjustments
-    return BundleSettings(options.datum, options.datum_over, covariances, keep_factor, how.huber, how.weights, solution)
+    return BundleSettings(
+        options.datum, options.datum_over, covariances, keep_factor, adjusting.huber, adjusting.weights, solution
+    )

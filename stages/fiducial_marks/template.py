@@ -133,10 +133,10 @@ def _measured(
         return []
     way = int(good[0])
     if len(good) > 1 or way:
-        how = f"{way % 4 * 90} degrees{', mirrored' if way > 3 else ''}"
+        turn = f"{way % 4 * 90} degrees{', mirrored' if way > 3 else ''}"
         fits = several(len(good) - 1, "other way", "fits", "fit")
         others = f"; {fits} as well: marks that lie alike cannot tell" if len(good) > 1 else ""
-        (context.log if not way else context.warn)(f"{name}: the film lay turned by {how}{others}")
+        (context.log if not way else context.warn)(f"{name}: the film lay turned by {turn}{others}")
     used = used_of_ways[way]
     if not used.all():
         context.warn(f"{name}: fiducial marks not found: {shown(ids[~used].tolist())}")

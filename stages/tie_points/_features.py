@@ -51,7 +51,7 @@ class FeatureOptions(CheckOptions):
 def with_features(
     block: Block,
     features_of: Callable[..., Features],
-    how: tuple[int, ...],
+    settings: tuple[int, ...],
     matches_of: Callable[..., Matches],
     options: FeatureOptions,
     context: Context,
@@ -61,7 +61,7 @@ def with_features(
     Parameters
     ----------
     features_of : callable
-        Of a file, its mask, the digest of their content and `how`.
+        Of a file, its mask, the digest of their content and `settings`.
     matches_of : callable
         Of two Features and `options.ratio`.
     """
@@ -71,7 +71,7 @@ def with_features(
         what = f"{several(len(lacking), 'image', 'has', 'have')} no file: {shown(lacking)}"
         raise InputError(what, where="images.csv", remedy="name it in the column path")
     work = [
-        Item(name, (path, mask), (content, *how))
+        Item(name, (path, mask), (content, *settings))
         for name, path, mask, content in zip(*(c.tolist() for c in (rows.id, rows.path, rows.mask, rows.content)))
     ]
     features = context.mapped(features_of, work, Features, "images")

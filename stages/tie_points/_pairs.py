@@ -34,25 +34,25 @@ def chosen_pairs(block: Block, images: Int, features: Sequence[Kept], options: F
     position_m = np.full((len(block.images), 3), np.nan)
     position_m[block.exterior.image] = block.exterior.position_m
     placed = np.isfinite(position_m[images, :2]).all(axis=1)
-    how = options.pairs
-    if how == "auto":
-        how = (
+    pairing = options.pairs
+    if pairing == "auto":
+        pairing = (
             "positions" if placed.all() and len(np.unique(position_m[images, :2], axis=0)) == len(images) else "coarse"
         )
-    if how == "positions":
+    if pairing == "positions":
         if not placed.any():
             remedy = "pairs: coarse"
             raise InputError("no image has a position, by which pairs are chosen", where=block.name, remedy=remedy)
         pairs = near_pairs(position_m[images], options.neighbours)
         return _and_coarse(pairs, np.flatnonzero(~placed), features)
-    if how == "strips":
+    if pairing == "strips":
         place = np.full(len(block.images), -1)
         place[images] = np.arange(len(images))
         strips = [place[images_of_strip(block, strip)] for strip in range(len(block.strips))]
         if not strips:
             raise InputError("no image has a strip", where=block.name, remedy="pairs: coarse")
         return np.concatenate([consecutive_pairs(strip, options.neighbours) for strip in strips])
-    if how == "coarse":
+    if pairing == "coarse":
         return coarse_pairs([largest(f.load().keypoints) for f in features])
     return all_pairs(len(images))
 

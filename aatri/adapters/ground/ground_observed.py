@@ -151,8 +151,8 @@ def oriented_by(
         seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
         try:
             # what is neglected bends the body: what does not fit it as it is need not be wrong
-            how = replace(settings, weakest=weakest, stiff=settings.stiff and drift, rejects=rejects)
-            oriented = orient_body(seen, body, how, what=what, image_ids=images, point_ids=points, begin=begin)
+            relaxed = replace(settings, weakest=weakest, stiff=settings.stiff and drift, rejects=rejects)
+            oriented = orient_body(seen, body, relaxed, what=what, image_ids=images, point_ids=points, begin=begin)
         except GeometryError as error:
             failed.append(error)
             continue

@@ -35,7 +35,7 @@ class StiffConstraints:
     """Constraints that stand among the observations."""
 
     records: tuple[Records, ...] = ()
-    felt: tuple[Records, ...] = ()
+    conditions: tuple[Records, ...] = ()
     """The same with the weight rho."""
 
     @property
@@ -59,7 +59,7 @@ class StiffConstraints:
             If exact conditions contradict each other; the message names the worst.
         """
         worst = []
-        for r in self.felt:
+        for r in self.conditions:
             size = np.abs(whitened(r, state, np.arange(len(r.active)))[0]).max(axis=1)
             worst += [(float(size[k]), r.called(int(k))) for k in np.argsort(-size)[:3] if size[k] > HELD]
         if worst:
@@ -73,5 +73,5 @@ def stiffened(
     """The constraints as stiff observations, where they are many; else nothing."""
     if sum(r.observations for r in constraints) <= MOST_BY_MULTIPLIERS:
         return StiffConstraints()
-    felt = support(unknowns, records, constraints, state)
-    return StiffConstraints(tuple(replace(r, whitener=np.sqrt(STIFF) * r.whitener) for r in felt), felt)
+    conditions = support(unknowns, records, constraints, state)
+    return StiffConstraints(tuple(replace(r, whitener=np.sqrt(STIFF) * r.whitener) for r in conditions), conditions)

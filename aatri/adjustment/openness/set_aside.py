@@ -34,11 +34,11 @@ def without_open_parts(
     for _ in range(MOST_PARTS):
         if not is_singular(factored) or not (factored.factor.is_direct or (factored.determined == 0).any()):
             break
-        held = _aside(problem, state, vanishing(problem, state, factored))
-        if not held:
+        blocks = _undetermined(problem, state, vanishing(problem, state, factored))
+        if not blocks:
             break
-        notes.append(_note(problem, held, reason))
-        problem = with_set_aside(problem, held)
+        notes.append(_note(problem, blocks, reason))
+        problem = with_set_aside(problem, blocks)
         factored = factorise_constrained(problem, state)
     return problem, factored, notes
 
@@ -63,13 +63,13 @@ def without_weak_parts(
             raise NotInParts("unknowns are nearly open")
         return weak.notes()
     weak = nearly_open(problem, factored, state)
-    held = _aside(problem, state, weak)
-    if not held:
+    blocks = _undetermined(problem, state, weak)
+    if not blocks:
         weak = loosely_held(problem, factored, state, weak)
         weak.refuse()
         return weak.notes()
-    notes = [*weak.notes(), _note(problem, held, "its observations hardly determine it")]
-    problem = with_set_aside(problem, held)
+    notes = [*weak.notes(), _note(problem, blocks, "its observations hardly determine it")]
+    problem = with_set_aside(problem, blocks)
     factored = factorise_constrained(problem, state)
     reason = "what is left of its observations does not determine it"
     problem, factored, more = without_open_parts(problem, state, factored, reason)
@@ -135,18 +135,20 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     )
 
 
-def _aside(problem: IndexedProblem, state: State, directions: OpenDirections) -> Blocks:
+def _undetermined(problem: IndexedProblem, state: State, directions: OpenDirections) -> Blocks:
     """What is to be set aside: blocks that are open by themselves, and a part that moves; nothing if all does."""
-    held = loose_part(problem, state, directions.directions) if directions.texts else {}
-    if (directions.texts and not held) or (directions.exact and 0 < len(problem.block_free) == len(directions.blocks)):
+    blocks = loose_part(problem, state, directions.directions) if directions.texts else {}
+    if (directions.texts and not blocks) or (
+        directions.exact and 0 < len(problem.block_free) == len(directions.blocks)
+    ):
         return {}
     for u in problem.unknowns:
         open_blocks = np.isin(problem.layout.vertex[u.name], directions.vertices) & u.free.any(axis=1)
         if u.eliminated:
             open_blocks |= _of_rays(problem, directions.blocks)
         if open_blocks.any():
-            held[u.name] = open_blocks | held.get(u.name, False)
-    return held
+            blocks[u.name] = open_blocks | blocks.get(u.name, False)
+    return blocks
 
 
 def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Blocks:
@@ -182,7 +184,7 @@ def loose_part(problem: IndexedProblem, state: State, directions: Float) -> Bloc
 
 def _note(problem: IndexedProblem, blocks: Blocks, reason: str) -> Note:
     groups = [(u.name, u.ids, blocks[u.name]) for u in problem.unknowns if u.name in blocks]
-    ids = [f"{name} {one}" for name, of, held in groups for one, out in zip(of, held) if out]
+    ids = [f"{name} {one}" for name, names, out in groups for one, is_out in zip(names, out) if is_out]
     return Note("warning", f"set aside, {reason}", tuple(ids), sets_aside=True)
 
 

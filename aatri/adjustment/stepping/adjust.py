@@ -182,11 +182,11 @@ def _veto_of_all(veto: Veto | None, others: Others) -> Veto:
 
 
 def _without_observations(problem: IndexedProblem) -> list[Note]:
-    held, text = taking_no_part(problem), "takes no part, none of its observations is in use"
+    no_part, text = taking_no_part(problem), "takes no part, none of its observations is in use"
     return [
-        Note("warning", f"{text}: {u.name}", tuple(str(name) for name, out in zip(u.ids, held[u.name]) if out))
+        Note("warning", f"{text}: {u.name}", tuple(str(name) for name, out in zip(u.ids, no_part[u.name]) if out))
         for u in problem.unknowns
-        if held[u.name].any()
+        if no_part[u.name].any()
     ]
 
 

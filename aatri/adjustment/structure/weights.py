@@ -67,11 +67,12 @@ def with_records(problem: IndexedProblem, changed: Mapping[int, Records]) -> Ind
 
 def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
     """The problem with those blocks held whose records are all inactive."""
-    held = _aside(problem.stated.unknowns, problem.records)
+    no_part = _unobserved(problem.stated.unknowns, problem.records)
     for name, more in problem.set_aside.items():
-        held[name] = held[name] | more
+        no_part[name] = no_part[name] | more
     unknowns = tuple(
-        replace(u, free=u.free & ~held[u.name][:, None]) if held[u.name].any() else u for u in problem.stated.unknowns
+        replace(u, free=u.free & ~no_part[u.name][:, None]) if no_part[u.name].any() else u
+        for u in problem.stated.unknowns
     )
     if all(new is old for new, old in zip(unknowns, problem.unknowns)):
         return problem
@@ -84,9 +85,9 @@ def with_parts_taken(problem: IndexedProblem) -> IndexedProblem:
 
 def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> IndexedProblem:
     """The problem with some blocks held, and all records inactive that touch them."""
-    held = dict(problem.set_aside)
-    for name, is_aside in blocks.items():
-        held[name] = held[name] | is_aside if name in held else is_aside
+    set_aside = dict(problem.set_aside)
+    for name, out in blocks.items():
+        set_aside[name] = set_aside[name] | out if name in set_aside else out
     changed = {}
     for r in problem.records:
         touching = np.zeros(len(r.active), dtype=bool)
@@ -95,7 +96,7 @@ def with_set_aside(problem: IndexedProblem, blocks: Mapping[str, Bool]) -> Index
                 touching |= blocks[group][number]
         if (touching & r.active).any():
             changed[id(r)] = replace(r, active=r.active & ~touching)
-    return with_parts_taken(replace(with_records(problem, changed), set_aside=held))
+    return with_parts_taken(replace(with_records(problem, changed), set_aside=set_aside))
 
 
 def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:
@@ -105,19 +106,19 @@ def taking_no_part(problem: IndexedProblem) -> dict[str, Bool]:
     }
 
 
-def _aside(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:
+def _unobserved(unknowns: Sequence[Unknowns], records: Sequence[Records]) -> dict[str, Bool]:
     """Blocks of the eliminated group that some record touches, but none that is active, (n,) by group."""
-    is_aside = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
+    unobserved = {u.name: np.zeros(len(u.free), dtype=bool) for u in unknowns}
     group = next((u.name for u in unknowns if u.eliminated), "")
     if not group or all(r.active.all() for r in records):
-        return is_aside
-    touched, active = is_aside[group].copy(), is_aside[group].copy()
+        return unobserved
+    touched, active = unobserved[group].copy(), unobserved[group].copy()
     for r in records:
         for blocks in (b for g, b in r.touches if g == group):
             touched[blocks] = True
             active[blocks if r.active.all() else blocks[r.active]] = True
-    is_aside[group] = touched & ~active
-    return is_aside
+    unobserved[group] = touched & ~active
+    return unobserved
 
 
 def _weighted(records: Records, new: Weights) -> Records:

@@ -50,8 +50,8 @@ class _Strips:
     def telling(self, image: Int, other: Int) -> Int:
         """Neighbours of images that are farther from the others, (m, 2); -1 where one is not."""
         a = self.beside[image]
-        known = (a >= 0) & (a != other[:, None]) & (self.beside[a] != other[:, None, None]).all(axis=2)
-        return np.where(known, a, -1)
+        farther = (a >= 0) & (a != other[:, None]) & (self.beside[a] != other[:, None, None]).all(axis=2)
+        return np.where(farther, a, -1)
 
     def shown(self, image: int) -> tuple[Int, Complex]:
         """Points of an image, and where they lie."""

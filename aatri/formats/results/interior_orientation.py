@@ -84,8 +84,8 @@ def convention(block: Block, camera: int) -> str:
     """What principal point and distortion of a camera mean, in words."""
     distortion = str(block.cameras.distortion[camera])
     origin = "fiducial centre" if block.cameras.kind[camera] == "film" else "image centre"
-    how = "corrections added to measured coordinates"
+    form = "corrections added to measured coordinates"
     if distortion in FORWARD:
-        how = "forward model, added to the projection"
-    lens = "" if distortion == "none" else f"; distortion {distortion}: {how}"
+        form = "forward model, added to the projection"
+    lens = "" if distortion == "none" else f"; distortion {distortion}: {form}"
     return f"principal point from the {origin}, x right, y up{lens}"

@@ -118,8 +118,8 @@ class Conditions:
         unknowns = Unknowns(
             self.group, free, labels, self.labels, add_step, generator=generator, implausible=implausible
         )
-        gained, how = rows * len(self.of) - int(free.sum()), "exact" if self.exact else "observed"
-        text = f"{self.type}: {several(len(self.row), 'condition')} {how}, redundancy gained {gained}"
+        gained, status = rows * len(self.of) - int(free.sum()), "exact" if self.exact else "observed"
+        text = f"{self.type}: {several(len(self.row), 'condition')} {status}, redundancy gained {gained}"
         return Observed(
             records,
             self.member,

@@ -54,38 +54,38 @@ def switched_off(before: BundleInput, after: BundleInput) -> list[Note]:
     return [Note("note", text)] if kinds else []
 
 
-def with_known_points(inputs: BundleInput, known: Bool, covariance_m2: Float | None) -> BundleInput:
+def with_known_points(inputs: BundleInput, points: Bool, covariance_m2: Float | None) -> BundleInput:
     """The block with points held, or observed with their covariances; other points take no part.
 
     Parameters
     ----------
-    known : (n_points,) bool
+    points : (n_points,) bool
     covariance_m2 : (n_points, 3, 3) float64, m^2, or None
         None: held.
     """
-    inputs = replace(of_unknown(inputs, POSE), xyz_m=np.where(known[:, None], inputs.xyz_m, np.nan))
+    inputs = replace(of_unknown(inputs, POSE), xyz_m=np.where(points[:, None], inputs.xyz_m, np.nan))
     if covariance_m2 is None:
-        return replace(inputs, held_points=known)
-    rows = np.flatnonzero(known)
+        return replace(inputs, held_points=points)
+    rows = np.flatnonzero(points)
     records = value_records("point_prior", POINT, rows.astype(np.int32), inputs.xyz_m[rows], covariance_m2[rows])
     names = named(point=np.asarray(inputs.point_ids, dtype=np.str_)[rows])
     return replace(inputs, observed=(*inputs.observed, Observed(records, np.full(len(rows), -1), names, "m")))
 
 
-def with_known_images(inputs: BundleInput, known: Bool, covariance: Float | None) -> BundleInput:
+def with_known_images(inputs: BundleInput, images: Bool, covariance: Float | None) -> BundleInput:
     """The block with images held, or observed with their covariances; other images take no part.
 
     Parameters
     ----------
-    known : (n_images,) bool
+    images : (n_images,) bool
     covariance : (n_images, 6, 6) float64, m and rad, or None
         Of position and rotation increment. None: held.
     """
-    poses = inputs.poses.where(known)
+    poses = inputs.poses.where(images)
     inputs = replace(of_unknown(inputs, POINT), poses=poses)
     if covariance is None:
-        return replace(inputs, held_images=known)
-    rows = np.flatnonzero(known)
+        return replace(inputs, held_images=images)
+    rows = np.flatnonzero(images)
     position, rotation = poses.position_m[rows], poses.ground_from_image[rows]
 
     def evaluate(state: State, chosen: Int) -> tuple[Float, tuple[Float, ...]]:

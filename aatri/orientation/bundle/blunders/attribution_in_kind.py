@@ -148,8 +148,8 @@ class _Attribution:
         self.kept[best_rows] = True
         names = [labels(o, part) for o, part in zip(self.records.observed, self.records.split(self.kept)) if part.any()]
         text = f"{self.records.observed[places[0]].kind}: one of these is wrong, and nothing tells which; "
-        how = f", with standard deviations {factor:.3g} times as large" if factor > 1.0 else ""
-        text += "by little: all of them are used" if ambiguous else STAY.format(how=how)
+        scaled = f", with standard deviations {factor:.3g} times as large" if factor > 1.0 else ""
+        text += "by little: all of them are used" if ambiguous else STAY.format(how=scaled)
         self.notes.append(Note("warning", text, tuple(name for kind_names in names for name in kind_names)))
 
     def _at_points_of(self, rows: list[int]) -> Bool:
