@@ -101,7 +101,7 @@ def find_stages(local: Path | None = None) -> Registry:
         if not one.declared and one.name in kept:
             continue  # a folder with variants of a role that is declared elsewhere
         other = kept.setdefault(one.name, one)
-        if not other.origin.is_same(one.origin):
+        if other is not one and not other.origin.is_same(one.origin):
             raise PluginError(
                 f"{'stage' if '/' in one.name else 'role'} {one.name} is there twice: {other.origin.where} and "
                 f"{one.origin.where}",

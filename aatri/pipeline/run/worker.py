@@ -16,11 +16,13 @@ import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
 
 from aatri.errors import AatriError, PluginError, ResourceError, lacks_memory
+from aatri.pipeline.methods.registry import Registry
 from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
@@ -128,10 +130,19 @@ def _made(
     return artifact, record
 
 
+@cache
+def _stages(find: Callable[[], Registry]) -> Registry:
+    """All stages but those of a project: looked for once a process, not once a stage."""
+    return find()
+
+
 def _card(task: Task) -> StageCard:
     module, _, function = task.source.finder.partition(":")
     find = getattr(importlib.import_module(module), function)
-    registry = find(task.source.local) if task.source.local is not None else find()
+    local = task.source.local
+    registry = _stages(find) if local is None else find(local)
+    if local is None and task.use not in registry.variants:
+        registry = find()  # a package has been installed since
     card: StageCard = registry.card(task.use)
     return card
 
