@@ -19,7 +19,7 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
-from aatri.orientation.bundle.blunders.robust import Adjust, robust, robust_from_start, standardised
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions, robust, robust_from_start, standardised
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
@@ -45,17 +45,17 @@ class RobustStart(FittedSigmas):
 
     def _active_after_robust(self, active: Bool, initial: TestedBlock | None) -> Bool:
         """What is active after a robust adjustment; the block starts from there."""
-        least_squares = None if initial is None else initial.result
         moved = self.block if initial is None else self._start_from(initial, active)
         result = self._robust_from(moved, initial, active)
+        least_squares = self._least_squares_beside(result, initial, active)
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
             self._rescale(scaling, factor, from_result(self.block, result))
             if (factor == 1.0).all():
                 break
             rescaled, _ = self._initial_least_squares(active)
-            least_squares = None if rescaled is None else rescaled.result
             result = self._robust_from(self.block, rescaled, active)
+            least_squares = self._least_squares_beside(result, rescaled, active)
         state = result.adjusted.state
         tails = self._tails(result, least_squares)
         # what least squares followed, so that nothing controlled it there, may be far off here: at least |v|
@@ -99,6 +99,22 @@ class RobustStart(FittedSigmas):
             return self._robust(as_given, least_squares)
         self.block, result = min(ends, key=lambda end: self._truncated_squares(end[1]))
         return result
+
+    def _least_squares_beside(
+        self, result: BundleResult, tested: TestedBlock | None, active: Bool
+    ) -> BundleResult | None:
+        """The least squares whose covariances tell how well a robust adjustment fits; None where they fail.
+
+        Where they fail with everything they begin at the robust result, without what is very far off there.
+        """
+        if tested is not None:
+            return tested.result
+        block = from_result(self.block, result)
+        near = active & ~(self._robust_tests(result, None) > ASTRAY * self.options.limit)
+        block = replace(block, observed=self.all.without(block.observed, near))
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            return self.adjust(block, AdjustOptions(coarse=True))
+        return None
 
     @staticmethod
     def _robust_tests(result: BundleResult, least_squares: BundleResult | None) -> Float:
