@@ -2,7 +2,7 @@
 
 That is the code that the module reaches, Python, Numba and the processor. So the same code is compiled once on a
 machine, for all its clones and environments; an edit leads to a new folder. A folder that no run has used for
-`KEPT_DAYS` is removed.
+`KEPT_DAYS` is removed, and of more than `MOST_FOLDERS` those that were used first.
 
 Processors of x86-64 with AVX2 count as one, `GENERIC`, and run the same machine code; that for AVX-512 is not faster
 here (docs/speed.md). So a wheel can carry the folders of such a processor (`hatch_build.py`): those that fit are copied
@@ -44,8 +44,8 @@ _GENERIC_FLAGS = frozenset({"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma",
 CARRIED = PACKAGE / "compiled"
 """Where a wheel carries compiled kernels."""
 
-KEPT_DAYS = 60
-"""A folder is 0.2 MB; of an edited kernel some ten a day may come."""
+KEPT_DAYS, MOST_FOLDERS = 60, 1_000
+"""A folder is some 0.5 MB; one clone needs some 50, and of an edited kernel some ten a day may come."""
 
 INDEX = ".nbi"
 """Ending of the index file that Numba writes for each compiled function."""
@@ -140,12 +140,17 @@ def take_carried(kernels: Mapping[str, Path]) -> None:
 
 
 def remove_unused(folder: Path, kernels: Mapping[str, Path]) -> None:
-    """Mark the folders of some kernel modules as used today, and remove those that nobody has used for long."""
+    """Mark the folders of some kernel modules as used today; remove what is long unused, and the oldest of many."""
     now, names = time.time(), {folder_name(module, file) for module, file in kernels.items()}
+    others = list[tuple[float, Path]]()
     for one in folder.iterdir() if folder.is_dir() else ():
         with contextlib.suppress(OSError):
-            age_s = now - one.stat().st_mtime
-            if one.name in names and age_s > _DAY_S:
+            used_s = one.stat().st_mtime
+            if one.name not in names:
+                others.append((used_s, one))
+            elif now - used_s > _DAY_S:
                 os.utime(one)
-            elif one.name not in names and age_s > KEPT_DAYS * _DAY_S:
+    for k, (used_s, one) in enumerate(sorted(others, reverse=True), start=len(names)):
+        with contextlib.suppress(OSError):
+            if now - used_s > KEPT_DAYS * _DAY_S or k >= MOST_FOLDERS:
                 shutil.rmtree(one) if one.is_dir() and not one.is_symlink() else one.unlink()

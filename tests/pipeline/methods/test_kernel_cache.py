@@ -163,6 +163,18 @@ def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monke
     assert not is_compiled("field.kernels.inner", kernels["field.kernels.inner"])  # a folder alone is not enough
 
 
+def test_of_more_folders_than_are_kept_the_oldest_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
+    kernels = _clone(tmp_path / "clone", 2.0)
+    names = {folder_name(module, file) for module, file in kernels.items()}
+    for k, name in enumerate(sorted(names) + [f"other-{age}" for age in range(5)]):
+        (tmp_path / "numba" / name).mkdir(parents=True)
+        os.utime(tmp_path / "numba" / name, (time.time() - 3600.0 * k,) * 2)
+    monkeypatch.setattr(kernel_cache, "MOST_FOLDERS", len(names) + 2)
+    remove_unused(tmp_path / "numba", kernels)
+    assert {p.name for p in (tmp_path / "numba").iterdir()} == {*names, "other-0", "other-1"}
+
+
 @pytest.mark.parametrize(("variant", "at_once"), [("dependent", False), ("essential", True)])
 def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, at_once: bool) -> None:
     path = PACKAGE.parent / "stages" / "relative_orientation" / f"{variant}.py"
