@@ -1,7 +1,8 @@
 """Copies of the tree in which mutants are tried, and the order in which tests are run on them.
 
-A copy lies beside a link to the real data, where there are any, and has its own caches. Tests that import the changed
-module run first, those of the same room before others, the fewest imports away first.
+A copy lies beside a link to the real data, where there are any, and has its own caches, with the compiled kernels of
+the original. Tests that import the changed module run first, those of the same room before others, the fewest imports
+away first.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ class Tree:
         shutil.copytree(root, tree, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
         if (root.parent / "shared").exists():
             (place / "shared").symlink_to(root.parent / "shared")
+        if (compiled := Path(os.environ["NUMBA_CACHE_DIR"])).is_dir():  # by content: a mutant's own come beside them
+            shutil.copytree(compiled, place / "numba")
         tests = sorted(p.relative_to(tree).as_posix() for p in (tree / "tests").rglob("test_*.py"))
         imports = {name: set(_imports(tree, name)) for name in _sources(tree)}
         wanted = [t for t in tests if not t.startswith("tests/campaigns/")]

@@ -13,11 +13,14 @@ adjustment fails those of its start are all there is.
 
 Seen: two film images whose points do not fit by the marks of the same image.
 Test: T of each pair of the worst images, at 1e-4 for all of them, and each of the two better by the marks of the other.
+Where the adjusted orientations are nearly right a pair is resected only if T is as large with r_ab to first order, and
+could be: an affine transformation that no marks observe leaves less than any.
 Points are those that other images intersect: all others, or where images are far off, all that are not.
 Source: Neyman and Pearson 1933; Wald 1947 (bound of a likelihood ratio).
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,12 +32,17 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.checks.finding import Finding
 from aatri.checks.limits import FAR_OFF, FEWEST_FITTING, MISFIT, MOST_MISFITS, NOT_EXCHANGED
-from aatri.geometry.collinearity import in_image_axes, project
+from aatri.geometry.collinearity import collinearity, in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import finite_rows, unit
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
 from aatri.orientation.resection.start import start_orientation
+
+NO_MARKS = np.zeros((0, 2))
+
+MEDIAN_SQUARE = 2 * np.log(2)
+"""Median of the square of a plane normal error of variance 1 in each coordinate."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +60,8 @@ class _Oriented:
         rows = np.flatnonzero((m.image == image) & m.active)
         return rows[finite_rows(self.xyz_m[m.point[rows]]) & finite_rows(m.xy_mm[rows])]
 
-    def worst(self, films: list[int]) -> tuple[list[int], list[int]]:
-        """Images that are far off what they see, each resected, and those that fit worst."""
+    def worst(self, films: list[int]) -> tuple[list[int], list[int], float]:
+        """Images that are far off what they see, each resected; those that fit worst; what most are off."""
         m, c_mm = self.image_points.measurements, self.block.cameras.principal_distance_mm[self.block.images.camera]
         rows = np.flatnonzero(m.active & np.isin(m.image, films))
         rows = rows[np.argsort(m.image[rows], kind="stable")]
@@ -67,12 +75,13 @@ class _Oriented:
         usual = float(np.quantile(median_mm, 0.25, method="lower"))
         order = np.argsort(-median_mm, kind="stable")[:MOST_MISFITS]
         far, worst = ([films[k] for k in order.tolist() if median_mm[k] > times * usual] for times in (FAR_OFF, MISFIT))
-        return far, worst
+        return far, worst, usual
 
     def without(self, images: list[int]) -> "_Oriented":
         """With the points that the other images intersect."""
         m, cameras = self.image_points.measurements, self.block.cameras
         used = m.active & finite_rows(m.xy_mm) & self.poses.oriented[m.image] & ~np.isin(m.image, images)
+        used &= np.isin(m.point, m.point[np.isin(m.image, images)])
         image = m.image[used]
         c_mm = cameras.principal_distance_mm[self.block.images.camera[image]]
         in_image = np.column_stack([m.xy_mm[used], -c_mm])
@@ -91,6 +100,34 @@ class _Oriented:
         of_one, point = np.zeros(len(rows), np.int64), np.arange(len(rows))
         fit = resect_images(xy, m.sigma_mm[rows], of_one, point, np.array([c_mm]), xyz, start[0][None], start[1][None])
         return xy, _residuals(xy, c_mm, xyz, fit.position_m, fit.ground_from_image)
+
+    def nearly_by_marks(self, image: int, marks_of: int) -> tuple[Float, Float]:
+        """The same with residuals to first order in what the orientation changes, beside a turn and shift in the image.
+
+        These may be large, as a film lies in the comparator, and carry the coordinates by its own marks to the others'.
+        """
+        m, rows = self.image_points.measurements, self.rays(image)
+        own = m.xy_mm[rows]
+        xy = own + self._moved(rows, image, marks_of)
+        if len(rows) < FEWEST_FITTING:
+            return xy, np.full_like(xy, np.inf)
+        X0, R = self.poses.position_m[image], self.poses.ground_from_image[image]
+        at_ray = np.tile(X0, (len(rows), 1)), np.tile(R, (len(rows), 1, 1))
+        c_mm = np.full(len(rows), self.block.cameras.principal_distance_mm[self.block.images.camera[image]])
+        projected, by_pose, _ = collinearity(*at_ray, self.xyz_m[m.point[rows]], c_mm)
+        own_mean, mean = own.mean(axis=0), xy.mean(axis=0)
+        M = (own - own_mean).T @ (xy - mean)
+        cosine, sine = M[0, 0] + M[1, 1], M[0, 1] - M[1, 0]
+        turn = np.array([[cosine, -sine], [sine, cosine]]) / np.hypot(cosine, sine)
+        residuals = ((projected - own_mean) @ turn.T - (xy - mean)).ravel()
+        design = (turn @ by_pose).reshape(-1, 6)
+        residuals -= design @ np.linalg.lstsq(design, residuals, rcond=None)[0]
+        return xy, residuals.reshape(-1, 2)
+
+    def most_gained(self, image: int) -> float:
+        """What its marks add to the squares that an affine transformation leaves, mm^2: no others gain more."""
+        xy, residuals = self.nearly_by_marks(image, image)
+        return _square_left(xy, residuals, self.marks_mm(image)) - _square_left(xy, residuals, NO_MARKS)
 
     def marks_mm(self, image: int) -> Float:
         """Photo coordinates of an image's marks, (n, 2), mm."""
@@ -126,17 +163,27 @@ def exchanged_marks(block: Block, image_points: ImagePoints | None, poses: Poses
     if len(films) < 2:
         return []
     oriented = _Oriented(block, image_points, poses, xyz_m)
-    far, worst = oriented.worst(films)
+    far, worst, usual_mm = oriented.worst(films)
     pairs = list(itertools.combinations(far or worst, 2))
     limit = 2 * np.log(max(len(pairs), 1) / NOT_EXCHANGED)
-    ratios = [(pair, _exchanged(oriented.without(far or list(pair)), *pair)) for pair in pairs]
-    return [_finding(block, pair, off_mm) for pair, (T, off_mm) in ratios if limit < T]
+    most = {image: oriented.without([image]).most_gained(image) for image in ([] if far else worst)}
+    findings = list[Finding]()
+    for pair in pairs:
+        if not far and most[pair[0]] + most[pair[1]] < limit * usual_mm**2 / MEDIAN_SQUARE:
+            continue
+        rest = oriented.without(far or list(pair))
+        if far or limit < _exchanged(rest, pair, rest.nearly_by_marks)[0]:
+            T, off_mm = _exchanged(rest, pair, rest.by_marks)
+            findings += [_finding(block, pair, off_mm)] if limit < T else []
+    return findings
 
 
-def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float, float]]:
+def _exchanged(
+    oriented: _Oriented, pair: tuple[int, int], by_marks: Callable[[int, int], tuple[Float, Float]]
+) -> tuple[float, tuple[float, float]]:
     """T, and by how much the two are off by their own marks, and by those of the other, mm."""
-    own = [oriented.by_marks(image, image) for image in (a, b)]
-    other = [oriented.by_marks(image, marks_of) for image, marks_of in ((a, b), (b, a))]
+    own = [by_marks(image, image) for image in pair]
+    other = [by_marks(image, marks_of) for image, marks_of in (pair, pair[::-1])]
     if not all(len(xy_mm) for xy_mm, _ in (*own, *other)):
         return 0.0, (np.inf, np.inf)  # one sees no point that the adjustment has
     off_own, off_other = (max(float(np.median(_lengths(r_mm))) for _, r_mm in pair) for pair in (own, other))
@@ -144,11 +191,10 @@ def _exchanged(oriented: _Oriented, a: int, b: int) -> tuple[float, tuple[float,
     if not np.isfinite(off_other):
         return 0.0, (np.inf, np.inf)
     freedom = sum(2 * len(xy_mm) - 12 for xy_mm, _ in other)
-    none = np.zeros((0, 2))
-    variance = sum(_square_left(*fit, none) for fit in other) / max(freedom, 1)
+    variance = sum(_square_left(*fit, NO_MARKS) for fit in other) / max(freedom, 1)
     if freedom < 1 or not variance:
         return 0.0, off_mm
-    marks_mm = [oriented.marks_mm(image) for image in (a, b)]
+    marks_mm = [oriented.marks_mm(image) for image in pair]
     gains = [_square_left(*own[k], marks_mm[k]) - _square_left(*other[k], marks_mm[1 - k]) for k in (0, 1)]
     return (sum(gains) / variance if min(gains) > 0 else 0.0), off_mm
 
