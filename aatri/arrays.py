@@ -1,4 +1,4 @@
-"""The four kinds of arrays that signatures speak of: docstrings say shape and unit, these the kind of number; sums."""
+"""The four kinds of arrays of which signatures speak: docstrings say shape and unit, these the kind of number; sums."""
 
 import math
 from typing import Any, TypeAlias
@@ -20,3 +20,18 @@ def sums_of(values: Float, of: Int, n: int) -> Float:
     for k, column in enumerate(columns):
         sums[:, k] = np.bincount(of, column, n)
     return sums.reshape(n, *values.shape[1:])
+
+
+def finite_rows(values: npt.ArrayLike) -> Bool:
+    """Whether all numbers of each row are given.
+
+    Parameters
+    ----------
+    values : (n, ...) float64
+
+    Returns
+    -------
+    (n,) bool
+    """
+    finite = np.isfinite(np.asarray(values, dtype=np.float64))
+    return np.asarray(finite.reshape(len(finite), int(np.prod(finite.shape[1:]))).all(axis=1))

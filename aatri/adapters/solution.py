@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -14,7 +14,6 @@ from aatri.artifacts.solution import ImageOrientations, Residuals, Solution, Sol
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError
-from aatri.geometry.vectors import finite_rows
 from aatri.tables.schema import Table, columns_of
 
 T = TypeVar("T", bound=Table)

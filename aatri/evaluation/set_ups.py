@@ -12,13 +12,12 @@ Source: Kraus, Photogrammetry (epipolar images, set-up of oriented models); lect
 
 import numpy as np
 
-from aatri.arrays import Float, Text
+from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import ModelSetUps, PassPoints
 from aatri.evaluation.ray_pairs import ModelRays, model_axes
 from aatri.evaluation.single_models import intersected
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
 
 

@@ -17,9 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.geometry.coplanarity import RayPairs, corrected
-from aatri.geometry.vectors import finite_rows
 
 PARALLEL = 1e-12
 """Rays whose directions differ less, as the square of the sine or relative eigenvalue, do not meet."""

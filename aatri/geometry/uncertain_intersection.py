@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.collinearity import collinearity
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows
 
 UNCERTAIN = 0.1
 """Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""

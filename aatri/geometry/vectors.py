@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Bool, Float
+from aatri.arrays import Float
 
 
 def unit(v: npt.ArrayLike) -> Float:
@@ -37,18 +37,3 @@ def tangents(direction: npt.ArrayLike) -> Float:
     first = unit(axis - b * np.take_along_axis(b, following, axis=-1))
     second = np.cross(b, first) * np.sign(np.take_along_axis(b, main, axis=-1))
     return np.stack([first, second], axis=-1)
-
-
-def finite_rows(values: npt.ArrayLike) -> Bool:
-    """Whether all numbers of each row are given.
-
-    Parameters
-    ----------
-    values : (n, ...) float64
-
-    Returns
-    -------
-    (n,) bool
-    """
-    finite = np.isfinite(np.asarray(values, dtype=np.float64))
-    return np.asarray(finite.reshape(len(finite), int(np.prod(finite.shape[1:]))).all(axis=1))

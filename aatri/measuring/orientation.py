@@ -20,13 +20,12 @@ from scipy.stats import chi2
 from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
 from aatri.adapters.interior.photo_coordinates import half_format_of
 from aatri.adjustment.statistics.limits import ALARM
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.geometry.collinearity import collinearity, in_image_axes, project
 from aatri.geometry.uncertain_intersection import intersect_uncertain
-from aatri.geometry.vectors import finite_rows
 from aatri.measuring.measured_rays import SETTLED_MM, STEPS, MeasuredRays
 
 MARGIN = 1.2

@@ -33,10 +33,9 @@ from pydantic import Field
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.adjustment.whitening import whitener_of_sigmas
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation, left_jacobian
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.angle_differences import (
     CARRIER,
     ObservedAngles,

@@ -24,11 +24,10 @@ import numpy as np
 from aatri.adjustment.records import Records, Weigh
 from aatri.adjustment.unknowns import State
 from aatri.adjustment.whitening import whitener_of_sigmas
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.camera_models import CameraRows, compared, known_beforehand
 from aatri.observations.collinearity_lane import compiled_lane, side_veto
 from aatri.observations.coordinates import observed_priors

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.unknowns import Ids, State, Unknowns
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import motions
-from aatri.geometry.vectors import finite_rows
 
 POSE = "image"
 POINT = "point"

@@ -11,7 +11,7 @@ from aatri.adapters.bundle.uncontrolled import uncontrolled_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float, Text, finite_rows
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -20,7 +20,6 @@ from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource

@@ -12,6 +12,7 @@ Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aa
 
 from aatri.adapters.cameras.calibration import calibrated_correction, calibration_of
 from aatri.adapters.refinement.corrections import largest_length, with_corrections
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -19,7 +20,6 @@ from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.formats.text.text_file import read_lines
-from aatri.geometry.vectors import finite_rows
 from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
 

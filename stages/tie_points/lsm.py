@@ -16,12 +16,12 @@ import numpy as np
 
 from aatri.adapters.interior.image_pixels import from_first_pixel, pixel_matrices, with_measured
 from aatri.adapters.solution import check_same_block
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.features import ScanMarks
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.geometry.collinearity import collinearity
-from aatri.geometry.vectors import finite_rows
 from aatri.pixels.ray_matching import matched_rays, median_rows, medians_of_points
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.progress import Item

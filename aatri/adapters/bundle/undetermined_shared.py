@@ -14,8 +14,7 @@ import numpy as np
 from aatri.adapters.bundle.information_observed import INFORMATION
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
-from aatri.arrays import Bool, Float
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import Participants, absent_coordinates, unknowns_of
 from aatri.orientation.bundle.rounds import AdjustedBlock

@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.errors import AatriError, InputError
 from aatri.frames.conversion import Frame
 from aatri.frames.tangent import TangentFrame, check_convertible, tangent_frame
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.units import EARTH_RADIUS_M

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import frame_of, poses_into, poses_out_of
-from aatri.arrays import Float, Text
+from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import Block, Exterior, GroundPoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import angles_from_rotation, rotation_from_angles
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import Poses
 
 

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adapters.ground.ground_observed import NEIGHBOUR
-from aatri.arrays import Float
+from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows

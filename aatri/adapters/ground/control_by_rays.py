@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.solution import stacked, suspect_rows
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import POSE
 from aatri.orientation.bodies.components import Component

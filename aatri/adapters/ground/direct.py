@@ -7,7 +7,7 @@ import numpy as np
 from aatri.adapters import solution as assemble
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
 from aatri.adapters.frame.tangent_block import InTangentFrame
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
@@ -16,7 +16,6 @@ from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.uncertain_intersection import UncertainIntersection, intersect_uncertain
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.attitudes import attitudes_of
 from aatri.observations.image_points import rays_of

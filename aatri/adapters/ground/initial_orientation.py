@@ -25,12 +25,12 @@ from aatri.adapters.ground.initial_tests import (
     two_that_differ,
     with_uncertain_distances,
 )
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import several, shown
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE

@@ -10,7 +10,7 @@ from aatri.adapters.ground.initial_tests import STAGE, left_out_table, residuals
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspects_of, tests_of, uncontrolled_kinds
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import (
@@ -23,7 +23,6 @@ from aatri.artifacts.solution import (
 )
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import WIDE_RAD

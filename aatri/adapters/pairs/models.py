@@ -11,13 +11,12 @@ from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
 from aatri.adjustment.statistics.uncontrolled import BELOW
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, ModelPoints, Models, Orientations, SecondOrientations, Turns, Unformed
 from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
-from aatri.geometry.vectors import finite_rows
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.relative.connected_pairs import Connection
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements

@@ -6,11 +6,10 @@ What the block does not tell enough for is left out, and told with its size: the
 import numpy as np
 
 from aatri.adapters.refinement.heights import Stations
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.camera.corrections.atmosphere import Atmosphere, constant_of
 from aatri.camera.corrections.vertical_planes import FLATTEST_RAD, earth_curvature_correction, refraction_correction
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import several
 from aatri.notes import Level, Note
 

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
 from aatri.geometry.rotations import angle_axes, body_from_mount
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.orientation.refinement.flying_height import heights_by_bases_m, station_heights_m
 from aatri.units import EARTH_RADIUS_M

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import (
@@ -23,7 +23,6 @@ from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.observations.positions import Positions

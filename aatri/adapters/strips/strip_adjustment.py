@@ -12,7 +12,7 @@ from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_statistics import strip_notes
 from aatri.adapters.strips.strip_tables import StripsOnGround
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -21,7 +21,6 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of

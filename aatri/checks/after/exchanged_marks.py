@@ -27,14 +27,14 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adapters.interior.photo_coordinates import measured_to_photo
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.checks.finding import Finding
 from aatri.checks.limits import FAR_OFF, FEWEST_FITTING, MISFIT, MOST_MISFITS, NOT_EXCHANGED
 from aatri.geometry.collinearity import collinearity, in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows, unit
+from aatri.geometry.vectors import unit
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
 from aatri.orientation.resection.start import start_orientation

@@ -19,12 +19,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from aatri.adapters.imported import read_at
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.changes import CHANGES, Change
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import EXPLAINED_DISTANCE, FAR_CONTROL, LEAST_FAR_M, MOST_SEEN_M
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import printable
 from aatri.observations.control import control_of
 from aatri.units import length

@@ -15,12 +15,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float
+from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import AGREEING_READING, FEWEST_ATTITUDES, SAME_READING, WRONG_ATTITUDES_RAD
 from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, nearest_rotation
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.attitudes import attitudes_of
 from aatri.observations.observed import ObservationSource

@@ -7,14 +7,13 @@ Test: none: the effect is computed; above 0.1 mm it is told, above 1 mm it is a 
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import declared_frame
-from aatri.arrays import Float
+from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import FRAME_EFFECT_TOLD_M, FRAME_EFFECT_WARNED_M, GEOID_SLOPE
 from aatri.errors import AatriError
 from aatri.frames.heights import is_tangent_frame
 from aatri.frames.tangent import TangentFrame, tangent_frame
-from aatri.geometry.vectors import finite_rows
 from aatri.units import EARTH_RADIUS_M
 
 

@@ -8,13 +8,12 @@ format, by more than a tenth of it, of an image that shows it (orientations are 
 
 import numpy as np
 
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BEHIND, CONTROL_MARGIN, UPWARDS
 from aatri.codes import OBSERVED_VALUE
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import control_of
 from aatri.units import length
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float, Text, finite_rows
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
@@ -28,7 +28,6 @@ from aatri.formats.navigation.photograph import ENDINGS, WITHOUT_EXIF, Photograp
 from aatri.formats.navigation.xmp import GEOGRAPHIC, drone_numbers, drone_packet, of_gimbal
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.text_file import missing
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 

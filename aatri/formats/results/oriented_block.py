@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -32,7 +32,6 @@ from aatri.errors import GeometryError, InputError
 from aatri.formats.conventions.lens import FORMS, Lens
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.poses import ADDITIONAL
 
 PIXEL_MM = 0.01

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import OBSERVED_VALUE, PROJECTION_CENTRE, Block
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.text_line import TextLine
 from aatri.formats.wucaps.ends import ends
-from aatri.geometry.vectors import finite_rows
 from aatri.notes import Note
 
 NAME = "PRENPI"

@@ -10,8 +10,7 @@ x are coordinates in the axes of the plane at the start, its normal the last. So
 import numpy as np
 
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Float, Int, finite_rows
 from aatri.observations.geodetic.sights import ALL, HEIGHT
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, point_generator

@@ -15,8 +15,7 @@ import numpy as np
 
 from aatri.adjustment.records import Evaluated
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Float, Int, finite_rows
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, point_generator
 from aatri.observations.relative.members import Conditions, observed_conditions

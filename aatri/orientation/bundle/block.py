@@ -15,8 +15,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.level import PLANE, Level
 from aatri.observations.observed import Holds, Observed

@@ -8,10 +8,9 @@ that see too few known points start from an orientation that is offered, if thei
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import MIN_POINTS, resect_images

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from aatri.arrays import Bool, Float
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
-from aatri.arrays import Bool, Float, Int
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import POINT, POSE, Poses

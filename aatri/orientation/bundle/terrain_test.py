@@ -23,8 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.statistics.limits import ALARM, limit_of_tests
-from aatri.arrays import Float, Int
-from aatri.geometry.vectors import finite_rows
+from aatri.arrays import Float, Int, finite_rows
 
 LONGER, FAR, BEYOND = 1.5, 0.2, 0.5
 

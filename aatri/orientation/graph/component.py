@@ -12,10 +12,9 @@ import numpy as np
 
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import Similarity, transform
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import shown
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import observed_image_points

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool
+from aatri.arrays import Bool, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
-from aatri.geometry.vectors import finite_rows
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows

@@ -12,11 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.rotations import nearest_rotation
-from aatri.geometry.vectors import finite_rows, unit
+from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.differences import fitted_robustly, robust_weights
 from aatri.orientation.graph.directions import adjusted_directions

@@ -14,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Float
+from aatri.arrays import Float, finite_rows
 from aatri.errors import AatriError
 from aatri.geometry.similarity import robust_closed_form, transform
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.on_ground import rays_alone

@@ -7,9 +7,9 @@ tested once more in the end. A point behind an image is off by more than any lim
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.intersection import intersect_rays
-from aatri.geometry.vectors import finite_rows, unit
+from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 

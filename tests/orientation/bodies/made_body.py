@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from aatri.arrays import finite_rows
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, inverse, transform
-from aatri.geometry.vectors import finite_rows
 from aatri.observations.control import Control, observed_control
 from aatri.observations.geodetic.lengths import slope
 from aatri.observations.geodetic.sights import Sights, observed_sights
