@@ -93,6 +93,7 @@ def pipeline_from(
     import numpy as np
 
     from aatri.formats.parts.assembled import assembled
+    from aatri.formats.parts.block_parts import LOCAL
     from aatri.formats.registry.settings import of_block
     from aatri.formats.registry.sources import read_all
 
@@ -115,6 +116,8 @@ def pipeline_from(
     narrate(f"block {block.name}: " + amounts(block.metrics()))
     if lacking:
         narrate(f"missing: {', '.join(lacking)}")
+    if not _has_datum(block) and any(p.frame == LOCAL for p in parts if p.exterior):
+        narrate("a free model: nothing gives its scale, so that m and mm of the results are units of the model")
     _check_enough(block, str(paths[0]))
     stages = _stages(block, _options(block, sources, parts))
     if len(block.fiducial_points):  # film on a comparator

@@ -6,6 +6,7 @@ latitude, longitude, height are in metres along north, east, up: there D is the 
 the ellipsoid along those axes.
 """
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -153,8 +154,21 @@ def transformer_between(source: Frame, target: Frame) -> Any:
     try:
         return Transformer.from_crs(systems[0], systems[1], always_xy=True, only_best=True, allow_ballpark=False)
     except Exception as error:
-        raise InputError(
-            f"no transformation from frame {source.name} to {target.name}: {error}",
-            where=source.name,
-            remedy="install the grid pyproj names (projsync), or use other frames",
-        ) from error
+        what = f"no transformation from frame {source.name} to {target.name}"
+        if not (grids := _missing_grids(systems)):
+            raise InputError(f"{what}: {error}", where=source.name, remedy="use other frames") from error
+        names, urls = ", ".join(grids), ", ".join(grids.values())
+        by_path = "of files of other programs, give its path as `geoid` of the source in place of `vertical`"
+        remedy = f"get {urls} and install it (projsync --file {names}); or, {by_path}"
+        raise InputError(f"{what}: the grid {names} is not there", where=source.name, remedy=remedy) from error
+
+
+def _missing_grids(systems: list[Any]) -> dict[str, str]:
+    """Names of the grids that the best transformation lacks, with where they are to be had."""
+    from pyproj.transformer import TransformerGroup
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that the best one is not available
+        group = TransformerGroup(*systems, always_xy=True)
+    best = group.unavailable_operations[:1]
+    return {grid.short_name: grid.url for of_best in best for grid in of_best.grids if not grid.available}

@@ -58,9 +58,14 @@ def test_a_missing_geoid_grid_is_an_error_and_no_silent_shift() -> None:
         converted, _ = convert(np.array([[40.7, 116.4, 100.0]]), np.zeros((1, 3, 3)), WGS, target)
     except InputError as error:
         message = str(error)
+        told = (
+            "from frame wgs to heights: the grid us_nga_egm96_15.tif is not there",
+            "get https://cdn.proj.org/us_nga",
+        )
     else:
-        message = "" if abs(converted[0, 2] - 100.0) > 1.0 else "height unchanged"
+        message, told = "" if abs(converted[0, 2] - 100.0) > 1.0 else "height unchanged", ("",)
     assert "unchanged" not in message
+    assert all(words in message for words in told)
 
 
 # Heights above sea level in map and tangent frames.

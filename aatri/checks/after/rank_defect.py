@@ -34,7 +34,7 @@ _SHIFTS = (
     "exterior.csv, empty), or take the positions as they are by `positions: {drift: none}`"
 )
 _PART = "too few points join it to the rest: measure more of them, or give control or positions in it"
-_TURN = "control on one line (or two points) leaves the turn about it open: give a height away from it, or positions"
+_TURN = "control on one line (or two points) leaves the turn about it open: give a height or a position away from it"
 _SCALE = "no distance, no second control point and no positions give the size: observe one of them"
 _SET = "no direction to a known point and no azimuth orients it: observe one"
 _MOUNT = "a free mount takes up all that its exposures give: observe more of them, fix it or weight it (`sigmas`)"

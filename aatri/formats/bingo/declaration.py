@@ -34,7 +34,7 @@ BINGO = Format(
     page=PAGE,
     read=read_image_coordinates,
     write=write_bingo,
-    written=("cameras", "image points", "control"),
+    written=("cameras", "image points", "control", "standard deviations"),
 )
 GEOIN = Format(
     "bingo_geoin",

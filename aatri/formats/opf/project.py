@@ -21,7 +21,6 @@ from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import PLANE
 from aatri.formats.text.json_text import JsonText, Key
-from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import Frame
 from aatri.ids import clipped, shown
 
@@ -90,9 +89,8 @@ class OpfProject:
             what = f"{clipped(uri)!r} leads out of the folder of the project"
             raise self.document.fault(keys, what, "put the file beside project.opf, and name it relative to that")
         if not target.is_file():
-            error = missing(target)
-            remedy = f"the project is not whole: copy this file too, or take its resource out; {error.remedy}"
-            raise self.document.fault(keys, f"{clipped(uri)!r} {error.what}", remedy)
+            remedy = "the project is not whole: copy this file too, or take its resource out"
+            raise self.document.fault(keys, f"{clipped(uri)!r} does not exist", remedy)
         return self.path.parent / unquote(parts.path)
 
     def scene(self) -> SceneFrame | None:
