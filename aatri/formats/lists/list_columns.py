@@ -34,14 +34,14 @@ ROTATION = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 
 SAME = {
     "image": "photo file foto bild frame picture",
-    "point": "gcp marker target pt station controlpoint punkt pkt",
+    "point": "gcp marker target pt station controlpoint punkt pkt punto",
     "name": "label event nom nr id",
     "camera": "sensor",
     "time": "times gpstime timestamp gpsseconds",
-    "X": "x e east easting xeasting xeast rechts rechtswert x0",
-    "Y": "y n north northing ynorthing ynorth hoch hochwert y0",
-    "Z": "z h height altitude alt elevation elev up hohe hoehe zaltitude ellipsoidheight ellipsoidalheight "
-    "orthometricheight z0",
+    "X": "x e east easting xeasting xeast rechts rechtswert ost est este x0 xgps gcpmeasuredx",
+    "Y": "y n north northing ynorthing ynorth hoch hochwert nord norte y0 ygps gcpmeasuredy",
+    "Z": "z h height altitude alt elevation elev up hohe hoehe cota quota zaltitude ellipsoidheight "
+    "ellipsoidalheight orthometricheight z0 zgps gcpmeasuredz",
     "longitude": "lon long lng xlongitude",
     "latitude": "lat ylatitude",
     "omega": "o w",

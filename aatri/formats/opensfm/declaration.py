@@ -14,7 +14,7 @@ _NUMBER = r"[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?"
 _CRS = re.compile(
     r"\s*(EPSG:[0-9]+(?:\+[0-9]+)?|\+proj=.*|\+init=.*|WGS84(?:\s+UTM\s+[0-9]+\s*[NS])?)\s*$", re.IGNORECASE
 )
-_GCP_ROW = re.compile(rf"\s*(?:{_NUMBER}\s+){{5}}\S+")
+_GCP_ROW = re.compile(rf"\s*{_NUMBER}\s+{_NUMBER}\s+(?:{_NUMBER}|nan)\s+{_NUMBER}\s+{_NUMBER}\s+\S+", re.IGNORECASE)
 _GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
 
 

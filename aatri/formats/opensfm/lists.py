@@ -21,6 +21,7 @@ import numpy as np
 
 from aatri.codes import CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
+from aatri.formats.conventions.names import without_extension
 from aatri.formats.conventions.poses import rotation_of_carrier
 from aatri.formats.opensfm.ground_control import control_parts
 from aatri.formats.parts.block_parts import BlockParts
@@ -54,6 +55,10 @@ def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter 
         if is_number(row.words[5]):
             what = f"{row.words[5]!r} stands where the name of an image should: a blank within a number?"
             raise row.error(what, "write x y z column row image [name]")
+        for k, word in enumerate(row.words[6:], 6):
+            if without_extension(word) != word and without_extension(row.words[5]) == row.words[5]:
+                what = f"{' '.join(row.words[5 : k + 1])!r} is no name of an image: blanks separate columns"
+                raise row.error(what, "rename the image without blanks, here and in its other files")
         name = row.words[6] if len(row.words) > 6 else ""
         key = name or tuple(xyz)
         if key not in ids:

@@ -77,6 +77,9 @@ HEADERS = {
     "pix4d": f"imageName X Y Z Omega Phi Kappa\na.jpg {PLACE} 0 0 90\n",
     "metashape reference": "# CoordinateSystem: EPSG:32632\n#Label,X/Easting,Y/Northing,Z/Altitude,Yaw,Pitch,Roll\n"
     "a.jpg,400.0,-200.0,1500.0,270,0,0\n",
+    "pix4d errors": "imageName, cameraIndex, cameraName, X_opt, Y_opt, Z_opt, X_gps, Y_gps, Z_gps, omega, phi, kappa\n"
+    "a.jpg, 0, FC, 400.1, -200.1, 1500.1, 400.0, -200.0, 1500.0, 0, 0, 90\n",
+    "italian": "foto;omega;phi;kappa;est;nord;quota\na.jpg;0;0;90;400.0;-200.0;1500.0\n",
     "gon": "Photo;Omega [gon];Phi [gon];Kappa [gon];Northing;Easting;Height\na.jpg;0;0;100;-200.0;400.0;1500.0\n",
     "applanix": "POSPac\nBoresight 0.01\n(position in Meters, orientation in Degrees, lat, long in Deg)\n"
     "ID EVENT TIME(s) EASTING NORTHING ELLIPSOID HEIGHT OMEGA PHI KAPPA LAT LONG\n"
@@ -131,6 +134,14 @@ def test_a_rule_and_a_row_of_units_below_a_header_are_no_rows(tmp_path: Path, be
     R, position = np.asarray(parts.exterior["ground_from_image"])[0], np.asarray(parts.exterior["position_m"])[0]
     np.testing.assert_allclose(image_of(R, position), (0.0, -10.0), atol=1e-12)
     assert any("not read, before the first row" in note and below in note for note in parts.notes)
+
+
+def test_measured_control_of_pix4d_is_read_and_what_it_computes_is_not(tmp_path: Path) -> None:
+    names = [f"GCP {kind} {axis}" for kind in ("measured", "computed") for axis in "XYZ"]
+    path = written(tmp_path, f"GCP label, {', '.join(names)}\ng1, 1.5, 2.5, 3.5, 1.6, 2.6, 3.6\n")
+    points = read_source(path, Reading(), SILENT).ground_points
+    assert points["point"] == ["g1"]
+    assert np.asarray(points["xyz_m"]).tolist() == [[1.5, 2.5, 3.5]]
 
 
 def test_a_row_of_other_units_is_refused(tmp_path: Path) -> None:

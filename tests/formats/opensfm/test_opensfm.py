@@ -164,6 +164,12 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, how: str) ->
     assert f"{path}:" in str(caught.value)
 
 
+def test_plan_control_alone_is_recognised(tmp_path: Path) -> None:
+    (tmp_path / "g.txt").write_text("EPSG:32617\n1 2 NaN 4 5 a.jpg p\n")
+    points = read_source(tmp_path / "g.txt", Reading(), SILENT).ground_points
+    assert np.asarray(points["role"]).tolist() == [[1, 1, 0]]
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [
@@ -171,6 +177,7 @@ def test_damaged_files_are_refused_with_their_place(tmp_path: Path, how: str) ->
         ("EPSG:32617\n1 2 3 4 5\n", ":2: 5 words"),
         ("EPSG:32617\n1 2 3,5 4 5 a.jpg\n", ":2: '3,5': a decimal comma"),
         ("EPSG:32617\n1 2 3 40 0 500 a.jpg p\n", ":2: '500' stands where the name of an image should"),
+        ("EPSG:32617\n1 2 3 4 5 photo 1.jpg p\n", ":2: 'photo 1.jpg' is no name of an image: blanks separate columns"),
         ("EPSG:99999\n1 2 3 4 5 a.jpg\n", "no known coordinate system"),
         ("EPSG:32617\n1 2 3 4 5 a.jpg p\n1 2 4 4 5 b.jpg p\n", ":3: point 'p' has other coordinates"),
     ],
