@@ -169,6 +169,6 @@ def _missing_grids(systems: list[Any]) -> dict[str, str]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the best one is not available
-        group = TransformerGroup(*systems, always_xy=True)
+        group = TransformerGroup(systems[0], systems[1], always_xy=True)
     best = group.unavailable_operations[:1]
     return {grid.short_name: grid.url for of_best in best for grid in of_best.grids if not grid.available}

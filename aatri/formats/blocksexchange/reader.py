@@ -28,7 +28,7 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import in_frame
-from aatri.formats.text.text_line import places
+from aatri.formats.text.text_line import once, places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
 from aatri.ids import clipped, shown
@@ -147,9 +147,7 @@ def _names(photos: list[XmlElement]) -> list[str]:
     names = [name if short.count(name) == 1 else path for name, path in zip(short, paths)]
     first: dict[str, XmlElement] = {}
     for key, photo in zip([*names, *(f"Id {p.one('Id').text}" for p in photos)], [*photos, *photos]):
-        if key in first:
-            raise photo.error(f"photo {clipped(key)} is given twice, first in line {first[key].line}", "remove one")
-        first[key] = photo
+        once(photo, key, first, "photo")
     return names
 
 
@@ -175,10 +173,7 @@ def _give_points(
         parts.notes.append(f"tie points in files beside it are not read: {shown(elsewhere)}; export them in the file")
     first: dict[str, XmlElement] = {}
     for point in points:
-        at = point["at"]
-        if first.setdefault(point["point"], at) is not at:
-            line = first[point["point"]].line
-            raise at.error(f"point {clipped(point['point'])} is given twice, first in line {line}", "remove one")
+        once(point["at"], point["point"], first, "point")
     if points:
         columns = {key: [point[key] for point in points] for key in ("point", "xyz_m", "sigma_m", "role")}
         parts.ground_points = {**columns, **places([point["at"] for point in points], parts.files)}

@@ -8,8 +8,8 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.formats.conventions.poses import rotation_of_carrier
+from aatri.formats.text.text_line import once
 from aatri.formats.text.xml_tree import XmlElement
-from aatri.ids import clipped
 
 
 class ImageElement(NamedTuple):
@@ -36,9 +36,7 @@ def cameras_of(chunk: XmlElement) -> tuple[list[ImageElement], list[str]]:
             disabled.append(name)
             continue
         for key in (f"id {number}", name):
-            if first.setdefault(key, element) is not element:
-                what = f"camera {clipped(key)} is given twice, first in line {first[key].line}"
-                raise element.error(what, "give the images names of their own")
+            once(element, key, first, "camera", "give the images names of their own")
         cameras.append(ImageElement(number, name, element.get("sensor_id"), element.get("master_id"), element))
     return cameras, disabled
 

@@ -31,7 +31,7 @@ from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
 from aatri.formats.text.archive import Archive
-from aatri.formats.text.text_line import places
+from aatri.formats.text.text_line import once, places
 from aatri.formats.text.xml_text import decoded_xml
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.ids import clipped, several, shown
@@ -222,9 +222,7 @@ def _targets(markers: list[XmlElement], default: float) -> tuple[list[dict[str, 
     for marker in markers:
         name, number = marker.get("label") or f"marker {marker.get('id')}", marker.get("id")
         for key in (f"id {number}", name):
-            if first.setdefault(key, marker) is not marker:
-                what = f"marker {clipped(key)} is given twice, first in line {first[key].line}"
-                raise marker.error(what, "give the markers names of their own")
+            once(marker, key, first, "marker", "give the markers names of their own")
         names[number] = name
         stated = _reference(marker, default)
         if stated is not None:

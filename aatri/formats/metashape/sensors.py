@@ -17,6 +17,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.formats.conventions.lens import FORMS, Lens
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
+from aatri.formats.text.text_line import once
 from aatri.formats.text.xml_tree import XmlElement
 from aatri.ids import clipped
 
@@ -47,10 +48,10 @@ def sensors_of(chunk: XmlElement, used: Collection[str]) -> dict[str, Sensor]:
     """
     sensors: dict[str, Sensor] = {}
     labels: dict[str, int] = {}
+    first: dict[str, XmlElement] = {}
     for element in chunk.all("sensors", "sensor"):
         number = element.get("id")
-        if number in sensors:
-            raise element.error(f"sensor {clipped(number)} is given twice", "remove one")
+        once(element, number, first, "sensor")
         label = element.get("label") or f"sensor {number}"
         labels[label] = labels.get(label, 0) + 1
         name = label if labels[label] == 1 else f"{label} {labels[label]}"

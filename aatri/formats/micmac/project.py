@@ -5,7 +5,6 @@ first and as its columns in MMVII, and the projection centre. Image coordinates 
 of the principal point, is the upper left corner.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from aatri.arrays import Float
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.poses import is_rotation
+from aatri.formats.text.text_line import once
 from aatri.formats.text.xml_tree import XmlElement
 from aatri.ids import did_you_mean
 
@@ -73,16 +73,15 @@ class MicmacProject:
 
     def add_camera(self, lens: Lens, at: XmlElement) -> None:
         """A camera, each name once."""
-        if lens.id in self.cameras:
-            raise at.error(f"camera {lens.id} is given twice, first in {self.camera_at[lens.id].path}", "remove one")
-        self.cameras[lens.id], self.camera_at[lens.id] = lens, at
+        once(at, lens.id, self.camera_at, "camera")
+        self.cameras[lens.id] = lens
 
     def check(self) -> None:
         """Faults of the files together: names, references, rotations, the check pairs that the files bring along."""
         problems: list[AatriError] = []
-        _once({}, [(image.name, image.at) for image in self.images], "image", problems)
-        _once({}, [(f"{m.point} in image {m.image}", m.at) for m in self.marks], "point", problems)
-        _once({}, [(target.point, target.at) for target in self.targets], "ground point", problems)
+        _each_once([(image.name, image.at) for image in self.images], "image", problems)
+        _each_once([(f"{m.point} in image {m.image}", m.at) for m in self.marks], "point", problems)
+        _each_once([(target.point, target.at) for target in self.targets], "ground point", problems)
         used = {image.camera for image in self.images}
         problems += [error for name, error in self.without_like.items() if name in used or not used]
         for image in self.images:
@@ -111,10 +110,10 @@ class MicmacProject:
         return float(np.nan_to_num(np.linalg.norm(xy_px - image.pairs[:, :2], axis=1), nan=np.inf).max())
 
 
-def _once(first: Mapping[str, XmlElement], rows: list[tuple[str, XmlElement]], what: str, to: list[AatriError]) -> None:
-    seen = dict(first)
+def _each_once(rows: list[tuple[str, XmlElement]], what: str, problems: list[AatriError]) -> None:
+    first: dict[str, XmlElement] = {}
     for name, at in rows:
-        if seen.setdefault(name, at) is not at:
-            where = f"{at.path}:{at.line}"
-            text = f"{what} {name} is given twice, first in {seen[name].path}:{seen[name].line}"
-            to.append(InputError(text, where=where, remedy="remove one"))
+        try:
+            once(at, name, first, what)
+        except InputError as error:
+            problems.append(error)

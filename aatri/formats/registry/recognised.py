@@ -145,8 +145,8 @@ def _nearest(path: Path) -> list[Format]:
     """Formats that are read from such files: whose title has the ending of its name, then those of the same grammar."""
     view = FileView(path)
     grammar = "a folder" if view.is_folder else GRAMMARS.get(view.head.lstrip()[:1], "a header with the columns")
-    ending = path.suffix.lower() + ")"
-    by_ending = [f for f in FORMATS if path.suffix and ending in f.title.lower()]
+    ending = path.suffix.lower()
+    by_ending = [f for f in FORMATS if ending and ending in f.title.lower()]
     return by_ending + [f for f in FORMATS if (f.read or f.stage) and grammar in f.looked_for]
 
 

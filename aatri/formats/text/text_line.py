@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
@@ -16,6 +16,7 @@ from aatri.progress import SILENT, Reporter
 
 _BLANKS = r" \t\n\v\f\r"
 _BLANK_FREE = re.compile(f"[^{_BLANKS}]+")
+PlaceT = TypeVar("PlaceT", bound="ReadAt")
 _WORD = re.compile(rf'"[^"]*"(?=[{_BLANKS}]|$)|[^{_BLANKS}]+')
 
 
@@ -57,11 +58,7 @@ class TextLine:
 
     def once(self, name: str, first: dict[str, TextLine], what: str, remedy: str = "remove one") -> str:
         """A name that stands once among those of its kind, whose lines are kept in `first`."""
-        if name in first:
-            before = first[name]
-            place = f"line {before.line}" if before.path == self.path else f"{before.path.name}:{before.line}"
-            raise self.error(f"{what} {clipped(name)} twice, first in {place}", remedy)
-        first[name] = self
+        once(self, name, first, what, remedy)
         return name
 
     def count(self, k: int) -> int:
@@ -104,6 +101,14 @@ class ReadAt(Protocol):
     def path(self) -> Path: ...
     @property
     def line(self) -> int: ...
+    def error(self, what: str, remedy: str = ...) -> InputError: ...
+
+
+def once(at: PlaceT, name: str, first: dict[str, PlaceT], what: str, remedy: str = "remove one") -> None:
+    """Refuse a name that has stood before among those of its kind, whose places are kept in `first`."""
+    if (before := first.setdefault(name, at)) is not at:
+        place = f"line {before.line}" if before.path == at.path else f"{before.path.name}:{before.line}"
+        raise at.error(f"{what} {clipped(name)} twice, first in {place}", remedy)
 
 
 def places(rows: Sequence[ReadAt], files: Sequence[Path]) -> dict[str, list[int]]:

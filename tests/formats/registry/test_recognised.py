@@ -74,7 +74,7 @@ def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for
     (tmp_path / "notes.txt").write_text("Dear colleague\n")
     with pytest.raises(AatriError, match=r"notes.txt begins with 'Dear colleague'") as caught:
         recognised(tmp_path)
-    assert "nearest are table: a header with the columns of a list" in str(caught.value)
+    assert "table: a header with the columns of a list" in str(caught.value)
     assert "block.yaml" in str(caught.value)
     (tmp_path / "tree.xml").write_text('<?xml version="1.0"?><tree/>')
     (tmp_path / "photos.ori").write_text("no rotation\n")
