@@ -213,10 +213,11 @@ def _to_match(block: Block) -> bool:
 def _counted(parts: BlockParts) -> list[str]:
     tables = ("cameras", "images", "image_points", "ground_points", "exterior")
     keys = ("id", "id", "image", "point", "image")
-    words = ("cameras", "images", "image points", "ground points", "positions or attitudes")
+    has_attitudes = {"angles_rad", "ground_from_image"} & {*parts.exterior}
+    words = ("camera", "image", "image point", "ground point", "orientation" if has_attitudes else "position")
     counts = [len(getattr(parts, table).get(key, ())) for table, key in zip(tables, keys)]
     frame = [f"frame {parts.frame.crs}"] if parts.frame is not None else []
-    return [f"{count} {word}" for count, word in zip(counts, words) if count] + frame
+    return [several(count, word) for count, word in zip(counts, words) if count] + frame
 
 
 def _has_start(block: Block) -> bool:

@@ -31,7 +31,7 @@ from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.text_line import once, places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
-from aatri.ids import clipped, shown
+from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 
 VERSIONS = ("2.1", "3.0", "3.1", "3.2")
@@ -79,7 +79,7 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     if len(groups) < len(every):
-        parts.notes.append(f"{len(every) - len(groups)} photogroups without photos are not read")
+        parts.notes.append(f"{several(len(every) - len(groups), 'photogroup')} without photos not read")
     if of_way:
         parts.notes.append(of_way)
     if frame is PLANE:
@@ -103,7 +103,9 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         }
     _give_points(parts, block, of_id, root, reporter)
     if unread := [name for (photo, _, _), name in zip(photos, names) if photo.all("Pose", "Metadata")]:
-        parts.notes.append(f"positions in the metadata of {len(unread)} photos are not read: {shown(unread)}")
+        parts.notes.append(
+            f"positions in the metadata of {several(len(unread), 'photo')} are not read: {shown(unread)}"
+        )
     return parts
 
 

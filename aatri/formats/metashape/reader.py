@@ -66,7 +66,9 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     if others:
-        parts.notes.append(f"{len(others)} chunks are not enabled, or empty, and are left out: {shown(others)}")
+        parts.notes.append(
+            f"{several(len(others), 'chunk', 'is', 'are')} not enabled, or empty, and left out: {shown(others)}"
+        )
     if disabled:
         parts.notes.append(
             f"{several(len(disabled), 'image', 'is', 'are')} not enabled and left out: {shown(disabled)}"
@@ -102,13 +104,13 @@ def _not_read(chunk: XmlElement, cameras: list[ImageElement], aligned: Collectio
     """Notes on what is in the document and no part of the block."""
     notes = []
     if turned := [name for name in attitudes_of(cameras) if name in aligned]:
-        notes.append(f"yaw, pitch, roll of {len(turned)} aligned images are not read: {shown(turned)}")
+        notes.append(f"yaw, pitch, roll of {several(len(turned), 'aligned image')} are not read: {shown(turned)}")
     sensors = [s.get("label") or s.get("id") for s in chunk.all("sensors", "sensor") if any(s.within("covariance"))]
     posed = [c.name for c in cameras if c.at.all("location_covariance") or c.at.all("rotation_covariance")]
-    for what, names in (("cameras", sensors), ("orientations", posed)):
+    for what, names in (("camera", sensors), ("orientation", posed)):
         if names:
             notes.append(
-                f"covariances of {len(names)} {what} are Metashape's results of the same measurements: not read, so "
+                f"covariances of {several(len(names), what)} are Metashape's results of the same measurements: not read, so "
                 f"that nothing counts twice: {shown(names)}"
             )
     if bars := [bar.get("label") or bar.get("id") for bar in chunk.all("scalebars", "scalebar")]:

@@ -28,7 +28,7 @@ from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import rotation_from_angles
-from aatri.ids import shown
+from aatri.ids import several, shown
 from aatri.progress import Reporter
 
 OPK, YPR = "omega_phi_kappa", "yaw_pitch_roll"
@@ -67,7 +67,7 @@ def attitudes_of(document: JsonText, name_of: Mapping[int, str]) -> tuple[dict[s
             raise document.fault((*keys, "sigmas_deg"), f"standard deviations {np.degrees(sigma)}", "they are positive")
         crs = document.get(str, *keys, "crs")
         attitudes[name_of[camera]] = Attitude(crs, rotation_from_angles(angles), sigma, document.where(*keys))
-    what = f"yaw, pitch, roll of {len(unread)} captures are not read: {shown(unread)}"
+    what = f"yaw, pitch, roll of {several(len(unread), 'capture')} are not read: {shown(unread)}"
     return attitudes, [what] if unread else []
 
 

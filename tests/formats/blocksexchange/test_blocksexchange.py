@@ -56,7 +56,7 @@ def test_two_photogroups_of_one_name_are_two_cameras_and_one_without_photos_is_t
     fisheye = group[: group.index("<Photo>")].replace("Perspective", "Fisheye") + "</Photogroup>"
     more = second.replace(">10</Focal", ">12</Focal") + fisheye + "</Photogroups>"
     parts = read_blocksexchange(written(tmp_path, TEXT.replace("</Photogroups>", more)))
-    assert parts.notes == ["1 photogroups without photos are not read"]
+    assert parts.notes == ["1 photogroup without photos not read"]
     block = assembled([parts])
     camera = dict(zip(block.images.id.tolist(), block.images.camera.tolist()))
     assert block.cameras.id.tolist() == ["cam", "cam 2"]
@@ -180,7 +180,7 @@ def test_millimetres_are_those_of_the_description(tmp_path: Path) -> None:
 def test_positions_in_metadata_are_told(tmp_path: Path) -> None:
     text = TEXT.replace("a.jpg</ImagePath></Photo>", "a.jpg</ImagePath><Pose><Metadata/></Pose></Photo>")
     assert read_blocksexchange(written(tmp_path, text)).notes == [
-        "positions in the metadata of 1 photos are not read: C:\\g\\a.jpg"
+        "positions in the metadata of 1 photo are not read: C:\\g\\a.jpg"
     ]
 
 

@@ -185,8 +185,8 @@ def test_covariances_and_scale_bars_are_told_and_sensors_without_images_are_not_
     text = text.replace('<reference x="21.5"', '<location_covariance>1</location_covariance><reference x="21.5"')
     text = text.replace("<markers>", '<scalebars><scalebar id="0" label="1_2"/></scalebars><markers>', 1)
     notes = " ".join(read_metashape(written(tmp_path, text)).notes)
-    assert "covariances of 1 cameras" in notes
-    assert "covariances of 1 orientations" in notes
+    assert "covariances of 1 camera" in notes
+    assert "covariances of 1 orientation" in notes
     assert "1 scale bar is not read: 1_2" in notes
 
 
@@ -253,7 +253,7 @@ def test_yaw_pitch_roll_orient_an_image_that_is_not_aligned(tmp_path: Path, yaw:
     told = f'z="105" yaw="{yaw}" pitch="{pitch}" roll="{roll}"'
     text = local().replace('z="105"', told)
     aligned = read_metashape(written(tmp_path, text))
-    assert "yaw, pitch, roll of 1 aligned images are not read: a.jpg" in aligned.notes
+    assert "yaw, pitch, roll of 1 aligned image are not read: a.jpg" in aligned.notes
     pose = "<transform>1 0 0 10 0 -1 0 20 0 0 -1 50 0 0 0 1</transform>"
     exterior = read_metashape(written(tmp_path, text.replace(pose, ""))).exterior
     assert exterior["image"] == ["a.jpg"]

@@ -113,7 +113,7 @@ def test_of_several_chunks_the_one_that_is_enabled_and_not_empty_is_read_and_the
     empty = '<chunk label="new" enabled="1"><cameras/><markers/></chunk>'
     several = text.replace("</document>", f"{off}{empty}</document>")
     parts = read_metashape(written(tmp_path, several))
-    assert parts.notes[0] == "2 chunks are not enabled, or empty, and are left out: old, new"
+    assert parts.notes[0] == "2 chunks are not enabled, or empty, and left out: old, new"
     assert parts.images["id"] == ["a.jpg", "b.jpg"]
     with pytest.raises(AatriError, match=r"2 chunks: Chunk 1, old(?s:.*)disable the others in Metashape, or enabled="):
         read_metashape(written(tmp_path, several.replace('enabled="0"', 'enabled="true"')))

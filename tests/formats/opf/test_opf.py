@@ -130,7 +130,7 @@ def test_yaw_pitch_roll_of_captures_is_told(tmp_path: Path) -> None:
         angles = {"angles_deg": [0.0, 0.0, 0.0], "sigmas_deg": [5.0, 5.0, 5.0]}
         stated["captures"][0]["orientation"] = {"type": "yaw_pitch_roll", **angles}
 
-    assert changed(tmp_path / "p", turn).notes[1:] == ["yaw, pitch, roll of 1 captures are not read: 0"]
+    assert changed(tmp_path / "p", turn).notes[1:] == ["yaw, pitch, roll of 1 capture are not read: 0"]
 
 
 @pytest.mark.parametrize("crs", ["EPSG:32650", "EPSG:32651"])
