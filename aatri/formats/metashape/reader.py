@@ -110,8 +110,8 @@ def _not_read(chunk: XmlElement, cameras: list[ImageElement], aligned: Collectio
     for what, names in (("camera", sensors), ("orientation", posed)):
         if names:
             notes.append(
-                f"covariances of {several(len(names), what)} are Metashape's results of the same measurements: not read, so "
-                f"that nothing counts twice: {shown(names)}"
+                f"covariances of {several(len(names), what)} are Metashape's results of the same measurements: "
+                f"not read, so that nothing counts twice: {shown(names)}"
             )
     if bars := [bar.get("label") or bar.get("id") for bar in chunk.all("scalebars", "scalebar")]:
         notes.append(
