@@ -22,6 +22,8 @@ MOST_LEVELS = 2
 MOST_TOLD = 12
 MOST_NEAR = 5
 """So many formats are named of which a file might have been."""
+ARCHIVE = "PK"
+"""What a zip archive begins with."""
 GRAMMARS = {"<": "XML", "{": "JSON", "[": "JSON"}
 """What of `Format.looked_for` a file has whose text begins so."""
 
@@ -130,7 +132,7 @@ def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path
 def unrecognised(path: Path) -> InputError:
     """The error for what is of no known format: what the files begin with, and what the nearest formats have."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    begins = "; ".join(f"{p.name} begins with {clipped(_beginning(p), 40)!r}" for p in files[:MOST_TOLD])
+    begins = "; ".join(f"{p.name} {_beginning(p)}" for p in files[:MOST_TOLD])
     more = f" and {several(len(files) - MOST_TOLD, 'more file')}" if len(files) > MOST_TOLD else ""
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"
     near = dict.fromkeys(f for one in dict.fromkeys([*files[:MOST_TOLD], path]) for f in _nearest(one))
@@ -144,12 +146,15 @@ def unrecognised(path: Path) -> InputError:
 def _nearest(path: Path) -> list[Format]:
     """Formats that are read from such files: whose title has the ending of its name, then those of the same grammar."""
     view = FileView(path)
-    grammar = "a folder" if view.is_folder else GRAMMARS.get(view.head.lstrip()[:1], "a header with the columns")
+    begins = "<" if view.head.startswith(ARCHIVE) else view.head.lstrip()[:1]
+    grammar = "a folder" if view.is_folder else GRAMMARS.get(begins, "a header with the columns")
     ending = path.suffix.lower()
     by_ending = [f for f in FORMATS if ending and ending in f.title.lower()]
     return by_ending + [f for f in FORMATS if (f.read or f.stage) and grammar in f.looked_for]
 
 
 def _beginning(path: Path) -> str:
-    lines = FileView(path).lines
-    return lines[0].strip() if lines else ""
+    view = FileView(path)
+    if view.head.startswith(ARCHIVE):
+        return "is a zip archive without one XML file, or a broken one: unpack it"
+    return f"begins with {clipped(view.lines[0].strip() if view.lines else '', 40)!r}"

@@ -78,6 +78,9 @@ def test_what_is_of_no_format_is_told_with_its_beginning_and_what_was_looked_for
     assert "block.yaml" in str(caught.value)
     (tmp_path / "tree.xml").write_text('<?xml version="1.0"?><tree/>')
     (tmp_path / "photos.ori").write_text("no rotation\n")
+    (tmp_path / "several.zip").write_bytes(b"PK\x03\x04...")
+    with pytest.raises(AatriError, match=r"several.zip is a zip archive without one XML file, or a broken one"):
+        recognised(tmp_path / "several.zip")
     for name, near in (("tree.xml", "gama: XML with <gama-local>"), ("photos.ori", "patb: three records")):
         with pytest.raises(AatriError, match=f"nearest are {near}") as caught:
             recognised(tmp_path / name)
