@@ -28,7 +28,7 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import in_frame
-from aatri.formats.text.text_line import once, places
+from aatri.formats.text.text_line import check_positive, once, places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.frames.conversion import Frame
 from aatri.ids import clipped, several, shown
@@ -213,8 +213,7 @@ def _control(element: XmlElement) -> dict[str, Any]:
     check = element.optional("CheckPoint")
     role = CHECK if check is not None and check.text == "true" else CONTROL
     across, up = (element.number(f"{way}Accuracy", default=np.nan) for way in ("Horizontal", "Vertical"))
-    if min(across, up) <= 0:
-        raise element.error(f"accuracies {across:g}, {up:g}", "they are positive, in m")
+    check_positive(element, (across, up))
     known = CATEGORIES[kind]
     position = element.one("Position")
     there = [bool(k or position.all(axis)) for k, axis in zip(known, XYZ)]

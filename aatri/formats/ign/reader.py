@@ -18,7 +18,7 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
-from aatri.formats.text.text_line import TextLine, places, word_lines
+from aatri.formats.text.text_line import TextLine, check_positive, places, word_lines
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
@@ -66,8 +66,7 @@ def read_ground_points(path: Path, reading: Reading = AS_IT_SAYS, reporter: Repo
             raise line.error(several(len(line.words), "word"), 'write `"point" type X Y Z`, with sX sY sZ or without')
         line.once(_name(line), first, "ground point")
         line.count(1)
-        if len(line.words) == 8 and min(line.numbers(5)) <= 0:
-            raise line.error(f"standard deviations {' '.join(line.words[5:])}", "they are positive, in m")
+        check_positive(line, line.numbers(5))
     types = sorted({line.words[1] for line in lines})
     unknown = [float("nan")] * 3
     return BlockParts(

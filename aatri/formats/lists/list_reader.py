@@ -33,7 +33,7 @@ from aatri.formats.lists.list_form import (
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.text.text_line import TextLine, places
+from aatri.formats.text.text_line import TextLine, check_positive, places
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import angle_axes, angle_covariance
 from aatri.ids import clipped, several, shown
@@ -143,8 +143,8 @@ class _Rows:
         sigma = self.numbers("sX", "sY", "sZ")
         if "sXY" in self.at:
             sigma[:, :2] = self.numbers("sXY")
-        if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
-            raise self.rows[int(bad[0])].error(f"standard deviations {sigma[bad[0]].tolist()}", "positive, in m")
+        for row, of_row in zip(self.rows, sigma.tolist()):
+            check_positive(row, of_row)
         has_place = {"X", "longitude"} & {*self.at}
         if "x" in self.at:
             self._measured(parts, at)

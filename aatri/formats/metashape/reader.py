@@ -31,7 +31,7 @@ from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
 from aatri.formats.text.archive import Archive
-from aatri.formats.text.text_line import once, places
+from aatri.formats.text.text_line import check_positive, once, places
 from aatri.formats.text.xml_text import decoded_xml
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 from aatri.ids import clipped, several, shown
@@ -201,8 +201,7 @@ def _reference(element: XmlElement, default: float) -> tuple[list[float], list[f
     every, plan = stated.get("sxyz"), stated.get("sxy")
     texts = [stated.get("sx") or plan or every, stated.get("sy") or plan or every, stated.get("sz") or every]
     sigma = [stated.parsed(text, "accuracy") if text else default for text in texts]
-    if min(sigma) <= 0:
-        raise stated.error(f"accuracies {sigma}", "they are positive, in m")
+    check_positive(stated, sigma)
     return xyz, sigma
 
 

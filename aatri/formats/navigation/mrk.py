@@ -19,7 +19,7 @@ import numpy as np
 from aatri.codes import OBSERVED_VALUE
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
-from aatri.formats.text.text_line import TextLine, places, word_lines
+from aatri.formats.text.text_line import TextLine, check_positive, places, word_lines
 from aatri.frames.conversion import Frame
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
@@ -53,8 +53,7 @@ def read_mrk(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         if abs(latitude) > 90 or abs(longitude) > 180:
             raise line.error(f"latitude {latitude:g}, longitude {longitude:g}", "they are degrees")
         north, east, up = line.numbers(15, 18)
-        if min(north, east, up) <= 0:
-            raise line.error(f"standard deviations {north:g}, {east:g}, {up:g}", "they are positive, in m")
+        check_positive(line, (north, east, up))
         place.append((longitude, latitude, height))
         sigma.append((east, north, up))
         if line.number(18) < FIXED:

@@ -42,6 +42,17 @@ OF_MODELS: tuple[Content, ...] = (
     "start orientations",
     "start values of points",
 )
+OF_FLIGHTS: tuple[Content, ...] = (
+    "cameras",
+    "image points",
+    "control",
+    "check points",
+    "strips",
+    "film",
+    "positions",
+    "attitudes",
+    "geodetic observations",
+)
 _COLMAP = ("cameras", "images", "points3D")
 
 
@@ -152,32 +163,12 @@ WUCAPS = _format(
     _wucaps,
     "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
     read_wucaps,
-    carries=(
-        "cameras",
-        "image points",
-        "control",
-        "check points",
-        "strips",
-        "film",
-        "positions",
-        "attitudes",
-        "geodetic observations",
-    ),
+    carries=OF_FLIGHTS,
     drops=("distortion", "standard deviations", "frame"),
     page="docs/formats.md#wucaps-files",
     files_of=all_files,
     write=write_oriented,
-    written=(
-        "cameras",
-        "image points",
-        "control",
-        "check points",
-        "strips",
-        "film",
-        "positions",
-        "attitudes",
-        "geodetic observations",
-    ),  # what of these PRENPI does not hold, write_oriented tells
+    written=OF_FLIGHTS,  # what of these PRENPI does not hold, write_oriented tells
 )
 DBAT = Format(
     "dbat", "PhotoModeler export, with DBAT control", _dbat, "a text export of PhotoModeler", read=_read_dbat,

@@ -111,6 +111,13 @@ def once(at: PlaceT, name: str, first: dict[str, PlaceT], what: str, remedy: str
         raise at.error(f"{what} {clipped(name)} twice, first in {place}", remedy)
 
 
+def check_positive(at: ReadAt, sigma: Sequence[float]) -> None:
+    """Refuse standard deviations that are zero or negative; NaN is one that is not stated."""
+    if any(value <= 0 for value in sigma):
+        stated = ", ".join(f"{value:g}" for value in sigma)
+        raise at.error(f"standard deviations {stated}", "they are positive, in m")
+
+
 def places(rows: Sequence[ReadAt], files: Sequence[Path]) -> dict[str, list[int]]:
     """The columns `file` and `line` of rows read in some files."""
     number = {path: k for k, path in enumerate(files)}

@@ -151,7 +151,7 @@ def test_the_half_without_control_hangs() -> None:
 
 WHOLE = {
     "datum": ({"shift", "azimuth"}, (), "three points off one line"),
-    "turn about a line": ({"tilt"}, (), "a height away from it"),
+    "turn about a line": ({"tilt"}, (), "a height or a position away from it"),
     "size": ({"scale"}, (), "give the size"),
     "orientation of sets": ({"azimuth"}, (("orientation", "orientation"),), "no azimuth orients it"),
     "shift of all groups": ({"shift"}, (("shift X", "drift"),), "every group of positions has a shift"),

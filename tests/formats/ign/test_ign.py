@@ -53,7 +53,7 @@ DAMAGE = [
     ("mes", "<html>404</html>", r":1: this is a web page"),
     ("app", ("1005", "1003"), r":2: ground point 1003 twice, first in line 1"),
     ("app", (" 0.1 0.1 0.2", " 0.1 0.1"), r":2: 7 words"),
-    ("app", ("0.1 0.2", "-0.1 0.2"), r":2: standard deviations 0.1 -0.1 0.2"),
+    ("app", ("0.1 0.2", "-0.1 0.2"), r":2: standard deviations 0.1, -0.1, 0.2"),
     ("app", ("13 815", "x 815"), r":1: 'x' is no count"),
     ("camera", ("focal = 30975.00\n", ""), r":5: focal missing"),
     ("camera", ("30975.00", "-120"), r":4: focal length -120"),

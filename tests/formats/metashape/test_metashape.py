@@ -281,7 +281,7 @@ DAMAGE = [
     (('marker_id="2"', 'marker_id="5"'), r"marker 5 is not listed"),
     (("<scale>2", "<scale>-2"), r"the scale -2 is not positive"),
     (('type="frame" class="adjusted"', 'type="fisheye" class="adjusted"'), r"a camera of type 'fisheye' has no like"),
-    (('sxyz="0.5"', 'sxyz="-0.5"'), r"accuracies \[-0.5"),
+    (('sxyz="0.5"', 'sxyz="-0.5"'), r"standard deviations -0.5, -0.5, -0.5"),
     (("<f>3000</f>", "<f>-1</f>"), r"f = -1 px"),
     (("</chunk>", "</chunk><chunk><cameras><camera/></cameras></chunk>"), r"2 chunks"),
     (('LOCAL_CS["', 'PROJCS["'), r"the coordinate system .* is not understood"),
