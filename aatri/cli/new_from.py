@@ -190,7 +190,7 @@ def _check_enough(block: Block, where: str) -> None:
     oriented[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
     if not images or (points and oriented.sum() >= min(2, images)):
         return
-    what = f"there are {several(images, 'image')}, but no image points"
+    what = f"{several(images, 'image')}, but no image points"
     if points:
         what = (
             f"{several(points, 'image point')} in {several(images, 'image')}, {FEWEST_RAYS} and more "

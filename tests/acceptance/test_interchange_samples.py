@@ -17,11 +17,11 @@ MISSING = {
     "bingo": r"image point B1_1.JPG/31 measured twice, 1.28777 mm apart",
     "borea": r"terrain_test0.mes:2: 7 of its image points have other coordinates in",
     "micmac": r"no image in common: GroundMeasure.xml, Ori-Ground_mm3d (4 images); Ori-MMV1 (7 images)",
-    "micmac/Ori-MMV1": r"there are 7 images, but no image points",
+    "micmac/Ori-MMV1": r"7 images, but no image points",
     "odm": r"no source says which camera took 4 images",
     "opensfm_berlin/ground_control_points.json": r"no source says which camera took 3 images",
     "opf/examples": r"'point_cloud/sparse.gltf' does not exist",
-    "pix4d": r"there are 168 images, but no image points",
+    "pix4d": r"168 images, but no image points",
     "socet": r"radians, and no line of the file names the ellipsoid",
 }
 """What each folder lacks, or holds twice, as a message says it."""

@@ -1,11 +1,12 @@
 """Cameras of BlocksExchange XML, and the way in which the file is read where that is open (`ways`)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from aatri.arrays import Float
 from aatri.formats.blocksexchange.axes import axes_of, rotation_of
+from aatri.formats.blocksexchange.points import points_of
 from aatri.formats.blocksexchange.ways import USUAL, Affinity, Way, affinity, decided, misfits_px, ways_of
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
@@ -70,18 +71,6 @@ def _size(group: XmlElement) -> tuple[float, float, float, float]:
     if min(width, height, f) <= 0:
         raise group.error(f"image {width:g} x {height:g}, focal length {f:g} px", "give FocalLength and SensorSize")
     return width, height, f, pixel_mm if pixel_mm > 0 else PIXEL_MM
-
-
-def system_of(*elements: XmlElement) -> XmlElement | None:
-    """The SRSId of the first of some elements that has one: a point, the list it is in, the block."""
-    return next((stated for element in elements if (stated := element.optional("SRSId")) is not None), None)
-
-
-def points_of(block: XmlElement, kind: str) -> Iterator[tuple[int, XmlElement, XmlElement | None]]:
-    """Number, point and SRSId of its `ControlPoint`s or `TiePoint`s."""
-    of_kind = [(point, points) for points in block.all(f"{kind}s") for point in points.all(kind)]
-    for number, (point, points) in enumerate(of_kind, 1):
-        yield number, point, system_of(point, points, block)
 
 
 def open_ways(groups: list[XmlElement]) -> list[Way]:

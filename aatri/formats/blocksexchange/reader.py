@@ -23,7 +23,8 @@ import numpy as np
 
 from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.formats.blocksexchange.axes import rotation_of
-from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, points_of, way_of, xyz
+from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, way_of, xyz
+from aatri.formats.blocksexchange.points import add_tie_points, points_of
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
@@ -66,6 +67,7 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     groups = [group for group in every if group.all("Photo")]
     if not groups:
         raise block.error("no Photogroup with photos", "export the block with its photos")
+    tie_files, absent = add_tie_points(block, path)
     frame = _frame(root, block)
     way, of_way = way_of(block, groups, geographic=frame.geographic)
     lenses = [lens_of(group, k, way) for k, group in enumerate(groups, 1)]
@@ -73,13 +75,15 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     lenses = [replace(of, id=f"{of.id} {k}") if of.id in ids[: k - 1] else of for k, of in enumerate(lenses, 1)]
     parts = BlockParts(
         "blocksexchange",
-        [path],
+        [path, *tie_files],
         name=path.stem,
         frame=frame,
         **camera_parts(lenses, reporter, allowed_px=reading.lens_misfit_px),
     )
     if len(groups) < len(every):
         parts.notes.append(f"{several(len(every) - len(groups), 'photogroup')} without photos not read")
+    if absent:
+        parts.notes.append(f"tie points are not read: {shown(absent)} is not beside the file")
     if of_way:
         parts.notes.append(of_way)
     if frame is PLANE:
@@ -171,8 +175,6 @@ def _give_points(
                 values = _control(element) if kind == "ControlPoint" else _tie(element)
                 points.append({"point": name, **values, "at": element, "system": system})
             _measured(element, name, photos, rows)
-    if elsewhere := [path.text for path in block.all("TiePoints", "Path")]:
-        parts.notes.append(f"tie points in files beside it are not read: {shown(elsewhere)}; export them in the file")
     first: dict[str, XmlElement] = {}
     for point in points:
         once(point["at"], point["point"], first, "point")

@@ -89,6 +89,26 @@ def read_all(
     sources, unread = sources_of(paths, settings, without)
     for source in sources:
         reporter.log(f"{source.path}: {source.format.title} ({source.seen})")
+    if len(sources) == 1 and sources[0].format.read is None:
+        _say_unread(unread, reporter)
+        return sources, []
+    files: set[Path] = set()
+    try:
+        count = len(sources)
+        sources, parts = map(list, zip(*(_read_of_several(source, paths, count, reporter) for source in sources)))
+        files = {file for of_source in parts for file in of_source.files}
+    finally:
+        _say_unread([path for path in unread if path not in files], reporter)
+    named = [*paths, *(s.path for s in sources if any(setting.source for setting in s.settings))]
+    taken = fuller_ones(sources, parts, named, reporter)
+    sources, parts = _with_companions([sources[k] for k in taken], [parts[k] for k in taken], reporter)
+    images = [len({*p.image_points.get("image", ()), *p.images.get("id", ())}) if p.image_points else 0 for p in parts]
+    order = sorted(range(len(sources)), key=lambda k: -images[k])
+    return [sources[k] for k in order], [parts[k] for k in order]
+
+
+def _say_unread(unread: Sequence[Path], reporter: Reporter) -> None:
+    """Tell the files and folders that are none of a source, and how they may be."""
     if files := [str(path) for path in unread if not path.is_dir()]:
         reporter.log(f"of no known format, not read: {shown(files)}")
     if deep := [str(path) for path in unread if path.is_dir()]:
@@ -96,15 +116,6 @@ def read_all(
     if lists := [path.name for path in unread if _is_of_numbers(path)]:
         what = f"lists without a header are read by their columns: {shown(lists)}"
         reporter.log(f'{what}; for example --set "{lists[0]}:columns=point X Y Z"')
-    if len(sources) == 1 and sources[0].format.read is None:
-        return sources, []
-    sources, parts = map(list, zip(*(_read_of_several(source, paths, len(sources), reporter) for source in sources)))
-    named = [*paths, *(s.path for s in sources if any(setting.source for setting in s.settings))]
-    taken = fuller_ones(sources, parts, named, reporter)
-    sources, parts = _with_companions([sources[k] for k in taken], [parts[k] for k in taken], reporter)
-    images = [len({*p.image_points.get("image", ()), *p.images.get("id", ())}) if p.image_points else 0 for p in parts]
-    order = sorted(range(len(sources)), key=lambda k: -images[k])
-    return [sources[k] for k in order], [parts[k] for k in order]
 
 
 def _is_of_numbers(path: Path) -> bool:

@@ -14,9 +14,10 @@ from aatri.errors import AatriError
 from aatri.formats.blocksexchange.reader import read_blocksexchange
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.format import Reading
-from aatri.formats.registry.sources import read_source
+from aatri.formats.registry.sources import read_all, read_source
 from aatri.progress import SILENT
 from tests.formats.lens_projection import misfit_px
+from tests.formats.told import Told
 
 TEXT = """<?xml version="1.0" encoding="utf-8"?>
 <BlocksExchange version="2.1">
@@ -106,6 +107,22 @@ def test_what_a_category_does_not_know_and_names_may_be_missing_and_a_plane_of_i
     assert parts.frame is not None
     assert parts.frame.crs == "local"
     assert parts.notes == ["its system is a plane at a place of its own (ENU), taken as a local one"]
+
+
+def test_tie_points_of_a_file_beside_it_are_read_with_their_place_and_told_where_it_is_not_there(
+    tmp_path: Path,
+) -> None:
+    tie = "<TiePoint>\n<Measurement><PhotoId>0</PhotoId><x>5</x><y>6</y></Measurement></TiePoint>\n"
+    path = written(tmp_path, TEXT.replace("</Block>", "<TiePoints><Path>D:\\x\\t.xml</Path></TiePoints></Block>"))
+    assert read_blocksexchange(path).notes == ["tie points are not read: D:\\x\\t.xml is not beside the file"]
+    (tmp_path / "t.xml").write_text(f'<?xml version="1.0"?>\n{tie}{tie}')
+    ((_, parts),) = zip(*read_all([tmp_path], [], (told := Told())))
+    assert parts.image_points["point"] == ["P", "tie 1", "tie 2"]
+    assert list(zip(parts.image_points["file"], parts.image_points["line"])) == [(0, 20), (1, 3), (1, 5)]
+    assert not any("not read" in line for line in told.lines)
+    (tmp_path / "t.xml").write_text(tie.replace("<x>5", "<x>5,5"))
+    with pytest.raises(AatriError, match=r"t.xml:2: x is '5,5': a decimal comma"):
+        read_blocksexchange(path)
 
 
 def test_a_zipped_file_is_read_as_it_is(tmp_path: Path) -> None:
