@@ -119,9 +119,9 @@ def _say_unread(unread: Sequence[Path], reporter: Reporter) -> None:
 
 
 def _is_of_numbers(path: Path) -> bool:
-    """Whether a file may be a list without a header: its first line has three numbers and more."""
+    """Whether a file may be a list without a header: its first line has three numbers and more, and few other words."""
     words = re.split(r"[\s,;]+", next(iter(FileView(path).lines), "").strip())
-    return sum(map(is_number, words)) >= 3
+    return sum(map(is_number, words)) >= max(3, len(words) / 2)
 
 
 def _read_of_several(

@@ -56,6 +56,15 @@ def test_what_a_list_without_a_header_has_is_said_of_the_only_file(tmp_path: Pat
     np.testing.assert_array_equal(parts.exterior["position_m"], [[800000.5, 6200000.25, 2800.5]])
 
 
+def test_only_lists_of_numbers_are_said_to_be_read_by_their_columns(tmp_path: Path) -> None:
+    (tmp_path / "g.txt").write_text("EPSG:32617\n1 2 3 4 5 a.jpg p\n")
+    (tmp_path / "measured.txt").write_text("P1 100.5 200.5 30.5\n")
+    (tmp_path / "README.md").write_text("# 49 cameras, 7776 points and 31843 image points of one flight\n")
+    read_all([tmp_path], [], (told := Told()))
+    (line,) = [line for line in told.lines if line.startswith("lists without a header")]
+    assert line.startswith("lists without a header are read by their columns: measured.txt; for example --set")
+
+
 def borea(samples: Path, reading: Reading, geoid: Path | None) -> list[BlockParts]:
     folder = samples / "borea"
     parts = [read_source(folder / "23FD1305_alt_test.OPK", reading.model_copy(update={"geoid": geoid}), SILENT)]
