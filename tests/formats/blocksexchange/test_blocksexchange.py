@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyproj
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
 from aatri.errors import AatriError
@@ -109,9 +110,7 @@ def test_what_a_category_does_not_know_and_names_may_be_missing_and_a_plane_of_i
     assert parts.notes == ["its system is a plane at a place of its own (ENU), taken as a local one"]
 
 
-def test_tie_points_of_a_file_beside_it_are_read_with_their_place_and_told_where_it_is_not_there(
-    tmp_path: Path,
-) -> None:
+def test_tie_points_of_a_file_beside_it_are_read_or_told_to_be_absent(tmp_path: Path) -> None:
     tie = "<TiePoint>\n<Measurement><PhotoId>0</PhotoId><x>5</x><y>6</y></Measurement></TiePoint>\n"
     path = written(tmp_path, TEXT.replace("</Block>", "<TiePoints><Path>D:\\x\\t.xml</Path></TiePoints></Block>"))
     assert read_blocksexchange(path).notes == ["tie points are not read: D:\\x\\t.xml is not beside the file"]
@@ -278,6 +277,18 @@ def test_aspect_skew_and_angles_are_read_as_the_points_of_the_file_show(
     block = assembled([read_blocksexchange(written(tmp_path, text), Reading(lens_misfit_px=0.08))])
     xyz, xy = np.array(marks)[:, :3], np.array(marks)[:, 3:]
     assert misfit_px(block, "C:\\f\\a.jpg", xy, xyz).max() < 0.08
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_roll_turns_as_the_points_of_the_file_show(tmp_path: Path, sense: int) -> None:
+    """The rotation of omega, phi, kappa 2, -3, 40 as Rz(-yaw) Rx(pitch) Ry(sense roll) Rx(90)."""
+    text, marks = with_open_points("a f", "px", "other")
+    turns = Rotation.from_euler("XYZ", [2, -3, 40], degrees=True) * Rotation.from_euler("X", -90, degrees=True)
+    yaw, pitch, roll = turns.as_euler("ZXY", degrees=True) * [-1, 1, sense]
+    ypr = f"<Yaw>{yaw:.12f}</Yaw><Pitch>{pitch:.12f}</Pitch><Roll>{roll:.12f}</Roll>"
+    text = text.replace("<Omega>2</Omega><Phi>-3</Phi><Kappa>40</Kappa>", ypr)
+    block = assembled([read_blocksexchange(written(tmp_path, text), Reading(lens_misfit_px=0.08))])
+    assert misfit_px(block, "C:\\f\\a.jpg", np.array(marks)[:, 3:], np.array(marks)[:, :3]).max() < 0.08
 
 
 def test_an_affinity_that_no_point_confirms_is_refused_and_angles_are_as_described(tmp_path: Path) -> None:
