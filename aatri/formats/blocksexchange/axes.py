@@ -44,12 +44,11 @@ def axes_of(group: XmlElement) -> Float:
     return ORIENTATIONS[name]
 
 
-def rotation_of(pose: XmlElement, group: XmlElement, way: Way) -> Float:
-    """Image to ground, y up; NaN where a pose has none."""
+def rotation_of(pose: XmlElement, axes: Float, way: Way) -> Float:
+    """Image to ground, y up, of a pose in the axes of its photogroup; NaN where it has none."""
     rotation = pose.optional("Rotation")
     if rotation is None:
         return np.full((3, 3), np.nan)
-    axes = axes_of(group)
     if rotation.optional(YPR[0]) is not None:
         yaw, pitch, roll = np.radians([rotation.number(name) for name in YPR])
         turned = roll if way.angles == "other" else -roll

@@ -91,13 +91,13 @@ def way_of(block: XmlElement, groups: list[XmlElement], *, geographic: bool) -> 
     for way in ways:
         off = list[Float]()
         for k, group in enumerate(groups, 1):
-            lens = lens_of(group, k, way)
+            lens, axes = lens_of(group, k, way), axes_of(group)
             for photo in group.all("Photo"):
                 of_photo = marks.get(photo.one("Id").text)
                 if of_photo and photo.all("Pose", "Center") and photo.all("Pose", "Rotation"):
                     ground = np.array([xyz(position) for position, _ in of_photo])
                     measured = np.array([pixels_of(mark, group) for _, mark in of_photo])
-                    R, centre = rotation_of(photo.one("Pose"), group, way), np.array(xyz(photo.one("Pose", "Center")))
+                    R, centre = rotation_of(photo.one("Pose"), axes, way), np.array(xyz(photo.one("Pose", "Center")))
                     off.append(misfits_px(lens, R, centre, ground, measured))
         count = sum(map(len, off))
         medians.append(float(np.median(np.concatenate(off))) if off else np.inf)

@@ -6,11 +6,14 @@ them, as they would stand in `TiePoints`.
 
 import re
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 from aatri.formats.text.xml_text import xml_text
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 
+MOST_OF_NAME = 64
+"""Letters of a file name: of four bytes each, disks take as many."""
 DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
 
 
@@ -26,23 +29,25 @@ def add_tie_points(block: XmlElement, path: Path) -> tuple[list[Path], list[str]
     for points in block.all("TiePoints"):
         for stated in points.all("Path"):
             name = re.split(r"[/\\]", stated.text)[-1]
-            file = next((f for f in (path.with_name(name), path.with_name(f"{name}z")) if name and f.is_file()), None)
+            beside = [path.parent / name, path.parent / f"{name}z"] if 0 < len(name) < MOST_OF_NAME else []
+            file = next((file for file in beside if file.is_file()), None)
             if file is None:
                 absent.append(stated.text)
                 continue
             text = DECLARATION.sub("", xml_text(file), count=1)
-            points.children += read_xml(file, ("TiePoints",), "tie points", f"<TiePoints>{text}</TiePoints>").children
+            ties = read_xml(file, ("TiePoints",), "tie points", f"<TiePoints>{text}</TiePoints>").all("TiePoint")
+            if not ties:
+                raise stated.error(f"{file.name} has no TiePoint", "export the tie points again")
+            points.children += ties
             files.append(file)
     return files, absent
 
 
-def system_of(*elements: XmlElement) -> XmlElement | None:
-    """The SRSId of the first of some elements that has one: a point, the list it is in, the block."""
-    return next((stated for element in elements if (stated := element.optional("SRSId")) is not None), None)
-
-
 def points_of(block: XmlElement, kind: str) -> Iterator[tuple[int, XmlElement, XmlElement | None]]:
-    """Number, point and SRSId of its `ControlPoint`s or `TiePoint`s."""
-    of_kind = [(point, points) for points in block.all(f"{kind}s") for point in points.all(kind)]
-    for number, (point, points) in enumerate(of_kind, 1):
-        yield number, point, system_of(point, points, block)
+    """Number, point and SRSId of its `ControlPoint`s or `TiePoint`s: their own one, that of their list or the block."""
+    numbers = count(1)
+    of_block = block.optional("SRSId")
+    for points in block.all(f"{kind}s"):
+        of_list = points.optional("SRSId") or of_block
+        for point in points.all(kind):
+            yield next(numbers), point, point.optional("SRSId") or of_list

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
-from aatri.formats.blocksexchange.axes import rotation_of
+from aatri.formats.blocksexchange.axes import axes_of, rotation_of
 from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, way_of, xyz
 from aatri.formats.blocksexchange.points import add_tie_points, points_of
 from aatri.formats.conventions.lens_conversion import camera_parts
@@ -97,12 +97,13 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         "camera": [camera for _, camera, _ in photos],
         **places([p for p, _, _ in photos], [path]),
     }
-    posed = [(name, photo, group) for (photo, _, group), name in zip(photos, names) if photo.all("Pose", "Center")]
+    axes = {lens.id: axes_of(group) for lens, group in zip(lenses, groups)}
+    posed = [(name, photo, axes[c]) for (photo, c, _), name in zip(photos, names) if photo.all("Pose", "Center")]
     if posed:
         parts.exterior = {
             "image": [name for name, _, _ in posed],
             "position_m": [xyz(photo.one("Pose", "Center")) for _, photo, _ in posed],
-            "ground_from_image": [rotation_of(photo.one("Pose"), group, way) for _, photo, group in posed],
+            "ground_from_image": [rotation_of(photo.one("Pose"), of_group, way) for _, photo, of_group in posed],
             **places([photo for _, photo, _ in posed], [path]),
         }
     _give_points(parts, block, of_id, root, reporter)

@@ -119,9 +119,10 @@ def test_tie_points_of_a_file_beside_it_are_read_or_told_to_be_absent(tmp_path: 
     assert parts.image_points["point"] == ["P", "tie 1", "tie 2"]
     assert list(zip(parts.image_points["file"], parts.image_points["line"])) == [(0, 20), (1, 3), (1, 5)]
     assert not any("not read" in line for line in told.lines)
-    (tmp_path / "t.xml").write_text(tie.replace("<x>5", "<x>5,5"))
-    with pytest.raises(AatriError, match=r"t.xml:2: x is '5,5': a decimal comma"):
-        read_blocksexchange(path)
+    for text, fault in ((tie.replace("<x>5", "<x>5,5"), "t.xml:2: x is '5,5'"), ("<a/>", "t.xml has no TiePoint")):
+        (tmp_path / "t.xml").write_text(text)
+        with pytest.raises(AatriError, match=fault):
+            read_blocksexchange(path)
 
 
 def test_a_zipped_file_is_read_as_it_is(tmp_path: Path) -> None:
@@ -295,6 +296,6 @@ def test_an_affinity_that_no_point_confirms_is_refused_and_angles_are_as_describ
     text, _ = with_open_points("a f", "px", "other", points=2)
     with pytest.raises(AatriError, match="2 measured points of posed photos do not show which"):
         read_blocksexchange(written(tmp_path, text))
-    angles_alone = text.replace("<AspectRatio>1.001<", "<AspectRatio>1<").replace("<Skew>1.5<", "<Skew>0<")
-    (note,) = read_blocksexchange(written(tmp_path, angles_alone)).notes
+    of_angles = text.replace("<AspectRatio>1.001<", "<AspectRatio>1<").replace("<Skew>1.5<", "<Skew>0<")
+    (note,) = read_blocksexchange(written(tmp_path, of_angles)).notes
     assert note.startswith("angles of rotations read as the format describes them, one of two ways: 2 measured points")
