@@ -12,8 +12,8 @@ from pathlib import Path
 from aatri.formats.text.xml_text import xml_text
 from aatri.formats.text.xml_tree import XmlElement, read_xml
 
-MOST_OF_NAME = 64
-"""Letters of a file name: of four bytes each, disks take as many."""
+MOST_OF_NAME = 255
+"""Bytes of a file name that disks take."""
 DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
 
 
@@ -29,7 +29,7 @@ def add_tie_points(block: XmlElement, path: Path) -> tuple[list[Path], list[str]
     for points in block.all("TiePoints"):
         for stated in points.all("Path"):
             name = re.split(r"[/\\]", stated.text)[-1]
-            beside = [path.parent / name, path.parent / f"{name}z"] if 0 < len(name) < MOST_OF_NAME else []
+            beside = [path.parent / name, path.parent / f"{name}z"] if 0 < len(name.encode()) < MOST_OF_NAME else []
             file = next((file for file in beside if file.is_file()), None)
             if file is None:
                 absent.append(stated.text)

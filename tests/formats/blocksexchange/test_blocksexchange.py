@@ -187,9 +187,8 @@ def test_millimetres_are_those_of_the_description(tmp_path: Path) -> None:
 <FocalLength>100.735601903992</FocalLength><PrincipalPoint><xmm>-0.1853590176</xmm><ymm>0.06130152144</ymm>
 </PrincipalPoint>"""
     text = TEXT.replace(TEXT[TEXT.index("<ImageD") : TEXT.index("<Distortion>")], group)
-    parts = read_blocksexchange(
-        written(tmp_path, text.replace("<x>1</x><y>2</y>", "<xmm>18.6231910176</xmm><ymm>-4.48973352144</ymm>"))
-    )
+    text = text.replace("<x>1</x><y>2</y>", "<xmm>18.6231910176</xmm><ymm>-4.48973352144</ymm>")
+    parts = read_blocksexchange(written(tmp_path, text))
     np.testing.assert_allclose(parts.image_points["xy"], [[7270.31, 6599.44]], rtol=0, atol=1e-6)
     assert parts.cameras["principal_distance_mm"] == [pytest.approx(100.735601903992)]
 
