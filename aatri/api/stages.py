@@ -89,12 +89,7 @@ class StageCall:
         try:
             return model.model_validate(dict(named), context={"base": Path.cwd(), "runs_code": True})
         except ValidationError as error:
-            raise_all(
-                [
-                    SpecError(f"{'.'.join(map(str, e['loc']))}: {e['msg']}, not {e['input']!r}", where=self._card.name)
-                    for e in error.errors(include_url=False)
-                ]
-            )
+            raise_all([SpecError(_told(dict(e)), where=self._card.name) for e in error.errors(include_url=False)])
 
     def __repr__(self) -> str:
         ports = ", ".join(f"{port.name}: {port.kind.kind}{'?' * port.optional}" for port in self._card.ports)
@@ -106,6 +101,13 @@ class StageCall:
         return html_table(
             ("option", "default", ""), rows, caption=f"{self!r}: {inspect.cleandoc(self._card.doc).splitlines()[0]}"
         )
+
+
+def _told(fault: dict[str, Any]) -> str:
+    """What is wrong with an option, or with several together."""
+    name, message = ".".join(map(str, fault["loc"])), str(fault["msg"]).removeprefix("Value error, ")
+    value = "" if isinstance(fault["input"], dict) else f" is {fault['input']!r}"
+    return f"option {name}{value}: {message}" if name else message
 
 
 def stage_call(name: str, local: str | Path | None = None) -> StageCall:
