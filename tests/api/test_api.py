@@ -146,8 +146,8 @@ def test_a_stage_is_called_in_memory_and_refuses_what_it_does_not_know() -> None
         bundle(block, datun="free")
     with pytest.raises(SpecError, match="bundle_adjustment/bundle: option max_iterations is 'x': "):
         bundle(block, max_iterations="x")
-    with pytest.raises(SpecError, match="given_models: double models are rigid"):
-        aatri.stage("model_adjustment/given_models")(block, unit="double_model")
+    with pytest.raises(SpecError, match="bundle_adjustment/bundle: [^:]*blunders"):
+        bundle(block, blunders="robust", reliability=True)
     with pytest.raises(SpecError, match="block is a ImagePoints, not a Block"):
         bundle(calibrated(block))
 
