@@ -146,7 +146,7 @@ def test_a_stage_is_called_in_memory_and_refuses_what_it_does_not_know() -> None
         bundle(block, datun="free")
     with pytest.raises(SpecError, match="bundle_adjustment/bundle: option max_iterations is 'x': "):
         bundle(block, max_iterations="x")
-    with pytest.raises(SpecError, match="bundle_adjustment/bundle: [^:]*blunders"):
+    with pytest.raises(SpecError, match=r"bundle_adjustment/bundle: [^:]*blunders"):
         bundle(block, blunders="robust", reliability=True)
     with pytest.raises(SpecError, match="block is a ImagePoints, not a Block"):
         bundle(calibrated(block))
