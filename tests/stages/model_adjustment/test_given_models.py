@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from aatri.arrays import Float
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError, InputError
-from aatri.plugin import SILENT, Context
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.model_adjustment._options import ModelAdjustmentOptions
 from aatri.stages.model_adjustment.given_models import given_models
@@ -24,14 +23,12 @@ def example(shared_data: Path, name: str) -> dict[str, object]:
     return next(one for one in yaml.safe_load(text) if one["id"] == name)
 
 
-def solved(
-    folder: Path, rows: list[str], control: dict[str, Float], context: Context = SILENT, **options: object
-) -> Solution:
+def solved(folder: Path, rows: list[str], control: dict[str, Float], **options: object) -> Solution:
     (folder / "models.txt").write_text("\n".join(rows) + "\n")
     lines = [" ".join([point, *map(str, xyz.tolist())]) for point, xyz in control.items()]
     (folder / "control.txt").write_text("\n".join(lines) + "\n")
     given = {"path": folder / "models.txt", "control": folder / "control.txt", **options}
-    return given_models(models(options=ModelsOptions.model_validate(given)), context=context)
+    return given_models(models(options=ModelsOptions.model_validate(given)))
 
 
 def parameters(solution: Solution) -> dict[str, tuple[float, float]]:
@@ -210,25 +207,6 @@ def test_a_model_with_heights_downwards_is_told_to_be_mirrored(tmp_path: Path) -
     assert np.isnan(solution.points.xyz_m[solution.points.id.tolist().index("P23")]).all()
     at = solution.points.id.tolist().index("P9")
     np.testing.assert_allclose(solution.points.xyz_m[at], truth["P9"], atol=1e-6)
-
-
-def test_a_model_in_another_unit_with_the_standard_deviation_of_the_others_is_named(tmp_path: Path) -> None:
-    lines, control, _ = flown(4)
-    model = sorted({line.split()[0] for line in lines})[1]
-    other = [_in_micrometres(line) if line.split()[0] == model else line for line in lines]
-    told = Told()
-    solved(tmp_path, other, control, context=told, sigma=SIGMA)
-    named = [text for text in told.warnings if "has another unit" in text]
-    assert [text.split(" has")[0] for text in named] == [f"model {model}"]
-    told = Told()
-    solved(tmp_path, lines, control, context=told, sigma=SIGMA)
-    assert not [text for text in told.warnings if "unit" in text]
-
-
-def _in_micrometres(line: str) -> str:
-    """A line of a model with its coordinates times 1000."""
-    model, point, *xyz = line.split()[:5]
-    return " ".join([model, point, *(repr(1000.0 * float(value)) for value in xyz), *line.split()[5:]])
 
 
 def two_models(seed: int, *, on_a_line: bool = False) -> tuple[list[str], dict[str, Float], dict[str, Float]]:

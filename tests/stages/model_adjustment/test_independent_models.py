@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,13 @@ import pytest
 
 from aatri.artifacts.block import CONTROL
 from aatri.errors import GeometryError
+from aatri.stages.block.models import ModelsOptions, models
+from aatri.stages.model_adjustment.given_models import given_models
 from aatri.stages.model_adjustment.independent_models import IndependentModelsOptions, independent_models
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
+from tests.stages.model_adjustment.test_given_models import SIGMA
+from tests.stages.model_adjustment.test_given_models import flown as given_lines
 
 
 def flown(seed: int = 1, **options: Any) -> Chain:
@@ -193,3 +198,23 @@ def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
     nothing = replace(exact.strip_block, images=replace(images, oriented=np.zeros(len(images), dtype=bool)))
     with pytest.raises(GeometryError, match="orients no model"):
         independent_models(exact.block, exact.refined, exact.models, nothing)
+
+
+def test_a_model_in_another_unit_with_the_standard_deviation_of_the_others_is_named(tmp_path: Path) -> None:
+    lines, control, _ = given_lines(4)
+    model = lines[-1].split()[0]
+    rows = [_in_micrometres(line) if line.split()[0] == model else line for line in lines]
+    known = [" ".join([point, *map(str, xyz.tolist())]) for point, xyz in control.items()]
+    (tmp_path / "control.txt").write_text("\n".join(known) + "\n")
+    for text, named in ((lines, []), (rows, [f"model {model}"])):
+        (tmp_path / "models.txt").write_text("\n".join(text) + "\n")
+        told = Told()
+        options = ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA)
+        given_models(models(options=options), context=told)
+        assert [t.split(" has")[0] for t in told.warnings if "has another unit" in t] == named
+
+
+def _in_micrometres(line: str) -> str:
+    """A line of a model with its coordinates times 1000."""
+    model, point, *xyz = line.split()[:5]
+    return " ".join([model, point, *(repr(1000.0 * float(value)) for value in xyz), *line.split()[5:]])
