@@ -10,6 +10,7 @@ What is here neither: values every stage that takes a Block reads (ids, cameras,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.ids import several
 from aatri.tables.offers import Nature, Offer
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Declared:
-    """A name with the rows of one table that it stands for; `{}` of the words takes their count.
+    """A name with the rows of one table that it stands for; a noun in braces takes their count: `{image}`, `3 images`.
 
     Where it bears on nothing it stands beside another name of the same rows, for stages that need it.
     """
@@ -112,100 +114,100 @@ def _of_carrier(block: Block) -> Bool:
 
 
 _DECLARED = (
-    _Declared("image_points.xy", "observation", "{} image points (image_points.csv: x, y)", "image_points",
+    _Declared("image_points.xy", "observation", "{image point} (image_points.csv: x, y)", "image_points",
               lambda b: b.image_points.active, "ImagePoints"),
-    _Declared("image_points.group", "grouping", "groups of {} image points (image_points.csv: group)", "image_points",
+    _Declared("image_points.group", "grouping", "groups of {image point} (image_points.csv: group)", "image_points",
               lambda b: b.image_points.active & (b.image_points.group != "")),
-    _Declared("image_points.row_time_s", "observation", "row times of {} image points (image_points.csv: row_time)",
+    _Declared("image_points.row_time_s", "observation", "row times of {image point} (image_points.csv: row_time)",
               "image_points", lambda b: b.image_points.active & np.isfinite(b.image_points.row_time_s)),
-    _Declared("fiducial_points.xy", "observation", "{} measured fiducial marks (fiducials.csv: x, y)",
+    _Declared("fiducial_points.xy", "observation", "{measured fiducial mark} (fiducials.csv: x, y)",
               "fiducial_points", lambda b: ~_of_photo_coordinates(b), "ImagePoints"),
     _Declared("fiducial_points:photo", "observation",
-              "{} measured fiducial marks (fiducials.csv) of cameras with image_coordinates: photo", "fiducial_points",
+              "{measured fiducial mark} (fiducials.csv) of cameras with image_coordinates: photo", "fiducial_points",
               lambda b: _of_photo_coordinates(b), "ImagePoints"),
-    _Declared("images.strip", "grouping", "strips of {} images (images.csv: strip)", "images",
+    _Declared("images.strip", "grouping", "strips of {image} (images.csv: strip)", "images",
               lambda b: b.images.strip >= 0),
-    _Declared("images.flight", "grouping", "flights of {} images (images.csv: flight)", "images",
+    _Declared("images.flight", "grouping", "flights of {image} (images.csv: flight)", "images",
               lambda b: b.images.flight != ""),
-    _Declared("images.session", "grouping", "sessions of {} images (images.csv: session)", "images",
+    _Declared("images.session", "grouping", "sessions of {image} (images.csv: session)", "images",
               lambda b: b.images.session != ""),
-    _Declared("images.rig", "constraint", "rigs of {} images (images.csv: rig)", "images",
+    _Declared("images.rig", "constraint", "rigs of {image} (images.csv: rig)", "images",
               lambda b: b.images.rig != ""),
-    _Declared("cameras.distortion", "correction", "lens distortion of {} cameras (block.yaml: cameras)", "cameras",
+    _Declared("cameras.distortion", "correction", "lens distortion of {camera} (block.yaml: cameras)", "cameras",
               lambda b: b.cameras.distortion != "none"),
-    _Declared("cameras.lever_arm_m", "constraint", "lever arms of {} cameras (block.yaml: lever_arm)", "cameras",
+    _Declared("cameras.lever_arm_m", "constraint", "lever arms of {camera} (block.yaml: lever_arm)", "cameras",
               lambda b: _arms(b) & _antennas(b)),
     _Declared("cameras.lever_arm_m:without_antenna", "constraint",
-              "lever arms of {} cameras (block.yaml: lever_arm) to which no position refers "
+              "lever arms of {camera} (block.yaml: lever_arm) to which no position refers "
               "(exterior.csv: refers_to antenna)", "cameras", lambda b: _arms(b) & ~_antennas(b)),
-    _Declared("cameras.boresight_rad", "constraint", "boresights of {} cameras (block.yaml: boresight)", "cameras",
+    _Declared("cameras.boresight_rad", "constraint", "boresights of {camera} (block.yaml: boresight)", "cameras",
               lambda b: _boresights(b) & _with_angles(b)),
     _Declared("cameras.boresight_rad:without_angles", "constraint",
-              "boresights of {} cameras (block.yaml: boresight) whose images have no angles", "cameras",
+              "boresights of {camera} (block.yaml: boresight) whose images have no angles", "cameras",
               lambda b: _boresights(b) & ~_with_angles(b)),
-    _Declared("cameras.mount_deg", "constraint", "mounts of {} cameras (block.yaml: mount)", "cameras",
+    _Declared("cameras.mount_deg", "constraint", "mounts of {camera} (block.yaml: mount)", "cameras",
               lambda b: _mounts(b) & _of_carrier(b)),
     _Declared("cameras.mount_deg:without_effect", "constraint",
-              "mounts of {} cameras (block.yaml: mount) whose images have no roll, pitch, heading", "cameras",
+              "mounts of {camera} (block.yaml: mount) whose images have no roll, pitch, heading", "cameras",
               lambda b: _mounts(b) & ~_of_carrier(b)),
-    _Declared("ground_points.xyz_m", "observation", "{} control points (ground_points.csv: X, Y, Z)", "ground_points",
+    _Declared("ground_points.xyz_m", "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
               _control),
     _Declared("ground_points.covariance_m2", "standard deviation",
-              "standard deviations of {} control points (ground_points.csv: sX, sY, sZ)", "ground_points",
+              "standard deviations of {control point} (ground_points.csv: sX, sY, sZ)", "ground_points",
               lambda b: _control(b) & _weighted(b.ground_points.covariance_m2)),
-    _Declared("ground_points:check", "check", "{} check points (ground_points.csv: role)", "ground_points",
+    _Declared("ground_points:check", "check", "{check point} (ground_points.csv: role)", "ground_points",
               lambda b: (b.ground_points.role == CHECK).any(axis=1), "Evaluation"),
-    _Declared("ground_points.datum", "grouping", "datum marks of {} points (ground_points.csv: datum)",
+    _Declared("ground_points.datum", "grouping", "datum marks of {point} (ground_points.csv: datum)",
               "ground_points", lambda b: b.ground_points.datum),
     _Declared("ground_point_covariances", "standard deviation",
-              "{} covariances between control coordinates (covariances.csv)", "ground_point_covariances",
+              "{covariance} between control coordinates (covariances.csv)", "ground_point_covariances",
               lambda b: b.ground_point_covariances.value != 0),
-    _Declared("exterior.position_m", "observation", "{} observed positions (exterior.csv: X, Y, Z)", "exterior",
+    _Declared("exterior.position_m", "observation", "{observed position} (exterior.csv: X, Y, Z)", "exterior",
               _observed_positions),
     _Declared(WITHOUT_SHIFT, "observation",
-              "{} observed positions in no drift group (exterior.csv: X, Y, Z)", "exterior",
+              "{observed position} in no drift group (exterior.csv: X, Y, Z)", "exterior",
               lambda b: _observed_positions(b) & (b.exterior.drift_group == ""), bears_on=""),
-    _Declared("exterior.angles_rad", "observation", "{} observed attitudes (exterior.csv: a1, a2, a3)", "exterior",
+    _Declared("exterior.angles_rad", "observation", "{observed attitude} (exterior.csv: a1, a2, a3)", "exterior",
               _observed_attitudes),
     _Declared("exterior.position_m:approximate_in_part", "grouping",
-              "{} approximate positions without all coordinates (exterior.csv: X, Y, Z), which start no image",
+              "{approximate position} without all coordinates (exterior.csv: X, Y, Z), too little to start an image",
               "exterior", lambda b: _approximate_in_part(b.exterior.position_use, b.exterior.position_m)),
     _Declared("exterior.angles_rad:approximate_in_part", "grouping",
-              "{} approximate attitudes without all angles (exterior.csv: a1, a2, a3), which start no image",
+              "{approximate attitude} without all angles (exterior.csv: a1, a2, a3), too little to start an image",
               "exterior", lambda b: _approximate_in_part(b.exterior.angle_use, b.exterior.angles_rad)),
-    _Declared("exterior.drift_group", "constraint", "drift groups of {} observed positions (exterior.csv: drift_group)",
+    _Declared("exterior.drift_group", "constraint", "drift groups of {observed position} (exterior.csv: drift_group)",
               "exterior", lambda b: (b.exterior.drift_group != "") & _observed_positions(b)),
     _Declared("exterior.drift_group:without_positions", "grouping",
-              "drift groups of {} images without observed position (exterior.csv: drift_group)", "exterior",
+              "drift groups of {image} without observed position (exterior.csv: drift_group)", "exterior",
               lambda b: (b.exterior.drift_group != "") & ~_observed_positions(b)),
-    _Declared("geodetic.group", "constraint", "groups of {} distances (geodetic.csv: group)", "geodetic",
+    _Declared("geodetic.group", "constraint", "groups of {distance} (geodetic.csv: group)", "geodetic",
               lambda b: b.geodetic.active & (b.geodetic.group != "") & _distances(b)),
     _Declared("geodetic.group:other", "constraint",
-              "groups of {} geodetic observations that are no distances (geodetic.csv: group)", "geodetic",
+              "groups of {geodetic observation} other than distances (geodetic.csv: group)", "geodetic",
               lambda b: b.geodetic.active & (b.geodetic.group != "") & ~_distances(b)),
     _Declared("geodetic.set:other", "constraint",
-              "sets of {} geodetic observations that are no directions (geodetic.csv: set)", "geodetic",
+              "sets of {geodetic observation} other than directions (geodetic.csv: set)", "geodetic",
               lambda b: b.geodetic.active & (b.geodetic.set != "") & (b.geodetic.type != "direction")),
     _Declared("geodetic.via:other", "constraint",
-              "vertices of {} geodetic observations that are no angles (geodetic.csv: via)", "geodetic",
+              "vertices of {geodetic observation} other than angles (geodetic.csv: via)", "geodetic",
               lambda b: b.geodetic.active & (b.geodetic.via != "") & (b.geodetic.type != "angle")),
-    _Declared("geodetic.reduced:distance", "correction", "{} reduced distances (geodetic.csv: reduced)", "geodetic",
+    _Declared("geodetic.reduced:distance", "correction", "{reduced distance} (geodetic.csv: reduced)", "geodetic",
               lambda b: _reduced(b) & _distances(b)),
     _Declared("geodetic.reduced:angular", "correction",
-              "{} reduced directions, azimuths and angles (geodetic.csv: reduced)", "geodetic",
+              "{reduced angular observation} (geodetic.csv: reduced)", "geodetic",
               lambda b: _reduced(b) & np.isin(b.geodetic.type, ("direction", "azimuth", "angle"))),
     _Declared("geodetic.reduced:other", "correction",
-              "{} reduced geodetic observations that are neither lengths nor directions (geodetic.csv: reduced)",
+              "{reduced geodetic observation} of neither length nor direction (geodetic.csv: reduced)",
               "geodetic", lambda b: _reduced(b) & ~_distances(b)
               & ~np.isin(b.geodetic.type, ("direction", "azimuth", "angle"))),
     _Declared("geodetic.heights", "correction",
-              "instrument and target heights of {} geodetic observations (geodetic.csv: h_from, h_to)", "geodetic",
+              "instrument and target heights of {geodetic observation} (geodetic.csv: h_from, h_to)", "geodetic",
               lambda b: b.geodetic.active & ((np.nan_to_num(b.geodetic.start_height_m) != 0)
                                              | (np.nan_to_num(b.geodetic.end_height_m) != 0))),
-    _Declared("model_coordinates.xyz", "observation", "{} coordinates of points in models", "model_coordinates",
+    _Declared("model_coordinates.xyz", "observation", "{coordinate} of points in models", "model_coordinates",
               lambda b: np.ones(0 if b.model_coordinates is None else len(b.model_coordinates), dtype=bool)),
     _Declared("geodetic_covariances", "standard deviation",
-              "{} covariances between geodetic observations (covariances.csv)", "geodetic_covariances",
+              "{covariance} between geodetic observations (covariances.csv)", "geodetic_covariances",
               lambda b: b.geodetic_covariances.value != 0),
 )  # fmt: skip
 
@@ -235,10 +237,10 @@ def _offers(block: Block) -> Iterator[Offer | None]:
     station = (g.start_kind == "image") | (g.end_kind == "image")
     types = np.where(station, _joined(g.type, "_to_image"), g.type)
     for type_ in np.unique(types[g.active]):
-        words = f"{{}} observations of type {type_} (geodetic.csv: value, sigma)"
+        words = f"{{observation}} of type {type_} (geodetic.csv: value, sigma)"
         yield _offer(block, f"geodetic:{type_}", "observation", words, "geodetic", g.active & (types == type_))
     for type_ in np.unique(c.type):
-        words = f"{{}} conditions of type {type_} (relative_control.yaml)"
+        words = f"{{condition}} of type {type_} (relative_control.yaml)"
         yield _offer(block, f"relative_control:{type_}", "constraint", words, "relative_control", c.type == type_)
     if block.earth_curvature in ("correct", "frame"):
         words = f"earth_curvature: {block.earth_curvature} (block.yaml)"
@@ -262,7 +264,7 @@ def _of_camera_parameters(block: Block) -> Iterator[Offer | None]:
     open_ = p.free | (np.nan_to_num(p.sigma) > 0)
     names = _joined(_joined(block.cameras.distortion[p.camera], "."), p.name)
     for name in np.unique(names[open_]):
-        words = f"standard deviation of {name.partition('.')[2]} of {{}} cameras (block.yaml: sigmas)"
+        words = f"standard deviation of {name.partition('.')[2]} of {{camera}} (block.yaml: sigmas)"
         yield _offer(
             block,
             f"camera_parameters:{name}",
@@ -278,7 +280,8 @@ def _offer(
 ) -> Offer | None:
     if not rows.any():
         return None
-    return Offer(name, nature, words.format(int(rows.sum())), _where(block, table, rows), bears_on)
+    counted = re.sub(r"\{([^}]+)\}", lambda noun: several(int(rows.sum()), noun[1]), words)
+    return Offer(name, nature, counted, _where(block, table, rows), bears_on)
 
 
 def _where(block: Block, table: str, rows: Bool) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aatri.cli.terminal.console import narrate, say, say_table
+from aatri.ids import several
 
 if TYPE_CHECKING:
     from aatri.artifacts.solution import Parameters, Solution
@@ -76,7 +77,7 @@ def _strong(solution: Solution) -> list[str]:
         for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")][:MOST_ROWS].tolist()
     ]
     if len(pairs) > MOST_ROWS:
-        lines.append(f"{len(pairs) - MOST_ROWS} more correlations of {STRONG} and more")
+        lines.append(f"{several(len(pairs) - MOST_ROWS, 'further correlation')} of {STRONG} and more")
     return lines
 
 

@@ -117,6 +117,8 @@ def main() -> None:
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
+        if "_AATRI_COMPLETE" in os.environ:
+            os.environ["NUMBA_DISABLE_JIT"] = "1"  # what the shell asks is not worth compiling for
         if os.environ.get("_AATRI_COMPLETE") == "complete_bash":
             from aatri.cli.arguments.completion import complete_in_bash
 

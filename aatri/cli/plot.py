@@ -1,6 +1,8 @@
 """`aatri plot`: pictures of the report as SVG, PNG or PDF."""
 
 import contextlib
+import itertools
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -12,13 +14,12 @@ from aatri.cli.terminal.console import reports_errors, say, say_table
 
 
 def complete_picture(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Pictures of the run that the command line names, for the shell."""
+    """Pictures of the run that the command line names and their questions, as its report.json lists them."""
     with contextlib.suppress(Exception):
-        from aatri.report.page import seen_in
-        from aatri.report.questions import gallery
-
-        there = gallery(*seen_in(find_run(Path(ctx.params["run"])).folder))
-        return [name for name in ("all", *there.questions, *there.pictures) if name.startswith(incomplete)]
+        page = json.loads((find_run(Path(ctx.params["run"])).folder / "report.json").read_text(encoding="utf-8"))
+        of = {question: names for question, names in page["pictures"].items() if names}
+        every = dict.fromkeys(["all", *of, *itertools.chain(*of.values())])
+        return [name for name in every if name.startswith(incomplete)]
     return []
 
 

@@ -24,6 +24,7 @@ from aatri.cli.arguments.options import (
     Verify,
 )
 from aatri.cli.terminal.console import narrate, reports_errors, say_json, show_in_browser
+from aatri.ids import several
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
@@ -211,7 +212,7 @@ def carry_out(
     report = folder / "report.html"
     if report.exists() and events.exists() and events.stat().st_size == before:
         if not quiet:
-            narrate(f"nothing to do: all {len(records)} stages are up to date")
+            narrate(f"nothing to do: {several(len(records), 'stage')} up to date")
         return records, report
     return records, _write_report(folder, debug=debug)
 

@@ -10,7 +10,7 @@ import contextlib
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -34,7 +34,7 @@ from aatri.report.facts import accuracy_statement, facts
 from aatri.report.judgement import judgement
 from aatri.report.problems import problems
 from aatri.report.questions import questions
-from aatri.report.sections.parts import Surroundings
+from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable, observation_classes
 from aatri.report.verdict import external_lights, internal_lights, numbers_of
@@ -76,9 +76,10 @@ def write_report(run: Path, angles: str = "") -> Path:
     angles = angles or angles_of(run)
     with angles_in(angles):
         seen, around = seen_in(run)
-        page = first_page(seen, around)
-        html = render(seen, around, page)
-    text = json.dumps(OURS_AS_JSON | {"angles": angles} | page, indent=1)
+        page, sections = first_page(seen, around), questions(seen, around)
+        html = render(seen, around, page, sections)
+    pictures = {section.name: [picture.name for picture in section.pictures] for section in sections}
+    text = json.dumps(OURS_AS_JSON | {"angles": angles} | page | {"pictures": pictures}, indent=1)
     pages = {"report.html": html, "report.json": f"{text}\n"}
     for name, text in pages.items():
         with on_disk(run / name):
@@ -125,7 +126,13 @@ def _environment() -> jinja2.Environment:
 
 
 def render(
-    run: RunView, around: Surroundings, page: Mapping[str, Any], *, printed: bool = False, summary: bool = False
+    run: RunView,
+    around: Surroundings,
+    page: Mapping[str, Any],
+    sections: Sequence[PageSection],
+    *,
+    printed: bool = False,
+    summary: bool = False,
 ) -> str:
     """The page as text.
 
@@ -133,6 +140,8 @@ def render(
     ----------
     page : mapping
         What `first_page` says.
+    sections : sequence of PageSection
+        What follows it: `questions`.
     printed : bool
         For paper: long tables are open.
     summary : bool
@@ -140,7 +149,6 @@ def render(
     """
     environment = _environment()
     script = environment.get_template("script.js").render()
-    sections = questions(run, around)
     if summary:
         sections = [s.in_short() for s in sections if s.name in OF_SUMMARY]
     return environment.get_template("report.html").render(

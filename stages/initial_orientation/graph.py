@@ -91,6 +91,14 @@ def graph(
     if models is None:
         models = _models(block, image_points, options, context)
     pairs, _ = graph_of(models, options.min_points)
+    measured = np.unique(block.image_points.image[block.image_points.active])
+    if len(measured) == 1:
+        raise GeometryError(
+            "one image makes no pair",
+            where=f"image {block.images.id[measured[0]]}",
+            remedy="leave out this stage and `initial`: bundle_adjustment/bundle orients an image by four control "
+            "points or more",
+        )
     if not len(pairs.left):
         raise _no_pairs(block, image_points, options.min_points)
     inside = in_tangent_frame(block)

@@ -87,11 +87,11 @@ def _offers(block: Block) -> dict[str, tuple[str, str]]:
 def test_a_folder_with_a_bit_of_everything_offers_it_by_name_with_count_and_place(tmp_path: Path) -> None:
     offers = _offers(read_block(write_folder(tmp_path / "block")))
     assert offers["exterior.angles_rad"] == ("2 observed attitudes (exterior.csv: a1, a2, a3)", "exterior.csv:4")
-    assert offers["exterior.drift_group"][0].startswith("drift groups of 1 observed positions")
+    assert offers["exterior.drift_group"][0].startswith("drift groups of 1 observed position (")
     assert offers["cameras.lever_arm_m:without_antenna"][1] == "camera uav"
     assert offers["cameras.boresight_rad"][1] == "camera uav"
     assert offers["geodetic:distance"] == (
-        "1 observations of type distance (geodetic.csv: value, sigma)",
+        "1 observation of type distance (geodetic.csv: value, sigma)",
         "geodetic.csv:2",
     )
     assert offers["geodetic:height_difference_to_image"][1] == "geodetic.csv:7"

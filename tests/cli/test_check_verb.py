@@ -52,6 +52,16 @@ def test_what_is_wrong_in_pipeline_and_tables_is_told_together(project: Path) ->
     assert "a run would be refused" in result.stdout
 
 
+def test_a_file_that_is_not_there_is_told_at_its_line_before_anything_is_made(project: Path) -> None:
+    replaced(project / "pipeline.yaml", "path: quarry", "path: quary")
+    for verb in ("check", "run"):
+        result = CliRunner().invoke(app, [verb, str(project / "pipeline.yaml")])
+        assert result.exit_code == 3
+        assert f"{project}/pipeline.yaml:5:46: path is '{project}/quary', which does not exist" in result.stderr
+        assert "did you mean 'quarry'?" in result.stderr
+    assert not list((project / "run").glob("failed/*"))
+
+
 def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> None:
     """Without them the run orients the images that show control, one of fifteen here."""
     (project / "quarry" / "exterior.csv").unlink()
@@ -60,6 +70,27 @@ def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> 
     result = check(project)
     assert result.exit_code == 0
     assert "warning: bundle: no start values: block has neither orientations nor positions" in result.stdout
+
+
+@pytest.mark.parametrize(("positions", "exit_code"), [(False, 4), (True, 0)])
+def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
+    project: Path, positions: bool, exit_code: int
+) -> None:
+    table = project / "quarry" / "ground_points.csv"
+    lines = table.read_text(encoding="utf-8").splitlines()
+    control = [line for line in lines if line.endswith(",control")]
+    text = "\n".join(line for line in lines if line not in control[2:])
+    table.write_text(f"{text}\n", encoding="utf-8")
+    if positions:
+        head, *rows = (project / "quarry" / "exterior.csv").read_text(encoding="utf-8").splitlines()
+        text = "\n".join([f"{head},use", *(f"{row},observed" for row in rows)])
+        (project / "quarry" / "exterior.csv").write_text(f"{text}\n", encoding="utf-8")
+    result = check(project)
+    assert result.exit_code == exit_code, result.output
+    told = "stage bundle: not determined: 2 control points and image points leave open how the block lies"
+    assert (told in result.stderr) == (exit_code == 4)
+    if exit_code:
+        assert check(project, "--set", "bundle.datum=free").exit_code == 0
 
 
 def test_a_finished_run_on_a_disk_that_may_only_be_read_has_nothing_to_write(

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from aatri.cli.arguments.completion import complete_in_bash
 from aatri.cli.main import VERBS, app
+from aatri.pipeline.methods.catalogue import Catalogue
+from aatri.pipeline.methods.registry import Registry
 
 PIPELINE = """\
 run: runs/first
@@ -91,6 +93,24 @@ def test_bash_which_parts_words_at_colons_and_equals_signs_gets_the_last_part(
     monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
     complete_in_bash(lambda: app(prog_name="aatri"))
     assert capsys.readouterr().out.split() == offered
+
+
+@pytest.mark.usefixtures("_project")
+def test_options_are_completed_without_importing_their_stage_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _completed("aatri run --set bundle.relia") == ["bundle.reliability="]
+    monkeypatch.setattr(Registry, "card", lambda *_: pytest.fail("a stage was imported"))
+    assert _completed("aatri run --set bundle.relia") == ["bundle.reliability="]
+    assert "reliability" in Catalogue().option_names("bundle_adjustment/bundle")
+
+
+def test_pictures_and_questions_are_completed_from_the_list_of_the_report_each_once(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "run.json").write_text(json.dumps({"stages": [], "status": "done", "pipeline": "p", "request": {}}))
+    pictures = {"plan": ["plan"], "ties": ["overlap", "ties"], "tests": [], "residuals": ["tilt"]}
+    (run / "report.json").write_text(json.dumps({"pictures": pictures}))
+    assert _completed(f"aatri plot {run} t") == ["ties", "tilt"]
+    assert _completed(f"aatri plot {run} ") == ["all", "plan", "ties", "residuals", "overlap", "tilt"]
 
 
 @pytest.mark.usefixtures("_project")

@@ -197,6 +197,13 @@ def test_the_pointer_tells_what_it_is_at_and_a_click_isolates_the_rays_of_an_ima
     assert page.locator(".rays").count() == 0
 
 
+def test_what_a_click_does_is_told_on_the_screen_and_not_on_paper(page: sync_api.Page) -> None:
+    words = page.get_by_text("A click on an image or a point")
+    assert words.is_visible()
+    page.emulate_media(media="print")
+    assert not words.is_visible()
+
+
 def test_a_click_in_another_picture_isolates_too(page: sync_api.Page) -> None:
     page.evaluate("document.querySelector('[data-name=rays] svg').scrollIntoView({ block: 'center' })")
     place = page.evaluate("""() => {

@@ -4,7 +4,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
-from aatri.ids import rows_of
+from aatri.ids import rows_of, several
 from aatri.notes import Note
 from aatri.orientation.network.start import NetworkObservations, approximate_coordinates
 
@@ -37,7 +37,7 @@ def network_start(block: Block, xyz_m: Float) -> tuple[Float, tuple[Note, ...]]:
     notes = _without_place(block, network, computed)
     if not new.any():
         return xyz_m, tuple(notes)
-    text = f"approximate coordinates of {int(new.sum())} points found from the geodetic observations"
+    text = f"approximate coordinates of {several(int(new.sum()), 'point')} found from the geodetic observations"
     notes.append(Note("note", text, tuple(block.points.id[new].tolist())))
     unsure = [k for k in sorted(doubtful) if new[k]]
     if unsure:

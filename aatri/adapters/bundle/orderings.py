@@ -5,6 +5,7 @@ import numpy as np
 from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figures
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.artifacts.solution import Orderings
+from aatri.ids import several
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.progress import Reporter
@@ -26,8 +27,8 @@ def report_orderings(done: AdjustedBlock, used: Ordering, reporter: Reporter) ->
         n, N = numbering.images, numbering.strips
         better = "across" if n > 2 * N - 1 else "along"
         reporter.log(
-            f"{N} parallel strips of up to {n} images; the textbook numbers {better} the strips, n {n}, "
-            f"2N - 1 {2 * N - 1}"
+            f"{several(N, 'parallel strip')} of up to {several(n, 'image')}; the textbook "
+            f"numbers {better} the strips, n {n}, 2N - 1 {2 * N - 1}"
         )
     for k, figures in enumerate(figures_of_all):
         one_front = len(problem.tree.nodes) == 1 and k == 0

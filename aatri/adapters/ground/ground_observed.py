@@ -13,6 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.similarity import Similarity
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
@@ -174,7 +175,8 @@ def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: s
     turned = sum(len(o) for o in oriented.tied.problem.ground if o.kind == ATTITUDE)
     text = f"{what}: oriented by observations of all kinds together; without them {failure}"
     if kinds <= {*first, ATTITUDE}:
-        text = f"{what}: attitudes of {turned} images take part, as control and positions leave it open: {failure}"
+        of = several(turned, "image")
+        text = f"{what}: attitudes of {of} take part, as control and positions leave it open: {failure}"
     return Note("note", text)
 
 

@@ -191,7 +191,7 @@ def _by_neighbours(
 
 def _apart(block: Block, component: ImageComponent, reason: str) -> Note:
     ids = tuple(block.images.id[component.images].tolist())
-    return Note("warning", f"a component of {len(ids)} images stays apart: {reason}", ids)
+    return Note("warning", f"a component of {several(len(ids), 'image')} stays apart: {reason}", ids)
 
 
 def _free(
@@ -204,8 +204,8 @@ def _free(
     observed = seen(NOWHERE)
     scaled = sum(len(o) for o in observed if o.kind in DISTANCES)
     turned = sum(len(o) for o in observed if o.kind == ATTITUDE)
-    datum = [f"its scale that of {scaled} distances" if scaled else "the first base is 1"]
-    datum += [f"its rotation that of {turned} attitudes"] if turned else []
+    datum = [f"its scale that of {several(scaled, 'distance')}" if scaled else "the first base is 1"]
+    datum += [f"its rotation that of {several(turned, 'attitude')}"] if turned else []
     note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(datum)}")
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]

@@ -10,6 +10,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
 from aatri.geometry.rotations import angle_axes, body_from_mount
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.refinement.flying_height import heights_by_bases_m, station_heights_m
 from aatri.units import EARTH_RADIUS_M
@@ -64,7 +65,9 @@ def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None)
         station = np.where(missing, estimated, station)
         of = int((missing & np.isfinite(station)).sum())
         if of:
-            text = f"flying height of {of} images estimated from the photo scale at control points, or the other images"
+            text = (
+                f"flying height of {several(of, 'image')} estimated from the scale at control points, or other images"
+            )
             notes.append(Note("note", text))
     tilted = level[:, 2, 2] < np.cos(MOST_TILT_RAD)
     by_rays = tilted if poses is None else oriented | tilted | np.isnan(level[:, 2, 2])

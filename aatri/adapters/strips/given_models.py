@@ -19,6 +19,7 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.rotations import angle_covariance, skew
 from aatri.geometry.similarity import Similarity, compose
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.control import control_of, observed_control
 from aatri.observations.poses import POINT
@@ -74,16 +75,16 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
     size = [np.ptp(begin.similarity.scale[k] * x[place[model] == k], axis=0) for k in range(len(chosen))]
     misfit = Misfit(settings.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "models", "")
-    text = f"{len(chosen)} models; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
+    text = f"{several(len(chosen), 'model')}; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
     notes += [
         Note("note", text),
-        sigma0_note(fit, f"of {len(chosen)} models"),
+        sigma0_note(fit, f"of {several(len(chosen), 'model')}"),
         *search_notes(tied, tables.names_of, "models"),
     ]
     sigma = np.array([np.median(coordinates.sigma[rows][place[model[rows]] == k]) for k in range(len(chosen))])
     notes += _other_units(names[chosen], tied.state[BODY].similarity.scale, sigma)
     if rounds:
-        notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
+        notes.append(Note("note", f"plan and height in turn: {several(rounds, 'round')}"))
     return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, settings), notes
 
 

@@ -13,6 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT
@@ -57,14 +58,16 @@ def adjusted_models(
     misfit = Misfit(settings.max_sigma0, distance_m, oriented=True, farthest=worst)
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "independent models", "")
     per_model = np.bincount(bodies.points.model, minlength=len(names))
-    what, centres = ("double models", "three") if settings.double else ("models", "two")
-    counts = f"{len(names)} {what} of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
+    what, centres = ("double model", "three") if settings.double else ("model", "two")
+    counts = (
+        f"{several(len(names), what)} of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
+    )
     text = (
         f"{counts} and {centres} perspective centres; deformation beyond their standard deviations {tied.tau_m:.3f} m"
     )
-    notes += [Note("note", text), sigma0_note(fit, f"of {len(names)} independent models")]
+    notes += [Note("note", text), sigma0_note(fit, f"of {several(len(names), 'independent model')}")]
     if rounds:
-        notes.append(Note("note", f"plan and height in turn: {rounds} rounds"))
+        notes.append(Note("note", f"plan and height in turn: {several(rounds, 'round')}"))
     notes += search_notes(tied, tables.names_of, "independent models")
     point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
     out = np.flatnonzero(~tied.active[: len(bodies.points.model)])

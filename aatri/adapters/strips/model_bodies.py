@@ -18,6 +18,7 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.geometry.vectors import tangents
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.control import control_of, observed_control
 from aatri.observations.observed import ObservationSource, Observed
@@ -246,7 +247,7 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     place = np.full((len(block.points) + len(block.images), 3), np.nan)
     place[there] = xyz[first]
     observed = [o.take(np.flatnonzero(np.isin(objects, there))) for o, objects in bodies.known(block)]
-    of_models = f"{len(models)} models, {names[models[0]]} to {names[models[-1]]}"
+    of_models = f"{several(len(models), 'model')}, {names[models[0]]} to {names[models[-1]]}"
     if not any(map(len, observed)):
         return f"{of_models}: they hold no control point and no observed position"
     poses = Poses(place[len(block.points) :], bodies.poses.ground_from_image)

@@ -41,7 +41,7 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
             text = f"{len(of_kind)} at {several(len(ids), 'point')} {have}"
         findings.append(Finding("uncontrolled", "note", text, ids=ids, where=kind, rows={kind: of_kind.row}))
     if len(film):
-        what = f"{several(len(film), 'correction')} of the film of {len(np.unique(film.image))} images"
+        what = f"{several(len(film), 'correction')} of the film of {several(len(np.unique(film.image)), 'image')}"
         labels = ", ".join(np.unique(film.point).tolist())
         text = f"{what} ({labels}) are known from the interior orientation alone; not listed"
         findings.append(Finding("uncontrolled", "note", text, where=FILM_PRIOR))

@@ -70,7 +70,9 @@ def complete_setting(ctx: typer.Context, incomplete: str) -> list[str]:
     from aatri.pipeline.methods.catalogue import Catalogue
 
     with contextlib.suppress(Exception):
-        names = Catalogue().option_names(spec.stages[stage].use)
+        catalogue = Catalogue()
+        names = catalogue.option_names(spec.stages[stage].use)
+        catalogue.save()
         return _starting(incomplete, [f"{stage}.{name}=" for name in sorted(names)])
     return []
 

@@ -154,7 +154,8 @@ def read_problem(path: Path, reporter: Reporter = SILENT) -> BalProblem:
     cameras, points, observations = (int(v) for v in head)
     expected = 3 + 4 * observations + 9 * cameras + 3 * points
     if len(values) != expected:
-        what = f"{len(values)} numbers where {cameras} cameras, {points} points and {observations} observations need"
+        what = f"{several(len(values), 'number')} where {several(cameras, 'camera')}, {several(points, 'point')} and "
+        what += f"{several(observations, 'observation')} need"
         raise InputError(
             f"{what} {expected}",
             where=f"{path}:{line[-1] if len(line) else 1}",

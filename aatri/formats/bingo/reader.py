@@ -90,13 +90,13 @@ def read_image_coordinates(path: Path, reading: Reading = AS_IT_SAYS, reporter: 
     more = sum(len(line.words) == 4 for line in rows)
     if 0 < more < len(rows):
         odd = next(line for line in rows if len(line.words) == (4 if 2 * more <= len(rows) else 3))
-        what = f"{len(odd.words)} words, and {7 - len(odd.words)} in most lines: a blank within a number?"
+        what = f"{several(len(odd.words), 'word')}, and {7 - len(odd.words)} in most lines: a blank within a number?"
         raise odd.error(what, "give every point the fourth column, or none")
     return BlockParts(
         "bingo",
         [path],
         name=path.stem,
-        notes=[f"a fourth column of {more} image points is not read"] if more else [],
+        notes=[f"a fourth column of {several(more, 'image point')} is not read"] if more else [],
         pixel_axes=PIXEL_AXES["bingo"],
         images={
             "id": [line.words[0] for line, _ in images],

@@ -43,7 +43,8 @@ def read_bundler(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter =
         raise lines[-1].error("the numbers of images and points are not there", EXPORT)
     count, points = lines[1].count(0), lines[1].count(1)
     if len(lines) != 2 + 5 * count + 3 * points:
-        what = f"{len(lines)} lines, where {count} images and {points} points need {2 + 5 * count + 3 * points}"
+        what = f"{several(len(lines), 'line')}, where {several(count, 'image')} and {several(points, 'point')} need "
+        what += str(2 + 5 * count + 3 * points)
         raise lines[1].error(what, EXPORT)
     names = _names(path, count, reporter)
     lenses, at, row_of = list[Lens](), list[int](), dict[int, int]()
@@ -101,6 +102,8 @@ def _names(path: Path, count: int, reporter: Reporter) -> list[str]:
     lines = word_lines(lists[0], reporter)
     if len(lines) != count:
         where = f"{lists[0]}:{lines[-1].line}"
-        raise InputError(f"{len(lines)} images, but {path.name} has {count}", where=where, remedy="give the list of it")
+        raise InputError(
+            f"{several(len(lines), 'image')}, but {path.name} has {count}", where=where, remedy="give the list of it"
+        )
     first: dict[str, TextLine] = {}
     return [line.once(line.words[0], first, "image") for line in lines]

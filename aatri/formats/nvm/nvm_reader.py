@@ -98,7 +98,7 @@ def _largest(
     largest = max(models, key=lambda model: len(model[0]))
     if others := [line.words[0] for model in models if model is not largest for line in model[0]]:
         what = (
-            f"{len(models)} models: that of {len(largest[0])} images is read, "
+            f"{len(models)} models: that of {several(len(largest[0]), 'image')} is read, "
             f"{several(len(others), 'image', 'is', 'are')} left out"
         )
         reporter.warn(f"{path}: {what}: {shown(others)}; another model is a file of its own")

@@ -59,7 +59,9 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     if frame == LOCAL and len(number) > 1:
         largest = max(number, key=lambda k: len(document.get(dict, k, "shots")))
         used = [of == largest for of in shots["of"]]
-        parts.notes.append(f"{len(number)} free models: only the {sum(used)} images of the largest have start values")
+        parts.notes.append(
+            f"{len(number)} free models: start values have only those of the largest, {several(sum(used), 'image')}"
+        )
     parts.images = {k: shots[k] for k in ("id", "camera", "time_s", "line")}
     parts.exterior = _exterior(shots, used)
     parts.ground_points = _points(document, [k for k in number if frame != LOCAL or used[_first(shots["of"], k)]])

@@ -73,7 +73,7 @@ def _record(path: Path, line: int, text: str, fields: tuple[int, ...]) -> TextLi
     if len(words) != len(fields):
         words = [text[WIDTH * k : WIDTH * (k + 1)].strip() for k in fields]
     if not all(words):
-        what = f"{len(blank_separated(text))} words where a record of {len(fields)} should stand"
+        what = f"{several(len(blank_separated(text)), 'word')} where a record of {len(fields)} should stand"
     elif beyond := text[WIDTH * (fields[-1] + 1) :].strip():
         what = f"{clipped(beyond)!r} stands beyond character {WIDTH * (fields[-1] + 1)}, where the record ends"
     else:

@@ -40,7 +40,7 @@ class TextLine:
     def number(self, k: int) -> float:
         """The word as a number."""
         if k >= len(self.words):
-            raise self.error(f"{len(self.words)} words", f"word {k + 1} is to be a number")
+            raise self.error(several(len(self.words), "word"), f"word {k + 1} is to be a number")
         try:
             return number_of(self.words[k])
         except ValueError as error:

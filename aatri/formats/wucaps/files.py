@@ -163,7 +163,9 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
         row = entries[k].of_width(3, "fiducial x y")
         fiducials[row.once(row.words[0], first, "fiducial")] = row.number(1), row.number(2)
     if len(fiducials) != head.count(1):
-        raise head.error(f"{head.words[1]} fiducials announced, {len(fiducials)} found", "mend the number or the list")
+        raise head.error(
+            f"{several(head.count(1), 'fiducial')} announced, {len(fiducials)} found", "mend the number or the list"
+        )
     return Camera((c, x0, y0), fiducials)
 
 
@@ -236,7 +238,8 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
     named = [entry for entry in entries[1:] if not ends(entry)]
     if len(named) < full + plan + height:
         raise head.error(
-            f"{full + plan + height} control points announced, {len(named)} ids follow", "mend the numbers"
+            f"{several(full + plan + height, 'control point')} announced, {several(len(named), 'id')} found",
+            "mend the numbers",
         )
     roles: dict[str, list[int]] = {}
     problems: list[AatriError] = []

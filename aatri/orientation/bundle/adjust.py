@@ -27,6 +27,7 @@ from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
@@ -186,8 +187,8 @@ def _within_reach(observed: tuple[Observed, ...], start: State) -> tuple[tuple[O
         sigmas = [np.nanmin(f) for f in (o.sigmas()[far_rows], o.sigmas()[far_rows] / factor[far_rows, None])]
         names = tuple(o.label(int(k)) for k in far_rows)
         text = (
-            f"{o.kind}: the standard deviations of {len(far_rows)} observations are too small beside all others; "
-            f"raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}"
+            f"{o.kind}: the standard deviations of {several(len(far_rows), 'observation')} are too small beside "
+            f"all others; raised from {sigmas[0]:.2g} {o.unit} to {sigmas[1]:.2g} {o.unit}"
         )
         notes.append(Note("note", text, names))
         raised[i] = replace(o, records=scaled(o.records, factor))

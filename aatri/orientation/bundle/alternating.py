@@ -20,6 +20,7 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State, retract_state
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
@@ -60,7 +61,9 @@ def adjust_alternating(
             except ConvergenceError:
                 next_check += max(EVERY, round_number // 2)
             else:
-                note = Note("note", f"{round_number} rounds of resection and intersection; no standard deviations")
+                note = Note(
+                    "note", f"{several(round_number, 'round')} of resection and intersection; no standard deviations"
+                )
                 return replace(result, notes=(*result.notes, note))
         state, move = _round(halves, state)
         if round_number % EVERY == 0:

@@ -171,10 +171,10 @@ def _centres(
 def _of_pairs(graph: PairGraph, image_ids: Ids, error: Float, wrong: Bool, triangles: Int) -> list[Note]:
     ids = np.asarray(image_ids)
     names = tuple(f"{ids[a]}-{ids[b]}" for a, b in zip(graph.left[wrong], graph.right[wrong]))
-    text = f"{len(graph.left)} pairs, {int((triangles == 0).sum())} of them in no triangle; the rotations of half of "
-    notes = [Note("note", f"{text}them fit within {np.degrees(np.median(error)):.2g} degrees")]
+    text = f"{several(len(graph.left), 'pair')}, {int((triangles == 0).sum())} of them in no triangle; "
+    notes = [Note("note", f"{text}the rotations of half of them fit within {np.degrees(np.median(error)):.2g} degrees")]
     if names:
         notes.append(
-            Note("warning", f"{len(names)} pairs do not fit the rotations of the others and are left out", names)
+            Note("warning", f"left out: {several(len(names), 'pair')} against the rotations of the others", names)
         )
     return notes

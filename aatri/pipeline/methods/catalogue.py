@@ -135,10 +135,19 @@ class Catalogue:
         return method_of(card, self.registry.role(card.role))
 
     def option_names(self, use: str) -> frozenset[str]:
-        """Names of the options of a variant at the top level."""
-        from aatri.pipeline.spec.options import option_names
+        """Names of the options of a variant at the top level, from the cache where its code has not changed."""
+        origin, key = self._found.get(use), ""
+        if origin is not None and origin.file is not None:
+            with contextlib.suppress(OSError):
+                key = f"{use} {self._reader.code_of(origin.module, origin.file).digest}"
+        names = self._methods.get(key)
+        if not isinstance(names, list):
+            from aatri.pipeline.spec.options import option_names
 
-        return option_names(self.registry.card(use))
+            names = sorted(option_names(self.registry.card(use)))
+            if key:
+                self._methods.put(key, names)
+        return frozenset(names)
 
     def save(self) -> None:
         """Keep what was found."""

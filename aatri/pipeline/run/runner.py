@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from aatri.errors import AatriError, ArtifactError, ResourceError, raise_all
+from aatri.errors import AatriError, ResourceError, raise_all
 from aatri.pipeline.plan.decisions import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.graph import StageNode
+from aatri.pipeline.plan.preconditions import check_inputs
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import DONE, GATE_FAILED, cannot_be_written, finished, overview_of, plain_warnings
@@ -108,7 +109,7 @@ def _run(spec: Spec, nodes: tuple[StageNode, ...], listener: Listener, settings:
     with locked(spec.run, settings.command, enabled=settings.lock):
         view = StoreView(spec.run, verify=settings.verify)
         planned = plan(nodes, view, spec.seed, settings.selection)
-        check_inputs(nodes, planned)
+        check_inputs(spec, nodes, planned)
         view.save()
         if (done := finished(spec, nodes, listener.warned, settings.selection, view, planned)) is not None:
             return done
@@ -117,26 +118,6 @@ def _run(spec: Spec, nodes: tuple[StageNode, ...], listener: Listener, settings:
             return run.carry_out()
         finally:
             view.save()
-
-
-def check_inputs(nodes: tuple[StageNode, ...], planned: Plan) -> None:
-    """See that every input of a selected stage is there or will be made.
-
-    Raises
-    ------
-    ArtifactError
-        If a stage outside the selection is stale but needed.
-    """
-    by_name = {d.stage: d for d in planned.decisions}
-    errors: list[AatriError] = []
-    for node in nodes:
-        for source in dict.fromkeys(node.inputs.values()):
-            above = by_name[source]
-            if by_name[node.name].selected and not above.selected and above.state is not State.fresh:
-                reasons = "; ".join(str(reason) for reason in above.reasons)
-                errors.append(ArtifactError(f"{node.name} needs {source}, which is not selected and not up to date "
-                                            f"({reasons})", remedy=f"aatri run --until {node.name}"))  # fmt: skip
-    raise_all(errors)
 
 
 class _Run:

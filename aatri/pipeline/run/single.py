@@ -9,10 +9,11 @@ from typing import Any
 from aatri.errors import ArtifactError, raise_all
 from aatri.pipeline.plan.decisions import Selection, plan
 from aatri.pipeline.plan.graph import StageNode
+from aatri.pipeline.plan.preconditions import check_inputs
 from aatri.pipeline.plan.unused import unused
 from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import overview_of
-from aatri.pipeline.run.runner import Listener, RunSettings, check_inputs
+from aatri.pipeline.run.runner import Listener, RunSettings
 from aatri.pipeline.run.task import task_of
 from aatri.pipeline.run.workers import pool
 from aatri.pipeline.spec.pipeline_file import Spec
@@ -43,7 +44,7 @@ def make_stage(
     with locked(spec.run, settings.command, stage=name, enabled=settings.lock):
         view = StoreView(spec.run, verify=settings.verify)
         planned = plan(nodes, view, spec.seed, Selection(frozenset({name}), settings.selection.forced))
-        check_inputs(nodes, planned)
+        check_inputs(spec, nodes, planned)
         decision = planned.of(name)
         taken = [d.record for d in planned.decisions if d.record is not None and d.stage in node.inputs.values()]
         _compare_with_use(spec, nodes, taken, name, listener)

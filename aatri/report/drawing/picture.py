@@ -112,6 +112,8 @@ class Picture:
         By which `aatri plot` knows it.
     title, caption : str
         What it is; what it says, and how it is drawn.
+    on_screen : str
+        What the reader can do with it, which paper leaves out.
     marks : sequence of Marks
         In the order in which they are drawn.
     key : (float, str), optional
@@ -137,6 +139,7 @@ class Picture:
     backdrops: Sequence[Backdrop] = ()
     width: float = 540.0
     height: float = 240.0
+    on_screen: str = ""
 
 
 def steps_of(

@@ -49,8 +49,7 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
         notes.append(f"{len(drawn_feet)} of {len(feet)} footprints")
     details = f" Drawn: {', '.join(notes)}." if notes else ""
     caption = (
-        "Projection centres along their strips, and the points on the ground. A click on an image or a point leaves "
-        f"only its rays.{details}"
+        f"Projection centres along their strips, and the points on the ground.{details}"
         if len(images)
         else f"The points whose coordinates are known.{details}"
     )
@@ -59,7 +58,8 @@ def block_plan(block: Block, solution: Solution | None) -> Picture | None:
         *_flown(block, centres, images),
         *points,
     ]
-    return Picture("plan", "Block plan", caption, marks, width=720.0)
+    on_screen = "A click on an image or a point leaves only its rays." if len(images) else ""
+    return Picture("plan", "Block plan", caption, marks, width=720.0, on_screen=on_screen)
 
 
 def image_rows(block: Block, xy_m: Float) -> Int:

@@ -169,7 +169,7 @@ def _image_points(block: Block) -> ip.ImagePoints:
         ("2 1\n", ":1", "does not begin with the numbers"),
         ("1 1 1.5\n", ":1", "does not begin with the numbers"),
         ("1 1 1\n0 0 1 x\n", ":2", "'x' is no number"),
-        ("1 1 1\n0 0 1 2\n" + "1\n" * 11, ":13", "18 numbers where 1 cameras, 1 points and 1 observations need 19"),
+        ("1 1 1\n0 0 1 2\n" + "1\n" * 11, ":13", "18 numbers where 1 camera, 1 point and 1 observation need 19"),
         ("1 1 1\n1 0 1 2\n" + "1\n" * 12, ":2", "camera 1, but there are 1"),
         ("1 1 1\n0 -1 1 2\n" + "1\n" * 12, ":2", "point -1, but there are 1"),
         ("1 1 1\n0 0 1 2\n" + "1\n" * 6 + "0\n" + "1\n" * 5, ":9", "focal length 0"),

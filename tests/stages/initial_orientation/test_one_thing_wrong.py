@@ -135,6 +135,14 @@ def test_images_all_taken_at_one_place_are_refused_with_the_reason() -> None:
     assert "taken at one place" in str(refused.value)
 
 
+def test_of_one_image_it_is_said_what_orients_it() -> None:
+    both = without_strips(simulated(**{**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 2}}))
+    block = replace(both, image_points=both.image_points.take(np.flatnonzero(both.image_points.image == 1)))
+    with pytest.raises(GeometryError, match=f"image {both.images.id[1]}: one image makes no pair") as refused:
+        initial_of(block)
+    assert "bundle_adjustment/bundle" in refused.value.remedy
+
+
 def test_image_points_with_their_distortion_are_oriented_as_without_it() -> None:
     lens = {"distortion": "brown", "brown": {"k1": 3e-4, "p1": 2e-5}}
     block = without_strips(simulated(**{**SMALL_UAV, "camera": lens}))

@@ -6,6 +6,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT, expected_beyond
 from aatri.arrays import Bool, Float
+from aatri.ids import several
 from aatri.notes import REJECTED, Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -72,8 +73,8 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
                 notes.append(Note("warning", text, labels(o, mask[part])))
     if outcome.kept_ambiguous.any():
         count = len(np.unique(records.point[outcome.kept_ambiguous]))
-        text = f"at {count} points one of these is wrong, by little (beyond {options.limit:.3g} sigma), and nothing "
-        text += "tells which: all are used"
+        text = f"at {several(count, 'point')} one of these is wrong, by little (beyond {options.limit:.3g} sigma), "
+        text += "and nothing tells which: all are used"
         names = [
             f"{o.kind} {name}"
             for part, o in zip(records.parts, records.observed)
@@ -115,14 +116,14 @@ def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool) ->
             POSE,
             block.image_ids,
             REJECTED_SHARE,
-            "images of which {} and more of the image points are rejected: their "
+            "images of which {} or more of the image points are rejected: their "
             "number, interior orientation or camera may be wrong",
         ),
         (
             POINT,
             block.point_ids,
             0.5,
-            "points half of whose rays and more are rejected: more than one object may carry the number",
+            "points of which half of the rays or more are rejected: more than one object may carry the number",
         ),
     ):
         total, rejected_count = np.zeros(len(ids)), np.zeros(len(ids))
