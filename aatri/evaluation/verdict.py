@@ -50,7 +50,7 @@ def _check(figures: Mapping[str, float], enough: int) -> str:
     text = f"Check: {_rms(figures, 'check_rmse', n)} RMSE at {_count(n, 'check point')}"
     reserves = [*_fitted(figures, "check")]
     if n < enough:
-        reserves.append(f"fewer than {enough} (ASPRS edition 2 asks for {ENOUGH_CHECK_POINTS}), see the intervals")
+        reserves.append(f"fewer than {enough}, see the intervals; ASPRS edition 2 asks for {ENOUGH_CHECK_POINTS}")
     if outside := int(figures.get("check_outside_points", 0)):
         reserves.append(f"{outside} outside the control, extrapolated")
     return text + (f" ({'; '.join(reserves)})." if reserves else ".")

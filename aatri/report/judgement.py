@@ -59,7 +59,7 @@ def _left_to_do(run: RunView) -> str:
     done = sum(stage.status == "done" for stage in run.stages)
     if done == len(run.stages):
         return ""
-    last = run.to_follow() and f", {run.of_kind(Solution)[-1].name} the last; {run.to_follow()} is to follow"
+    last = run.to_follow() and f", the last of them {run.of_kind(Solution)[-1].name}; {run.to_follow()} comes next"
     return f"The run is not complete: {done} of {len(run.stages)} stages are done{last}."
 
 

@@ -190,7 +190,8 @@ def test_a_result_on_the_way_is_not_judged_by_what_is_left_to_the_next_adjustmen
         assert light["state"] == state
         assert ("Residuals are larger" in page["judgement"]) == (state == "bad")
         assert ("not complete" in text) == bool(further)
-    assert page["judgement"].startswith("The run is not complete: 2 of 3 stages are done, bundle the last; last is to")
+    begin = "The run is not complete: 2 of 3 stages are done, the last of them bundle; last comes next."
+    assert page["judgement"].startswith(begin)
 
 
 def test_warnings_of_the_way_stand_on_the_first_page_of_a_run_that_was_stopped_there(tmp_path: Path) -> None:
