@@ -238,7 +238,7 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
     named = [entry for entry in entries[1:] if not ends(entry)]
     if len(named) < full + plan + height:
         raise head.error(
-            f"{several(full + plan + height, 'control point')} announced, {several(len(named), 'id', 'follows', 'follow')}",
+            f"{several(full + plan + height, 'control point')} announced, {several(len(named), 'id')} follow",
             "mend the numbers",
         )
     roles: dict[str, list[int]] = {}
