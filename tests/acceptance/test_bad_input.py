@@ -75,7 +75,7 @@ def test_a_missing_file_is_one_error(project: Path) -> None:
 
 def test_a_missing_block_folder_is_named(project: Path) -> None:
     shutil.rmtree(project / "block")
-    _fails(3, "block: does not exist", "mend the path")
+    _fails(3, "path is 'block', which does not exist", "mend the path")
     assert current(project) == set()
 
 

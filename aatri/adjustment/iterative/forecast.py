@@ -25,6 +25,7 @@ from aatri.adjustment.settings import Solver as Solver
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.errors import ResourceError, SpecError
+from aatri.ids import several
 from aatri.progress import Reporter
 
 SHARE = 0.8
@@ -131,8 +132,8 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
 def _announce(problem: IndexedProblem, expected: Forecast, reporter: Reporter) -> None:
     tree = problem.tree
     reporter.log(
-        f"{problem.layout.n_kept} unknowns beside the eliminated ones in {len(tree.nodes)} fronts of at most "
-        f"{tree.largest_front}; factorisation {expected.flops / 1e9:.3g} Gflop"
+        f"{problem.layout.n_kept} unknowns beside the eliminated ones in {several(len(tree.nodes), 'front')} of at "
+        f"most {tree.largest_front}; factorisation {expected.flops / 1e9:.3g} Gflop"
     )
     factor, fronts, rays = expected.factor_bytes / 1e6, expected.fronts_bytes / 1e6, expected.rays_bytes / 1e6
     reporter.log(
