@@ -225,6 +225,17 @@ def test_a_plan_is_enlarged_with_the_length_of_its_bar(page: sync_api.Page) -> N
     assert float(plan.locator(".scale").text_content().split()[0]) == float(before.split()[0]) / 2
 
 
+def test_the_bar_of_an_enlarged_plan_has_the_unit_of_its_length(browser: sync_api.Browser, tmp_path: Path) -> None:
+    opened = browser.new_page(viewport={"width": 1400, "height": 1000})
+    opened.goto(write_report(_complete(tmp_path / "run")).as_uri())
+    bar, larger = opened.locator("#plan .scale"), opened.locator("#plan").get_by_role("button", name="+")
+    opened.evaluate("document.querySelector('#plan .scale').textContent = '1 km'")
+    for length in ("500 m", "250 m"):
+        larger.click()
+        assert bar.text_content() == length
+    opened.close()
+
+
 def test_tables_are_sorted_by_a_click_and_searched(page: sync_api.Page) -> None:
     table = page.locator("#certainty table", has_text="omega")
     page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")

@@ -161,8 +161,9 @@
       for (const label of group.querySelectorAll("text")) label.style.fontSize = `${11 / scale}px`;
       for (const label of svg.querySelectorAll(".scale, .key")) {
         label.dataset.text ??= label.textContent;
-        const [number, unit] = label.dataset.text.split(" ");
-        label.textContent = `${+(parseFloat(number) / scale).toPrecision(3)} ${unit}`;
+        const [number, unit] = label.dataset.text.split(" "), length = parseFloat(number) / scale;
+        const smaller = length < 1 && { km: "m", m: "mm", mm: "um" }[unit];
+        label.textContent = smaller ? `${+(1000 * length).toPrecision(3)} ${smaller}` : `${+length.toPrecision(3)} ${unit}`;
       }
       if (canvas) {  /* the drawing as it is moves at once; it is drawn anew when the hand rests */
         const [x, y, s] = canvas.drawn, r = svg.getBoundingClientRect().width / width;
