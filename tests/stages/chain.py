@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from aatri.stages.strip_formation.scale_transfer import scale_transfer
 
 @dataclass(frozen=True)
 class Chain:
-    """Results of all stages."""
+    """Results of all stages, and the options of the last."""
 
     block: Block
     interior: ImagePoints
@@ -35,7 +36,12 @@ class Chain:
     strips: Strips
     absolute: Solution
     strip_block: Solution
-    bundle: Solution
+    options: BundleOptions
+
+    @cached_property
+    def bundle(self) -> Solution:
+        """Made when it is asked for: most tests adjust with options of their own."""
+        return bundle(self.block, self.refined, self.strip_block, options=self.options)
 
 
 def simulated(seed: int = 1, **options: object) -> Block:
@@ -64,5 +70,4 @@ def from_refined(block: Block, interior: ImagePoints, refined: ImagePoints, opti
     strips = scale_transfer(block, models)
     absolute = similarity(block, strips, refined)
     strip_block = polynomial(block, refined, strips, absolute)
-    adjusted = bundle(block, refined, strip_block, options=options)
-    return Chain(block, interior, refined, models, strips, absolute, strip_block, adjusted)
+    return Chain(block, interior, refined, models, strips, absolute, strip_block, options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -20,31 +21,32 @@ class Notes(Ear):
         self.warnings.append(message)
 
 
-def _solution(kind: str, way: str, seed: int, ear: Ear | None = None) -> Solution:
-    cell, ear = replace(KINDS[kind], seed=seed, noise="t5"), ear or Ear()
-    made = through(cell, read(scene_of(cell), ear), way, ear)["bundle"]
+@cache
+def _solution(kind: str, way: str, seed: int) -> tuple[Solution, tuple[str, ...]]:
+    """The bundle of a block with errors of Student's distribution, and all that is said on the way."""
+    cell, notes = replace(KINDS[kind], seed=seed, noise="t5"), Notes()
+    made = through(cell, read(scene_of(cell), notes), way, notes)["bundle"]
     assert isinstance(made, Solution)
-    return made
+    return made, tuple(notes.warnings)
 
 
 @pytest.mark.parametrize("way", ["chain", "graph"])
 def test_student_errors_are_no_gross_errors(way: str) -> None:
     """Four blocks of some 350 image points; with the limit of normal errors 1 to 3 of each are left out."""
-    assert sum(left_out(_solution("film", way, seed).suspects) for seed in (1, 2, 3, 5)) == 0
+    assert sum(left_out(_solution("film", way, seed)[0].suspects) for seed in (1, 2, 3, 5)) == 0
 
 
 def test_points_lost_with_an_earlier_rejection_come_back() -> None:
     """The graph leaves a point of two rays out altogether: the block, which knows the tail, takes it."""
-    assert _solution("film", "graph", 2).suspects.verdict.tolist() == ["readmitted"] * 2
+    assert _solution("film", "graph", 2)[0].suspects.verdict.tolist() == ["readmitted"] * 2
 
 
 def test_what_only_a_long_tail_explains_is_used_and_named() -> None:
     """A |w| beyond the limit of normal errors may be a gross error all the same: whoever measured it is told which."""
     named = 0
     for seed in (1, 2, 3, 5):
-        said = Notes()
-        solution = _solution("film", "graph", seed, said)
-        (text,) = [text for text in said.warnings if "longer tails than normal ones" in text]
+        solution, notes = _solution("film", "graph", seed)
+        (text,) = [text for text in notes if "longer tails than normal ones" in text]
         limit = float(text.split("not ")[1].split(";")[0])
         names = re.findall(r"(s\d+i\d+)/(p\d+) \((\d+\.\d)\)", text)
         assert all(float(w) >= round(limit, 1) for _, _, w in names)
