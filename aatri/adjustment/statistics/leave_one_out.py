@@ -40,16 +40,14 @@ def gains_of_leaving_out(v: Float, H: Float) -> Float:
     return np.asarray(np.where(controlled, along**2 / np.where(controlled, values, 1.0), 0.0).sum(axis=1))
 
 
-def as_good(gain: Float, unit: float = 1.0) -> Bool:
+def as_good(gain: Float) -> Bool:
     """Records whose leaving out explains as much as that of the best, (n,): one of them is wrong.
 
     Parameters
     ----------
     gain : (n,) float64
         NaN where a record is not to be left out.
-    unit : float
-        The scale of the residuals, where their standard deviations are wrong by a known factor.
     """
     finite_gain = np.where(np.isfinite(gain), gain, -np.inf)
     most = float(finite_gain.max(initial=0.0))
-    return np.asarray(finite_gain >= most - max(SEPARABLE * unit**2, AS_GOOD * most))
+    return np.asarray(finite_gain >= most - max(SEPARABLE, AS_GOOD * most))

@@ -73,7 +73,7 @@ def perform(
             except Exception as problem:
                 log.write("".join(traceback.format_exception(problem)))
                 raise _as_reported(problem, task.stage) from problem
-        full = commit_object(task.run, task.stage, task.key, artifact, record, with_log=True)
+        full = commit_object(task.run, task.stage, task.key, artifact, record)
         if memory is not None:
             memory[full["output"]["content_digest"]] = artifact
         drop_checkpoints(task.run, task.stage)

@@ -34,15 +34,8 @@ def base_of(run: Path) -> Path:
     return owner if run.parent.name == VARIANTS and (owner / OBJECTS).is_dir() else run
 
 
-def commit_object(
-    run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any], *, with_log: bool = False
-) -> dict[str, Any]:
-    """Bring an artifact and its record to the disk.
-
-    Parameters
-    ----------
-    with_log : bool
-        Take the log of the stage under way along.
+def commit_object(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Bring an artifact and its record to the disk, with the log of the stage under way.
 
     Returns
     -------
@@ -79,7 +72,7 @@ def commit_object(
             "content_digest": content_digest,
             "rows": hdf5.rows_of(artifact),
         }
-        if with_log and inside.kind(run, "running", f"{stage}.log") == "file":
+        if inside.kind(run, "running", f"{stage}.log") == "file":
             log = inside.path_of(run, "running", f"{stage}.log")
             log.replace(inside.path_of(base, *at, "stage.log"))
         seconds = round(float(record["seconds"]) + time.perf_counter() - clock, 3)  # of the method, and of writing

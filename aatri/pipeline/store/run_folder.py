@@ -132,7 +132,7 @@ def is_current(run: Path, record: Mapping[str, Any]) -> bool:
 
 def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
     """Bring an artifact and its record to the disk and make it the current one; returns the record."""
-    full = commit_object(run, stage, key, artifact, record, with_log=True)
+    full = commit_object(run, stage, key, artifact, record)
     make_current(run, full)
     return full
 
