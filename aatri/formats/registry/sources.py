@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
-from aatri.errors import InputError
+from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.checked import check_parts
 from aatri.formats.parts.format import FileView, Reading
@@ -94,8 +94,7 @@ def read_all(
         return sources, []
     files: set[Path] = set()
     try:
-        count = len(sources)
-        sources, parts = map(list, zip(*(_read_of_several(source, paths, count, reporter) for source in sources)))
+        sources, parts = _read_each(sources, paths, reporter)
         files = {file for of_source in parts for file in of_source.files}
     finally:
         _say_unread([path for path in unread if path not in files], reporter)
@@ -124,17 +123,20 @@ def _is_of_numbers(path: Path) -> bool:
     return sum(map(is_number, words)) >= max(3, len(words) / 2)
 
 
-def _read_of_several(
-    source: SourceWithSettings, paths: Sequence[Path], count: int, reporter: Reporter
-) -> tuple[SourceWithSettings, BlockParts]:
-    """The same; a file of a folder that cannot be read may be left out."""
-    try:
-        return _read(source, reporter)
-    except InputError as error:
-        if count == 1 or source.path in paths:
-            raise
-        remedy = f"{error.remedy}; or leave it out: --without {source.path.name}"
-        raise InputError(error.what, where=error.where, remedy=remedy) from error
+def _read_each(
+    sources: Sequence[SourceWithSettings], paths: Sequence[Path], reporter: Reporter
+) -> tuple[list[SourceWithSettings], list[BlockParts]]:
+    """The sources with what each gives; those of a folder that cannot be read are told at once, and may be left out."""
+    read, problems = list[tuple[SourceWithSettings, BlockParts]](), list[AatriError]()
+    for source in sources:
+        try:
+            read.append(_read(source, reporter))
+        except InputError as error:
+            of_folder = len(sources) > 1 and source.path not in paths
+            remedy = error.remedy + (f"; or leave it out: --without {source.path.name}" if of_folder else "")
+            problems.append(InputError(error.what, where=error.where, remedy=remedy))
+    raise_all(problems)
+    return [source for source, _ in read], [parts for _, parts in read]
 
 
 def _with_companions(

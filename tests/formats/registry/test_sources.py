@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.errors import InputError
+from aatri.errors import AatriError, InputError
 from aatri.formats.parts.assembled import assembled
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import Reading
@@ -54,6 +54,18 @@ def test_what_a_list_without_a_header_has_is_said_of_the_only_file(tmp_path: Pat
     _, (parts,) = read_all([path], settings_of([said]), SILENT)
     assert list(parts.images["camera"]) == ["cam"]
     np.testing.assert_array_equal(parts.exterior["position_m"], [[800000.5, 6200000.25, 2800.5]])
+
+
+def test_of_a_folder_all_that_cannot_be_read_is_told_at_once(tmp_path: Path) -> None:
+    for name, x in (("a.csv", "1.5"), ("b.csv", "1,5"), ("c.csv", "nan")):
+        (tmp_path / name).write_text(f"point;X;Y;Z\nP{name[0]};{x};2;3\n")
+    with pytest.raises(AatriError) as refused:
+        read_all([tmp_path], [], SILENT)
+    for name in ("b.csv", "c.csv"):
+        assert f"{name}:2: " in str(refused.value)
+        assert f"or leave it out: --without {name}" in str(refused.value)
+    _, (parts,) = read_all([tmp_path], [], SILENT, without=["b.csv", "c.csv"])
+    assert parts.ground_points["point"] == ["Pa"]
 
 
 def test_only_lists_of_numbers_are_said_to_be_read_by_their_columns(tmp_path: Path) -> None:
