@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from aatri.formats.parts.not_stated import NotStated
     from aatri.formats.registry.settings import Setting, SourceWithSettings
 
+ANGLES = {"angles_rad", "ground_from_image"}
+"""Columns of attitudes that a source may have."""
 FEWEST_RAYS = 3
 """Image points by which an image is oriented."""
 FEWEST = 3
@@ -127,8 +129,9 @@ def pipeline_from(
     hint = ""
     if positions and not observed:
         hint = MAY_BE_OBSERVED
-        of = next(s.path.name for s, p in zip(sources, parts) if p.exterior)
-        remedy = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]"
+        of, exterior = next((s.path.name, p.exterior) for s, p in zip(sources, parts) if p.exterior)
+        angles = " --set attitude_sigma_deg=0.01" if ANGLES & {*exterior} else ""
+        remedy = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
         return pipeline_text(sources, folder, stages, hint + grids, stated=stated)
@@ -213,8 +216,13 @@ def _to_match(block: Block) -> bool:
 def _counted(parts: BlockParts) -> list[str]:
     tables = ("cameras", "images", "image_points", "ground_points", "exterior")
     keys = ("id", "id", "image", "point", "image")
-    has_attitudes = {"angles_rad", "ground_from_image"} & {*parts.exterior}
-    words = ("camera", "image", "image point", "ground point", "orientation" if has_attitudes else "position")
+    words = (
+        "camera",
+        "image",
+        "image point",
+        "ground point",
+        "orientation" if ANGLES & {*parts.exterior} else "position",
+    )
     counts = [len(getattr(parts, table).get(key, ())) for table, key in zip(tables, keys)]
     frame = [f"frame {parts.frame.crs}"] if parts.frame is not None else []
     return [several(count, word) for count, word in zip(counts, words) if count] + frame

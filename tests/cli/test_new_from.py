@@ -196,6 +196,7 @@ def test_a_grid_of_a_geoid_beside_the_files_is_told_with_the_setting_that_takes_
     assert "fr_ign_RAF20.tif: grid of a geoid, not used" in result.stderr
     assert f"--set crs=EPSG:... --set {GEOID}" in result.stderr
     assert "23FD1305_alt_test.OPK:use=observed --set position_sigma=" in result.stderr
+    assert "--set position_sigma=[0.1,0.1,0.1] --set attitude_sigma_deg=0.01" in result.stderr
 
 
 def test_a_height_system_of_one_source_joins_the_coordinate_system_of_all(tmp_path: Path, shared_data: Path) -> None:
