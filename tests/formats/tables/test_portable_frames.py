@@ -94,6 +94,19 @@ def test_they_give_the_scale_of_a_block_and_fit(tmp_path: Path) -> None:
     assert 0.8 < done.bundle.sigma0 < 1.2
 
 
+@pytest.mark.slow
+def test_a_mark_that_contradicts_its_frame_is_named_with_both_that_may_be_wrong(tmp_path: Path) -> None:
+    """The rays of the mark go, which agree among themselves: that the frame may be wrong must be told."""
+    small = made()
+    folder, true = written(small, tmp_path / "block"), small.xyz_m["a0"]
+    small.xyz_m["a0"] = true + np.array([0.0, 0.5, 0.5])
+    written(small, tmp_path / "wrong")
+    (folder / "ground_points.csv").write_text((tmp_path / "wrong" / "ground_points.csv").read_text())
+    done = adjusted_by("graph", folder)
+    named = [text for text in done.warnings if "or what is given is wrong" in text]
+    assert [text.split(": ")[-1] for text in named] == ["a0"]
+
+
 def test_what_is_wrong_with_a_frame_is_an_error_with_its_line(tmp_path: Path) -> None:
     small = made()
     with pytest.raises(AatriError, match=r"frame cube, which is local: its points are marks of a body"):

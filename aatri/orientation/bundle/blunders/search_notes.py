@@ -110,32 +110,45 @@ def _renumbering(block: BundleInput, renumbered: OtherNumber) -> str:
 
 def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool) -> list[Note]:
     """Images and points most of whose observations are rejected."""
-    notes = []
-    for group, ids, share, text in (
-        (
-            POSE,
-            block.image_ids,
-            REJECTED_SHARE,
-            "images of which {} or more of the image points are rejected: their "
-            "number, interior orientation or camera may be wrong",
-        ),
-        (
-            POINT,
-            block.point_ids,
-            0.5,
-            "points of which half of the rays or more are rejected: more than one object may carry the number",
-        ),
-    ):
-        total, rejected_count = np.zeros(len(ids)), np.zeros(len(ids))
-        for part, o in zip(records.parts, records.observed):
-            touched = dict(o.records.touches)
-            if POSE in touched and POINT in touched:
-                native = records.native[part]
-                total += np.bincount(touched[group][native], minlength=len(ids))
-                rejected_count += np.bincount(touched[group][native & rejected[part]], minlength=len(ids))
-        least = REJECTED_LEAST if group == POSE else 3
-        mostly_rejected = (rejected_count >= least) & (rejected_count >= share * total)
-        if mostly_rejected.any():
-            named = tuple(np.asarray(ids)[mostly_rejected].tolist())
-            notes.append(Note("warning", text.format(f"{share:.0%}"), named))
-    return notes
+    images = _most_of_rays(block, records, rejected, POSE) >= REJECTED_SHARE
+    points = _most_of_rays(block, records, rejected, POINT) >= 0.5
+    held = _held_otherwise(block, records, rejected)
+    many = "points of which half of the rays or more are rejected"
+    texts = (
+        f"images of which {REJECTED_SHARE:.0%} or more of the image points are rejected: their number, interior "
+        "orientation or camera may be wrong",
+        f"{many}: more than one object may carry the number",
+        f"{many} beside what else is given of them, control, distances, the frame of a body: either the rays are those "
+        "of another object, or what is given is wrong",
+    )
+    named = (block.image_ids, images), (block.point_ids, points & ~held), (block.point_ids, points & held)
+    return [
+        Note("warning", text, tuple(np.asarray(ids)[wrong].tolist()))
+        for text, (ids, wrong) in zip(texts, named)
+        if wrong.any()
+    ]
+
+
+def _most_of_rays(block: BundleInput, records: AllRecords, rejected: Bool, group: str) -> Float:
+    """Share of rejected rays of each image or point; 0 where too few are rejected to say anything."""
+    n = len(block.image_ids if group == POSE else block.point_ids)
+    total, rejected_count = np.zeros(n), np.zeros(n)
+    for part, o in zip(records.parts, records.observed):
+        touched = dict(o.records.touches)
+        if POSE in touched and POINT in touched:
+            native = records.native[part]
+            total += np.bincount(touched[group][native], minlength=n)
+            rejected_count += np.bincount(touched[group][native & rejected[part]], minlength=n)
+    least = REJECTED_LEAST if group == POSE else 3
+    return np.where(rejected_count >= least, rejected_count / np.maximum(total, 1), 0.0)
+
+
+def _held_otherwise(block: BundleInput, records: AllRecords, rejected: Bool) -> Bool:
+    """Points of which something else than rays is observed, and not rejected."""
+    held = np.zeros(len(block.point_ids), dtype=bool)
+    for part, o in zip(records.parts, records.observed):
+        groups = [group for group, _ in o.records.touches]
+        for group, rows in o.records.touches:
+            if group == POINT and POSE not in groups:
+                held[rows[o.records.active & ~rejected[part]]] = True
+    return held
