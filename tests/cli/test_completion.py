@@ -12,8 +12,10 @@ from typer.testing import CliRunner
 
 from aatri.cli.arguments.completion import complete_in_bash
 from aatri.cli.main import VERBS, app
+from aatri.errors import Faults, SpecError
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.methods.registry import Registry
+from aatri.pipeline.spec.pipeline_file import load_spec
 
 PIPELINE = """\
 run: runs/first
@@ -96,11 +98,19 @@ def test_bash_which_parts_words_at_colons_and_equals_signs_gets_the_last_part(
 
 
 @pytest.mark.usefixtures("_project")
-def test_options_are_completed_without_importing_their_stage_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_are_completed_without_importing_a_stage_that_was_completed_or_planned_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert _completed("aatri run --set bundle.relia") == ["bundle.reliability="]
+    with monkeypatch.context() as patch:
+        patch.setattr(Registry, "card", lambda *_: pytest.fail("a stage was imported"))
+        assert _completed("aatri run --set bundle.relia") == ["bundle.reliability="]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    spec, catalogue = load_spec(Path("pipeline.yaml")), Catalogue()
+    assert catalogue.prepare(spec, spec.stages["block"], Faults(SpecError)) is not None
+    catalogue.save()
     monkeypatch.setattr(Registry, "card", lambda *_: pytest.fail("a stage was imported"))
-    assert _completed("aatri run --set bundle.relia") == ["bundle.reliability="]
-    assert "reliability" in Catalogue().option_names("bundle_adjustment/bundle")
+    assert _completed("aatri run --set block.pres") == ["block.preset="]
 
 
 def test_pictures_and_questions_are_completed_from_the_list_of_the_report_each_once(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ class Catalogue:
         PluginError
             If there is no such variant, or it breaks its contract.
         """
-        from aatri.pipeline.spec.options import input_files, validated
+        from aatri.pipeline.spec.options import input_files, option_names, validated
 
         card = self.registry.card(stage.use)
         method = self.method(stage.use)
@@ -127,6 +127,7 @@ class Catalogue:
                 "needs": [asdict(need) for need in needs],
             }
             self._methods.put(self._entry(stage, code, spec.base if files else None), entry)
+            self._methods.put(_of_options(stage.use, code), sorted(option_names(card)))
         return Prepared(method, plain, files, uses, code, needs)
 
     def method(self, use: str) -> Method:
@@ -139,7 +140,7 @@ class Catalogue:
         origin, key = self._found.get(use), ""
         if origin is not None and origin.file is not None:
             with contextlib.suppress(OSError):
-                key = f"{use} {self._reader.code_of(origin.module, origin.file).digest}"
+                key = _of_options(use, self._reader.code_of(origin.module, origin.file))
         names = self._methods.get(key)
         if not isinstance(names, list):
             from aatri.pipeline.spec.options import option_names
@@ -171,6 +172,11 @@ class Catalogue:
         written = json.dumps(stage.options, sort_keys=True)
         parts = [stage.use, code.digest, declared, written, str(base), str(self._runs_code), *self._versions]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _of_options(use: str, code: Code) -> str:
+    """Name of the entry of the options of a variant."""
+    return f"{use} {code.digest}"
 
 
 def _origins(local: Path | None) -> dict[str, discovery.Origin]:
