@@ -53,14 +53,27 @@ def left_out_table(o: Observed, residual: Float) -> Suspects:
 def contradicts(left: Sequence[Observed], state: State, limit: float) -> bool:
     """Whether what is left out is off as a whole by more than `limit` times what one of it is uncertain.
 
-    Weakly tied strips bend by less, and fit whatever is left.
+    That is its standard deviation, or the scatter of the closest half where this is larger: standard deviations may be
+    guessed, and the positions of two cameras lie apart. Weakly tied strips bend by less, and fit whatever is left.
     """
     for o in _of_places(left):
-        for v, sigma in zip(residuals_at(state, o).T, o.sigmas().T):
-            testable = np.isfinite(v) & np.isfinite(sigma)
-            if testable.any() and abs(float(np.median(v[testable]))) > limit * float(np.median(sigma[testable])):
-                return True
+        v, sigma = residuals_at(state, o), o.sigmas()
+        if o.kind in DISTANCES:
+            length = _ratios([o], state)[1][:, None]
+            v, sigma = v / length, sigma / length
+        for off, sigma_of in zip(v.T, sigma.T):
+            testable = np.isfinite(off) & np.isfinite(sigma_of)
+            if testable.any():
+                uncertain = max(float(np.median(sigma_of[testable])), _scatter_of_closest_half(off[testable]))
+                if abs(float(np.median(off[testable]))) > limit * uncertain:
+                    return True
     return False
+
+
+def _scatter_of_closest_half(values: Float) -> float:
+    """Standard deviation that the shortest interval of half the values has of normal ones (Rousseeuw 1984)."""
+    half, ordered = (len(values) + 1) // 2, np.sort(values)
+    return 0.5 * SCATTER * float((ordered[half - 1 :] - ordered[: len(values) - half + 1]).min())
 
 
 def contradiction_note(block: Block, left: Sequence[Observed], state: State, kind: str, what: str) -> Note:

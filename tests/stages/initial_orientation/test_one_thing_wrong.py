@@ -66,6 +66,26 @@ def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
     assert far_off(block, done)[0] < 0.1
 
 
+@pytest.mark.parametrize("seed", [1, 3, 10])
+def test_positions_and_control_of_sigmas_a_fifth_contradict_nothing(seed: int) -> None:
+    small = {**SMALL_UAV, "flight": {"strips": 2, "images_per_strip": 7}, "known": {"full": 5}}
+    block, rng, told = simulated(seed, **small), np.random.default_rng(seed), Told()
+    e, g, unit = block.exterior, block.ground_points, np.eye(3)
+    e = replace(
+        e,
+        position_m=e.position_m + rng.normal(0.0, 0.25, e.position_m.shape),
+        position_covariance_m2=np.tile(0.05**2 * unit, (len(e), 1, 1)),
+    )
+    g = replace(
+        g,
+        xyz_m=g.xyz_m + rng.normal(0.0, 0.15, g.xyz_m.shape),
+        covariance_m2=np.tile(0.03**2 * unit, (len(g), 1, 1)),
+    )
+    found = initial_of(without_strips(replace(block, exterior=e, ground_points=g)), told)
+    assert not (found.suspects.kind == "position").any()
+    assert not [text for text in told.warnings if "contradict" in text]
+
+
 def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     block, told = with_distances(block, some_ends(block, 6)), Told()
