@@ -189,8 +189,8 @@ def _oriented(of: StripsOfBlock, joining: Joining) -> OrientedStrips:
 
 def _joined_and_oriented(
     of: StripsOfBlock, joining: Joining, *, weakly: bool
-) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError], list[Note]]:
-    """Strips joined to components, each of them oriented; those that are not determined with their errors.
+) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError | ConvergenceError], list[Note]]:
+    """Strips joined to components, each of them oriented; the errors of those that are not determined or converge.
 
     Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
     against each other by the errors of these points, magnified, and fit no control.
@@ -207,7 +207,7 @@ def _joined_and_oriented(
         weakly=weakly,
         apart=joining.apart + joining.left_out,
     )
-    parts, failed = list[OrientedPart](), list[GeometryError]()
+    parts, failed = list[OrientedPart](), list[GeometryError | ConvergenceError]()
     notes = list[Note]()
     for number, component in enumerate(free.components, 1):
         if np.isin(component.strips, joining.left_out).all():
@@ -215,9 +215,9 @@ def _joined_and_oriented(
         what = f"component {number} ({strip_names(component, names)})"
         try:
             part, more = oriented_part(of.ground, strips, of.rays, component, what, settings)
-        except GeometryError as error:
+        except (ConvergenceError, GeometryError) as error:
             begun = (of.ground, strips, of.rays, free, component, what, settings)
-            level = levelled_part(*begun) if joining.level else None
+            level = levelled_part(*begun) if joining.level and isinstance(error, GeometryError) else None
             if level is None:
                 failed.append(error)
                 continue
@@ -254,11 +254,12 @@ def _part_notes(part: OrientedPart) -> list[Note]:
     return notes
 
 
-def _all_of(failed: Sequence[GeometryError], free: FreeBlock) -> GeometryError:
+def _all_of(failed: Sequence[GeometryError | ConvergenceError], free: FreeBlock) -> GeometryError | ConvergenceError:
     texts = [error.what for error in failed] + [f"not joined: {text}" for text in free.unjoined[:10]]
     remedies = [failed[0].remedy]
     if len(free.components) > 1:
         remedies.append("or measure at least 3 points common to the strips, not on a line")
     if len(failed) < len(free.components):
         remedies.append("or set `components: largest` to orient the rest")
-    return GeometryError("; ".join(texts), remedy="; ".join(remedies))
+    kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in failed) else GeometryError
+    return kind("; ".join(texts), remedy="; ".join(remedies))

@@ -137,6 +137,25 @@ def test_two_components_with_control_of_their_own_are_both_oriented() -> None:
     assert any("have no common point" in text for text in heard.warnings)
 
 
+@pytest.mark.parametrize("components", ["largest", "all"])
+def test_a_component_whose_control_contradicts_itself_does_not_take_the_others_with_it(components: str) -> None:
+    made, rng = MadeBlock(2, 5, gap_m=400.0), np.random.default_rng(1)
+    low = made.truth[:, 1] < made.truth[:, 1].mean()
+    high = np.flatnonzero(~low)[:: np.count_nonzero(~low) // 4][:4]
+    made.control([*np.flatnonzero(low)[::5], *high], sigma_m=0.1)
+    for point in high:
+        roles, xyz_m, sigma_m = made.given[point]
+        made.given[point] = roles, xyz_m + rng.normal(0.0, 800.0, 3), sigma_m
+    if components == "all":
+        with pytest.raises(ConvergenceError, match="component 2"):
+            _oriented(made, components="all")
+        return
+    solution, heard = _oriented(made)
+    assert solution.images.oriented.tolist() == [True] * 5 + [False] * 5
+    assert max(_errors(made, solution)) < 1e-6
+    assert any(text.startswith("not oriented: ") and "component 2 (strip 2)" in text for text in heard.warnings)
+
+
 def test_too_little_and_collinear_control_is_named_with_its_points() -> None:
     made = MadeBlock(2, 5)
     a, b, _, _ = made.corners()
