@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import tested_block
 from aatri.orientation.bundle.blunders.failed_search import without_search
-from aatri.orientation.bundle.blunders.robust import AdjustOptions
+from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
 from tests.orientation.bundle.made_bundle import made_bundle
@@ -38,6 +40,27 @@ def test_the_failure_stands_where_the_observations_do_not_fit() -> None:
     parts = made_bundle()
     with pytest.raises(ConvergenceError, match="60 iterations"):
         without_search(_wrong(parts).together(), least_squares, FAILURE)
+
+
+def test_what_an_adjustment_loses_with_its_point_keeps_its_weight() -> None:
+    """A point far off its rays has hardly a weight, and may not be solved: with full weights it would come back."""
+    parts = made_bundle()
+    rows = parts.rays.point == 3
+    weights = list[Float]()
+
+    def losing(block: BundleInput, options: AdjustOptions) -> BundleResult:
+        result = least_squares(block, options)
+        place = [o.observed.kind for o in result.observations].index("image_point")
+        weights.append(options.weights[place])
+        lost = (replace(o, used=o.used & ~rows) if k == place else o for k, o in enumerate(result.observations))
+        return replace(result, observations=tuple(lost))
+
+    xyz_m = parts.xyz_m + np.where(np.arange(len(parts.xyz_m)) == 3, 500.0, 0.0)[:, None]
+    robust_from_start(replace(parts, xyz_m=xyz_m).together(), losing, SearchOptions())
+    assert len(weights) > 2
+    assert 0 < weights[0][rows].max() < 1e-3
+    for again in weights[1:]:
+        np.testing.assert_array_equal(again[rows], weights[0][rows])
 
 
 def _wrong(parts: Parts) -> Parts:

@@ -93,7 +93,7 @@ def robust_from_start(block: BundleInput, adjust: Adjust, options: SearchOptions
             weight[rows] = np.where(np.isfinite(size), weights(cauchy.weights, size / usual, cauchy.k), 1.0)
         first.append(weight)
     result = adjust(block, AdjustOptions(weights=tuple(first), coarse=True))
-    return _reweighted(block, adjust, cauchy, None, result, coarse=True, rounds=FEW_ROUNDS)
+    return _reweighted(block, adjust, cauchy, None, result, tuple(first), coarse=True, rounds=FEW_ROUNDS)
 
 
 def _reweighted(
@@ -102,17 +102,19 @@ def _reweighted(
     options: SearchOptions,
     least_squares: BundleResult | None,
     result: BundleResult,
+    first: tuple[Float, ...] = (),
     *,
     coarse: bool,
     rounds: int = ROUNDS,
 ) -> BundleResult:
-    """Adjusted with the weights of the residuals before, again and again."""
-    previous: tuple[Float, ...] = ()
+    """Adjusted with the weights of the residuals before, again and again; `first` are those of the result."""
+    previous = first or tuple(np.ones(len(o.observed)) for o in result.observations)
     for _ in range(rounds):
-        current = tuple(_weights(o, result, options, least_squares, i) for i, o in enumerate(result.observations))
-        converged = bool(previous) and all(
-            (np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(current, previous)
+        current = tuple(
+            _weights(o, result, options, least_squares, i, before)
+            for i, (o, before) in enumerate(zip(result.observations, previous))
         )
+        converged = all((np.abs(a - b) <= STAYS * np.maximum(a, 0.01)).all() for a, b in zip(current, previous))
         result = adjust(from_result(block, result), AdjustOptions(weights=current, coarse=coarse or not converged))
         if converged:
             break
@@ -126,9 +128,11 @@ def _weights(
     options: SearchOptions,
     least_squares: BundleResult | None,
     i: int,
+    before: Float,
 ) -> Float:
+    """Weights of one of the observations; what the adjustment lost with a point far off keeps that of before."""
     o, rows = observations.observed, np.flatnonzero(observations.used)
-    weight = np.ones(len(o))
+    weight = before.copy()
     if not (o.components or o.exact or not len(rows)):
         v = standardised(o, result.adjusted.state, rows)
         if options.weights == "li_posterior" and least_squares is not None:
