@@ -14,6 +14,7 @@ Source: Church, Revised geometry of the aerial photograph (1945); Manual of Phot
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -50,6 +51,9 @@ from aatri.units import length
 
 EXCHANGED = 2
 """Control points that one exchange of coordinates makes wrong."""
+
+MOST_EXCHANGED = 50
+"""Control points of which every two are tried with each other's coordinates: some seconds."""
 
 PLAIN_LENSES = ("none", "brown", "table")
 """Distortions so small that angles between rays may be taken without them."""
@@ -100,7 +104,7 @@ def angles_that_differ(block: Block, xy_mm: Float, usable: Bool) -> list[Finding
         return [Finding("angles", "error", seen.text, seen.remedy, where=_place(block, seen.of, rays))]
     points = block.points.id[control_of(block).point[list(seen.points)]]
     ids, images = tuple(points.tolist()), tuple(block.images.id[seen.images].tolist())
-    other = (f"another camera or position of {shown(images)}",) if ids else ()
+    other = (f"another camera or position of {shown(images)}",) if ids and images else ()
     return [Finding("angles", "warning", seen.text, seen.remedy, ids=ids or images, alternatives=other)]
 
 
@@ -120,6 +124,8 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
             certain = left < CERTAINLY_EXPLAINED * as_given and surely
             text = f"{text}; {cause.text}, by {_percent(left)}"
             return Contradiction(text, cause.remedy, cause.of, certain, images)
+        if as_given > NOTHING_FITS and rays.observed and (two := exchanged_points(rays, pairs, limit)):
+            return _exchanged(text, images, two)
         if as_given > NOTHING_FITS and rays.observed and _is_of_one_or_two(rays, pairs, limit):
             text += ": one control point may be wrong, or two have each other's coordinates"
             return Contradiction(text, "the adjustment tells which, if it can", "control", False, images)
@@ -138,10 +144,31 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
         remedy = "check their positions, or give them a camera of their own"
         return Contradiction(f"{text}; {cause.text}, by {_percent(left)}", remedy, cause.of, False, single)
     text = f"angles between rays to control points differ by more than {limit:.0%} from those measured"
+    if two := exchanged_points(rays, pairs, limit):
+        return _exchanged(text, images, two)
     points = points_off(rays, pairs, limit)
     if 0 < len(points) < len(single):
         return Contradiction(f"{text}, at single points", "check coordinates and ids", "", False, single, points)
     return Contradiction(f"{text}, in single images", "check their positions and cameras", "", False, single)
+
+
+def _exchanged(text: str, images: Int, two: tuple[int, ...]) -> Contradiction:
+    text += ", by hardly anything with the coordinates of two control points exchanged"
+    return Contradiction(text, "exchange the coordinates or the ids", "control", False, images[:0], two)
+
+
+def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:
+    """The two control points with whose coordinates exchanged every image fits, rows of `control_m`; else none."""
+    off = np.unique(pairs.image)[misfit_of_images(rays, pairs) > limit]
+    of_off = pairs.take(np.isin(pairs.image, off))
+    points, fits = np.unique(rays.point[np.concatenate([pairs.first, pairs.second])]), list[tuple[int, ...]]()
+    for two in combinations(points.tolist(), 2) if len(points) <= MOST_EXCHANGED else ():
+        control_m = rays.control_m.copy()
+        control_m[list(two)] = control_m[list(two[::-1])]
+        exchanged = replace(rays, control_m=control_m)
+        if all(misfit_of_images(exchanged, some).max() < FIT_OBSERVED for some in (of_off, pairs)):
+            fits.append(two)
+    return fits[0] if len(fits) == 1 else ()
 
 
 def _is_of_one_or_two(rays: ControlRays, pairs: Pairs, limit: float) -> bool:

@@ -207,12 +207,27 @@ def test_one_wrong_point_or_two_exchanged_ones_leave_the_decision_to_the_adjustm
     assert alone is None or (alone.points, alone.certain) == ((4,), False)
 
 
-def test_of_few_control_points_two_exchanged_ones_end_no_run() -> None:
-    """Most angles are wrong by more than half, and those of the other points are right."""
-    rays, exchanged = _rays(), _rays().control_m
-    few = np.isin(rays.point, (0, 1, 3, 8))
-    exchanged[[0, 8]] = exchanged[[8, 0]]
+def _of(rays: ControlRays, points: tuple[int, ...]) -> ControlRays:
+    few = np.isin(rays.point, points)
     columns = {name: getattr(rays, name)[few] for name in ("image", "point", "xy_mm", "principal_point_mm", "c_mm")}
-    found = _found(replace(rays, control_m=exchanged, **columns))
+    return replace(rays, **columns)
+
+
+@pytest.mark.parametrize("points", [(0, 1, 3, 8), (0, 1, 8), (4, 5, 8)])
+def test_of_few_control_points_two_exchanged_ones_end_no_run_and_are_named(points: tuple[int, ...]) -> None:
+    """Most angles are wrong by more than half, and those of the other points are right, or there are none."""
+    rays, exchanged = _of(_rays(), points), _rays().control_m
+    two = [points[0], points[-1]]
+    exchanged[two] = exchanged[two[::-1]]
+    found = _found(replace(rays, control_m=exchanged))
     assert not found.certain
-    assert "two have each other's coordinates" in found.text
+    assert found.points == tuple(two)
+    assert "two control points exchanged" in found.text
+
+
+def test_of_few_control_points_one_far_off_ends_no_run() -> None:
+    rays, moved = _of(_rays(), (0, 1, 3, 4)), _rays().control_m
+    moved[4] += [900.0, -700.0, 0.0]
+    found = _found(replace(rays, control_m=moved))
+    assert not found.certain
+    assert "one control point may be wrong" in found.text
