@@ -164,11 +164,15 @@ def transformer_between(source: Frame, target: Frame) -> Any:
 
 
 def _missing_grids(systems: list[Any]) -> dict[str, str]:
-    """Names of the grids that the best transformation lacks, with where they are to be had."""
+    """Names of the grids that the best transformation lacks, if any, with where they are to be had."""
+    from pyproj.exceptions import ProjError
     from pyproj.transformer import TransformerGroup
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that the best one is not available
-        group = TransformerGroup(systems[0], systems[1], always_xy=True)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that the best one is not available
+            group = TransformerGroup(systems[0], systems[1], always_xy=True)
+    except ProjError:
+        return {}
     best = group.unavailable_operations[:1]
     return {grid.short_name: grid.url for of_best in best for grid in of_best.grids if not grid.available}

@@ -67,7 +67,7 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm)
             yield from _of_image_points(block.images, place, rows, image, H, cameras=not carried)
             yield from _of_images(block.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
-            yield from moved_together(block, place, rows, v)
+            yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][ends[rows]] for _, ends in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))

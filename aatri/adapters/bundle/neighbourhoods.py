@@ -15,8 +15,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import chdtri
 
+from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
-from aatri.orientation.bundle.block import BundleInput
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.bundle.groups.candidates import MOST_TYPICAL, NEIGHBOURHOOD, Candidates, Cause, dispersion_of
 
 SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
@@ -38,12 +39,13 @@ MOST_IMAGES = 12
 """Images that are tested by themselves, those with the largest bounds."""
 
 
-def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Iterator[Candidates]:
+def moved_together(
+    rays: ImagePointRows, image_ids: Ids, point_ids: Ids, place: int, rows: Int, v: Float
+) -> Iterator[Candidates]:
     """Neighbourhoods of image points, to be tested for a common shift; v (n, 2), the whitened residuals of the rows."""
-    assert block.rays is not None
-    image, point, xy_mm = block.rays.image[rows], block.rays.point[rows], block.rays.xy_mm[rows]
+    image, point, xy_mm = rays.image[rows], rays.point[rows], rays.xy_mm[rows]
     large: Bool = np.asarray((np.abs(v) > LARGE).any(axis=1))
-    order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(block.image_ids))
+    order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(image_ids))
     last = np.cumsum(count)
     searched = [
         order[last[k] - count[k] : last[k]]
@@ -59,7 +61,7 @@ def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Itera
     worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES]
     if not worst:
         return
-    seen = np.isin(np.arange(len(block.point_ids)), point[np.concatenate([those for _, those in worst])])[point]
+    seen = np.isin(np.arange(len(point_ids)), point[np.concatenate([those for _, those in worst])])[point]
     candidates = np.flatnonzero(seen)
     windows = [
         (j, there, size)
@@ -69,7 +71,7 @@ def moved_together(block: BundleInput, place: int, rows: Int, v: Float) -> Itera
         for j, there in _elsewhere(image, point, candidates, those[:size])
     ]
     chosen = rows[np.concatenate([those for _, those, _ in windows])]
-    names = [f"point {block.point_ids[point[those[0]]]} in image {block.image_ids[k]}" for k, those, _ in windows]
+    names = [f"point {point_ids[point[those[0]]]} in image {image_ids[k]}" for k, those, _ in windows]
     unit = np.repeat(np.arange(len(windows)), [len(those) for _, those, _ in windows])
     H = np.tile(np.eye(2), (len(chosen), 1, 1))
     tests = sum(len(those) * _most(len(those)) for those in searched)

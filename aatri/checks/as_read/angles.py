@@ -166,7 +166,7 @@ def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int
         control_m = rays.control_m.copy()
         control_m[list(two)] = control_m[list(two[::-1])]
         exchanged = replace(rays, control_m=control_m)
-        if all(misfit_of_images(exchanged, some).max() < FIT_OBSERVED for some in (of_off, pairs)):
+        if all(misfit_of_images(exchanged, each).max() < FIT_OBSERVED for each in (of_off, pairs)):
             fits.append(two)
     return fits[0] if len(fits) == 1 else ()
 

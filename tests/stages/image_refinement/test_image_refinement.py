@@ -95,7 +95,7 @@ def test_without_positions_the_flying_height_comes_from_the_photo_scale(block: B
     wanted = systematic(block, points)
     # heights vary by some metres of 385: less than 3 % of a micrometre
     assert np.abs(found.measurements.xy_mm - wanted.measurements.xy_mm).max() < 2e-4
-    assert any("photo scale" in line for line in told.lines)
+    assert any("estimated from the scale at control points" in line for line in told.lines)
 
 
 def test_images_without_a_position_fly_as_high_as_the_others(block: Block, points: ImagePoints) -> None:
