@@ -36,7 +36,7 @@ from aatri.report.problems import problems
 from aatri.report.questions import questions
 from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.section import section
-from aatri.report.sections.tables import PageTable, observation_classes
+from aatri.report.sections.tables import PageTable
 from aatri.report.verdict import external_lights, internal_lights, numbers_of
 from aatri.report.view.numbers import ANGLES, angles_in, moment, number, seconds
 from aatri.report.view.run_view import RunView, StageView, view
@@ -160,7 +160,7 @@ def render(
         software=_software(run.stages),
         page=page,
         failures=[s for s in run.stages if s.failure is not None],
-        classes=observation_classes(around.solution) if around.solution is not None else None,
+        classes=around.classes,
         gates=_gates(run),
         sections=sections,
         names={s.name: s.title for s in sections},
@@ -178,7 +178,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
     """What the first page says, as plain values: report.json has the same."""
     internal, external = internal_lights(run, around.solution), external_lights(run)
     evaluation, evaluations = run.last(Evaluation), run.evaluated()
-    classes = observation_classes(around.solution) if around.solution is not None else None
+    classes = around.classes
     return {
         "judgement": judgement(run),
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",

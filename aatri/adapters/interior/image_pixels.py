@@ -42,22 +42,23 @@ def cells_of(block: Block, cells: int) -> Int:
     return np.asarray(row * cells + column)
 
 
-def places_in_images(block: Block) -> Float:
+def places_in_images(block: Block, rows: Int | slice = slice(None)) -> Float:
     """Where image points lie, in widths and heights of their image from its lower left corner, (n, 2).
 
     Where the format is not given they lie in the middle.
     """
-    points, cameras, of_image = block.image_points, block.cameras, block.images.camera[block.image_points.image]
-    share = np.zeros((len(points), 2))
+    cameras, of_image = block.cameras, block.images.camera[block.image_points.image[rows]]
+    xy = block.image_points.xy[rows]
+    share = np.zeros((len(xy), 2))
     for camera in np.unique(of_image).tolist():
         of_format = of_image == camera
         if cameras.image_coordinates[camera] == "pixel":
             film = cameras.kind[camera] == "film"  # of scans the format is in mm
             size_px = cameras.format[camera] / (cameras.pixel_size_mm[camera] if film else 1.0)
             linear = mm_from_pixel(np.ones(2), str(cameras.pixel_origin[camera]), str(cameras.pixel_y[camera]), size_px)
-            share[of_format] = (points.xy[of_format] @ linear[:, :2].T + linear[:, 2]) / size_px + 0.5
+            share[of_format] = (xy[of_format] @ linear[:, :2].T + linear[:, 2]) / size_px + 0.5
         else:
-            share[of_format] = points.xy[of_format] / cameras.format[camera] + 0.5
+            share[of_format] = xy[of_format] / cameras.format[camera] + 0.5
     return np.nan_to_num(share, nan=0.5)
 
 

@@ -1,13 +1,14 @@
 """What a section of the page is made of."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TypeVar
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.report.drawing.picture import Picture
-from aatri.report.sections.tables import PageTable
+from aatri.report.sections.tables import PageTable, observation_classes
 
 T = TypeVar("T")
 
@@ -54,6 +55,11 @@ class Surroundings:
     block: Block | None
     image_points: ImagePoints | None
     solution: Solution | None
+
+    @cached_property
+    def classes(self) -> PageTable | None:
+        """Observations of the solution by kind: drawn up once, for all that show them."""
+        return observation_classes(self.solution) if self.solution is not None else None
 
 
 def present(*items: T | None) -> list[T]:

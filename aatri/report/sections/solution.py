@@ -20,9 +20,8 @@ MOST_CAMERAS = 6
 
 def show(made: PageSection, solution: Solution, around: Surroundings) -> None:
     """Add what a stage adjusted: residuals by kind, orders, transformations; of results on the way their ties, too."""
-    made.tables.extend(
-        present(observation_classes(solution), _orderings(solution), _transformations(solution.transformations))
-    )
+    classes = around.classes if solution is around.solution else observation_classes(solution)
+    made.tables.extend(present(classes, _orderings(solution), _transformations(solution.transformations)))
     if solution is not around.solution:
         made.pictures.extend(tie_residuals(solution))
 

@@ -74,7 +74,7 @@ def _common(block: Block, which: Bool) -> sparse.csr_matrix:
 
 def _pair(block: Block, used: Bool, images: tuple[int, int]) -> ImagePair:
     """The points that two images share, where they lie in each, and the photographs where the files are there."""
-    at, places = block.image_points, places_in_images(block)
+    at = block.image_points
     one, other = (np.flatnonzero(at.image == image) for image in images)
     points, a, b = np.intersect1d(at.point[one], at.point[other], return_indices=True)
     a, b = one[a], other[b]
@@ -83,7 +83,7 @@ def _pair(block: Block, used: Bool, images: tuple[int, int]) -> ImagePair:
         size=block.cameras.format[block.images.camera[list(images)]],
         jpeg=(_photograph(block, images[0]), _photograph(block, images[1])),
         point=block.points.id[points],
-        place=np.stack([places[a], places[b]], axis=1),
+        place=np.stack([places_in_images(block, a), places_in_images(block, b)], axis=1),
         used=used[a] & used[b],
     )
 
