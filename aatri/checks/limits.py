@@ -120,6 +120,10 @@ may be bent too, beyond the second they may have another's marks. As many as the
 mistake of two or three rows. Fewer points than the fourth fit too easily (six leave a resection six of their twelve
 coordinates). The last is the probability that a pair of a block is named by chance, of images in strips as well."""
 
+OTHER_UNIT = 5.0
+"""Times by which scale and precision of a model differ from those of the others where its unit is another: units differ
+by ten and more (25.4 of the inch), scales of one flight hardly by two."""
+
 FRAME_EFFECT_TOLD_M, FRAME_EFFECT_WARNED_M = 1e-4, 1e-3
 """Systematic errors of heights by the figure of the earth: below the first not worth a word, beyond the second a
 warning, for close range measures to it."""

@@ -17,6 +17,7 @@ from aatri.adapters.strips.model_adjustment import ModelSettings
 from aatri.artifacts.block import Block
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
+from aatri.checks.after.model_units import models_of_another_unit
 from aatri.checks.finding import report
 from aatri.plugin import SILENT, Context, stage
 
@@ -39,5 +40,5 @@ def given_models(
         None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
     )
     solution, notes = adjusted_given_models(block, settings)
-    report(notes, context)
+    report([*notes, *models_of_another_unit(block, solution)], context)
     return solution

@@ -31,10 +31,6 @@ from aatri.orientation.bodies.independent_models import adjust_models
 from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, model_ties
 from aatri.orientation.bodies.similarity_ties import similarities_of
 
-OTHER_UNIT = 5.0
-"""Times by which scale and precision of a model differ from those of the others where its unit is another: units differ
-by ten and more (25.4 of the inch), scales of one flight hardly by two."""
-
 
 def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Solution, list[Note]]:
     """Adjust the models that a block gives by coordinates.
@@ -81,33 +77,9 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
         sigma0_note(fit, f"of {several(len(chosen), 'model')}"),
         *search_notes(tied, tables.names_of, "models"),
     ]
-    sigma = np.array([np.median(coordinates.sigma[rows][place[model[rows]] == k]) for k in range(len(chosen))])
-    notes += _other_units(names[chosen], tied.state[BODY].similarity.scale, sigma)
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {several(rounds, 'round')}"))
     return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, settings), notes
-
-
-def _other_units(names: Text, scale: Float, sigma: Float) -> list[Note]:
-    """Models whose scale is far from that of the others, with standard deviations that are not of their unit.
-
-    Parameters
-    ----------
-    scale : (m,) float64, m per unit of the model
-    sigma : (m,) float64, unit of the model
-        Typical standard deviation of a coordinate.
-    """
-    typical, typical_m = np.exp(np.median(np.log(scale))), np.exp(np.median(np.log(scale * sigma)))
-    far = np.abs(np.log([scale / typical, scale * sigma / typical_m])).min(axis=0) > np.log(OTHER_UNIT)
-    return [
-        Note(
-            "warning",
-            f"model {names[k]} has another unit: {scale[k]:.3g} m on the ground, of the others {typical:.3g} m (median)"
-            f"; its standard deviations are {1e3 * scale[k] * sigma[k]:.3g} mm on the ground, of the others "
-            f"{1e3 * typical_m:.3g} mm: write its coordinates in their unit, or its standard deviations in its own",
-        )
-        for k in np.flatnonzero(far).tolist()
-    ]
 
 
 def _solution(

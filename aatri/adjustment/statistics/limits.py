@@ -22,6 +22,9 @@ shared by all tests of that kind."""
 MEDIAN_OF_NORMAL = 0.67449
 """Median of the absolute value of a standard normal variable."""
 
+MEDIAN_SQUARE_OF_PLANE = 1.38629
+"""Median of the square of a normal error in the plane of variance 1 in each coordinate: 2 ln 2."""
+
 SHOWN = 0.05
 """Probability outside an interval that is told beside a figure."""
 

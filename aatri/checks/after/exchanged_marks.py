@@ -13,8 +13,8 @@ adjustment fails those of its start are all there is.
 
 Seen: two film images whose points do not fit by the marks of the same image.
 Test: T of each pair of the worst images, at 1e-4 for all of them, and each of the two better by the marks of the other.
-Where the adjusted orientations are nearly right a pair is resected only if T is as large with r_ab to first order, and
-could be: an affine transformation that no marks observe leaves less than any.
+Where the adjusted orientations are nearly right most pairs are left out by less: by a bound of T, as Q_ab is no less
+than what an affine transformation leaves that no marks observe; then by T with r_ab to first order.
 Points are those that other images intersect: all others, or where images are far off, all that are not.
 Source: Neyman and Pearson 1933; Wald 1947 (bound of a likelihood ratio).
 """
@@ -27,6 +27,7 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adapters.interior.photo_coordinates import measured_to_photo
+from aatri.adjustment.statistics.limits import MEDIAN_SQUARE_OF_PLANE
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -40,9 +41,6 @@ from aatri.orientation.resection.adjustment import resect_images
 from aatri.orientation.resection.start import start_orientation
 
 NO_MARKS = np.zeros((0, 2))
-
-MEDIAN_SQUARE = 2 * np.log(2)
-"""Median of the square of a plane normal error of variance 1 in each coordinate."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +100,10 @@ class _Oriented:
         return xy, _residuals(xy, c_mm, xyz, fit.position_m, fit.ground_from_image)
 
     def nearly_by_marks(self, image: int, marks_of: int) -> tuple[Float, Float]:
-        """The same with residuals to first order in what the orientation changes, beside a turn and shift in the image.
+        """As `by_marks`, to first order from the adjusted orientation: without a start, and without iterations.
 
-        These may be large, as a film lies in the comparator, and carry the coordinates by its own marks to the others'.
+        By a turn and a shift in the image, which may be large as a film lies in the comparator, the coordinates by its
+        own marks are brought to those by the others first.
         """
         m, rows = self.image_points.measurements, self.rays(image)
         own = m.xy_mm[rows]
@@ -125,7 +124,7 @@ class _Oriented:
         return xy, residuals.reshape(-1, 2)
 
     def most_gained(self, image: int) -> float:
-        """What its marks add to the squares that an affine transformation leaves, mm^2: no others gain more."""
+        """Q by its own marks, less Q where no marks observe the transformation, mm^2: marks of others gain no more."""
         xy, residuals = self.nearly_by_marks(image, image)
         return _square_left(xy, residuals, self.marks_mm(image)) - _square_left(xy, residuals, NO_MARKS)
 
@@ -169,7 +168,7 @@ def exchanged_marks(block: Block, image_points: ImagePoints | None, poses: Poses
     most = {image: oriented.without([image]).most_gained(image) for image in ([] if far else worst)}
     findings = list[Finding]()
     for pair in pairs:
-        if not far and most[pair[0]] + most[pair[1]] < limit * usual_mm**2 / MEDIAN_SQUARE:
+        if not far and most[pair[0]] + most[pair[1]] < limit * usual_mm**2 / MEDIAN_SQUARE_OF_PLANE:
             continue
         rest = oriented.without(far or list(pair))
         if far or limit < _exchanged(rest, pair, rest.nearly_by_marks)[0]:

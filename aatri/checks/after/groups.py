@@ -177,9 +177,9 @@ def _neighbourhood(g: Group) -> tuple[str, str]:
 
 def _scale(g: Group) -> tuple[str, str]:
     ppm, sigma = 1e6 * float(g.value[0]), 1e6 * float(g.sigma[0])
-    error = "long" if ppm > 0 else "short"
+    sense = "long" if ppm > 0 else "short"
     return (
-        f"distances are {abs(ppm):.0f} ppm (+- {sigma:.0f}) too {error} for the rest of the block",
+        f"distances are {abs(ppm):.0f} ppm (+- {sigma:.0f}) too {sense} for the rest of the block",
         "were they reduced to a map or to another height?",
     )
 

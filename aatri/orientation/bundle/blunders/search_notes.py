@@ -112,7 +112,7 @@ def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool) ->
     """Images and points most of whose observations are rejected."""
     images = _most_of_rays(block, records, rejected, POSE) >= REJECTED_SHARE
     points = _most_of_rays(block, records, rejected, POINT) >= 0.5
-    held = _held_otherwise(block, records, rejected)
+    otherwise = _observed_otherwise(block, records, rejected)
     many = "points of which half of the rays or more are rejected"
     texts = (
         f"images of which {REJECTED_SHARE:.0%} or more of the image points are rejected: their number, interior "
@@ -121,7 +121,7 @@ def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool) ->
         f"{many} beside what else is given of them, control, distances, the frame of a body: either the rays are those "
         "of another object, or what is given is wrong",
     )
-    named = (block.image_ids, images), (block.point_ids, points & ~held), (block.point_ids, points & held)
+    named = (block.image_ids, images), (block.point_ids, points & ~otherwise), (block.point_ids, points & otherwise)
     return [
         Note("warning", text, tuple(np.asarray(ids)[wrong].tolist()))
         for text, (ids, wrong) in zip(texts, named)
@@ -143,12 +143,12 @@ def _most_of_rays(block: BundleInput, records: AllRecords, rejected: Bool, group
     return np.where(rejected_count >= least, rejected_count / np.maximum(total, 1), 0.0)
 
 
-def _held_otherwise(block: BundleInput, records: AllRecords, rejected: Bool) -> Bool:
+def _observed_otherwise(block: BundleInput, records: AllRecords, rejected: Bool) -> Bool:
     """Points of which something else than rays is observed, and not rejected."""
-    held = np.zeros(len(block.point_ids), dtype=bool)
+    otherwise = np.zeros(len(block.point_ids), dtype=bool)
     for part, o in zip(records.parts, records.observed):
         groups = [group for group, _ in o.records.touches]
         for group, rows in o.records.touches:
             if group == POINT and POSE not in groups:
-                held[rows[o.records.active & ~rejected[part]]] = True
-    return held
+                otherwise[rows[o.records.active & ~rejected[part]]] = True
+    return otherwise
