@@ -17,7 +17,7 @@ Unless more is said, the frame is Cartesian with axes x, y, z, and nothing is kn
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -96,57 +96,51 @@ def block_of(
         If an id stands twice, or one that is named is nowhere given.
     """
     paths = [str(path) for path in files]
-    cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points, model_coordinates = (
-        _plain_columns(of, paths)
-        for of in (cameras, images, image_points, ground_points, exterior, geodetic, fiducial_points, model_coordinates)
-    )
-    camera_ids, image_ids = _Ids.of("camera", cameras, paths), _Ids.of("image", images, paths)
-    local = list(points)
-    named = [_texts_in(of.get("point", ())) for of in (image_points, ground_points, model_coordinates)]
-    named.append(_texts_in(local))
-    point_ids = _Ids("point", np.unique(np.concatenate(named)), _texts_in(local), paths)
-    strip_ids = np.unique([text for text in _texts_in(images.get("strip", ())).tolist() if text]).astype(np.str_)
+    stated = {
+        "cameras": cameras,
+        "camera_parameters": camera_parameters,
+        "images": images,
+        "image_points": image_points,
+        "ground_points": ground_points,
+        "exterior": exterior,
+        "geodetic": geodetic,
+        "fiducial_points": fiducial_points,
+        "model_coordinates": model_coordinates,
+    }
+    columns = {key: _plain_columns(of_table, paths) for key, of_table in stated.items()}
+    local = _texts_in(list(points))
+    named = [_texts_in(columns[key].get("point", ())) for key in ("image_points", "ground_points", "model_coordinates")]
+    ids = {
+        "camera": _Ids.of("camera", columns["cameras"], paths),
+        "image": _Ids.of("image", columns["images"], paths),
+        "point": _Ids("point", np.unique(np.concatenate([*named, local])), local, paths),
+    }
+    strip_ids = np.unique([text for text in _texts_in(columns["images"].get("strip", ())) if text]).astype(np.str_)
+    columns["images"] |= _strip_rows(columns["images"], strip_ids)
     tables: dict[str, Any] = {
         "frames": Frames(
             id=_texts_in(["local"]), axes=_texts_in(["x,y,z"]), crs=_texts_in(["local"]), vertical=_texts_in([""])
         ),
-        "strips": StripIds(id=strip_ids if len(strip_ids) else _texts_in([])),
-        "points": Points(id=point_ids.sorted),
+        "strips": StripIds(id=_texts_in(strip_ids)),
+        "points": Points(id=ids["point"].sorted),
     }
-    if cameras:
-        tables["cameras"] = _sorted_by_id(Cameras.of(**cameras))
-    if images:
-        rows = _with_rows(images, camera=camera_ids) | _strip_rows(images, strip_ids)
-        tables["images"] = _sorted_by_id(Images.of(**rows))
-    if image_points:
-        measured = MeasuredPoints.of(**_with_rows(image_points, image=image_ids, point=point_ids))
-        tables["image_points"] = measured.take(image_point_order(measured))
-    if model_coordinates:
-        in_models = ModelCoordinates.of(**_with_rows(model_coordinates, point=point_ids))
-        tables["model_coordinates"] = in_models.take(np.lexsort((in_models.point, in_models.model)))
-    if fiducial_points:
-        marks = FiducialPoints.of(**_with_rows(fiducial_points, image=image_ids))
-        tables["fiducial_points"] = marks.take(np.lexsort((marks.fiducial, marks.image)))
-    if camera_parameters:
-        of_cameras = CameraParameters.of(**_with_rows(_plain_columns(camera_parameters, paths), camera=camera_ids))
-        tables["camera_parameters"] = of_cameras.take(np.lexsort((of_cameras.name, of_cameras.camera)))
-    if ground_points:
-        ground = GroundPoints.of(**_with_rows(ground_points, point=point_ids))
-        order = np.argsort(ground.point, kind="stable")
-        tables["ground_points"] = ground.take(order)
-        if ground_point_covariances:
-            tables["ground_point_covariances"] = _between_points(ground_point_covariances, order)
-    if exterior:
-        orientations = Exterior.of(**_with_rows(exterior, image=image_ids))
-        tables["exterior"] = orientations.take(np.argsort(orientations.image, kind="stable"))
-    if geodetic:
-        sights = Geodetic.of(**geodetic)
-        of_sights = geodetic_order(sights)
-        tables["geodetic"] = sights.take(of_sights)
-        if geodetic_covariances:
-            tables["geodetic_covariances"] = _between_sights(geodetic_covariances, of_sights)
+    orders = dict[str, Int]()
+    for key, (table, references, order_of) in _TABLES.items():
+        if columns[key]:
+            rows = table.of(**_with_rows(columns[key], **{name: ids[name] for name in references}))
+            orders[key] = order_of(rows)
+            tables[key] = rows.take(orders[key])
+    if ground_points and ground_point_covariances:
+        tables["ground_point_covariances"] = _between_points(ground_point_covariances, orders["ground_points"])
+    if geodetic and geodetic_covariances:
+        tables["geodetic_covariances"] = _between_sights(geodetic_covariances, orders["geodetic"])
     empty = {key: kind.empty() for key, kind in tables_of(Block).items() if not is_optional(Block, key)}
     return Block(name=name, **{**PLAIN, **empty, "files": Files(path=_texts_in(paths)), **tables, **others})
+
+
+def _by(*names: str) -> Callable[[Any], Int]:
+    """The order of rows by some of their columns, the first one foremost."""
+    return lambda rows: np.lexsort([getattr(rows, name) for name in reversed(names)])
 
 
 def image_point_order(rows: MeasuredPoints) -> Int:
@@ -178,6 +172,20 @@ def geodetic_order(rows: Geodetic) -> Int:
     columns += [np.nan_to_num(getattr(rows, name), nan=-1.0).tolist() for name in figures]
     keys = list(zip(*columns))
     return np.array(sorted(range(len(rows)), key=lambda k: keys[k]), dtype=np.intp)
+
+
+_TABLES: Mapping[str, tuple[type[Table], tuple[str, ...], Callable[[Any], Int]]] = {
+    "cameras": (Cameras, (), _by("id")),
+    "camera_parameters": (CameraParameters, ("camera",), _by("camera", "name")),
+    "images": (Images, ("camera",), _by("id")),
+    "image_points": (MeasuredPoints, ("image", "point"), image_point_order),
+    "ground_points": (GroundPoints, ("point",), _by("point")),
+    "exterior": (Exterior, ("image",), _by("image")),
+    "geodetic": (Geodetic, (), geodetic_order),
+    "fiducial_points": (FiducialPoints, ("image",), _by("image", "fiducial")),
+    "model_coordinates": (ModelCoordinates, ("point",), _by("model", "point")),
+}
+"""Of each table of columns: its class, its columns of ids, and its canonical order."""
 
 
 class _Ids:
@@ -262,10 +270,6 @@ def _strip_rows(images: Columns, strip_ids: Text) -> dict[str, Any]:
     strips = _texts_in(images["strip"])
     rows = np.where(strips != "", np.searchsorted(strip_ids, strips), -1)
     return {"strip": rows if np.ndim(images["strip"]) else rows[0]}
-
-
-def _sorted_by_id(table: Any) -> Any:
-    return table.take(np.argsort(table.id, kind="stable"))
 
 
 def _between_points(columns: Columns, order: Int) -> GroundPointCovariances:

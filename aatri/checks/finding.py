@@ -12,7 +12,7 @@ from typing import Literal
 from aatri.arrays import Int
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.ids import shown
-from aatri.notes import CONTRADICTION, Note
+from aatri.notes import CONTRADICTION, Note, tell
 from aatri.progress import Reporter
 
 Level = Literal["note", "warning", "error"]
@@ -53,6 +53,11 @@ class Finding:
         head = f"{head}: {shown(self.ids)}" if self.ids else head
         return f"{head}; {' or '.join(self.alternatives)} would explain as much" if self.alternatives else head
 
+    @property
+    def note(self) -> Note:
+        """What the log or the terminal tells of it."""
+        return Note("note" if self.level == "note" else "warning", str(self))
+
     def __str__(self) -> str:
         text = f"{self.where}: {self.what}" if self.where else self.what
         return f"{text}; {self.remedy}" if self.remedy else text
@@ -66,12 +71,7 @@ def report(findings: Iterable[Finding | Note], reporter: Reporter) -> None:
     AatriError
         What findings of level `error` say.
     """
-    errors = []
-    for finding in findings:
-        if isinstance(finding, Finding) and finding.level == "error":
-            errors.append(finding.error(finding.what, where=finding.where, remedy=finding.remedy))
-        elif finding.level == "warning":
-            reporter.warn(str(finding))
-        else:
-            reporter.log(str(finding))
-    raise_all(errors)
+    listed = list(findings)
+    tell([f if isinstance(f, Note) else f.note for f in listed if f.level != "error"], reporter)
+    errors = [f for f in listed if isinstance(f, Finding) and f.level == "error"]
+    raise_all([f.error(f.what, where=f.where, remedy=f.remedy) for f in errors])

@@ -15,6 +15,9 @@ from aatri.errors import SpecError
 if TYPE_CHECKING:
     from aatri.pipeline.plan.compare import Compared, Parting
 
+Rows = list[tuple[str, list[Any]]]
+"""Name of a figure or an option, and its value in each run."""
+
 
 @reports_errors
 def compare(
@@ -40,9 +43,8 @@ def compare(
     More than two runs: accuracies, theory and seconds, then what each group of runs changes, most first.
     """
     from aatri.cli.arguments.locate import find_run
-    from aatri.cli.terminal.compare_tables import say_side_by_side, shown_value
-    from aatri.cli.terminal.key_figures import say_key_figures
-    from aatri.pipeline.plan.compare import changes, metric_rows, option_rows, parting, read_run
+    from aatri.cli.terminal.compare_tables import say_side_by_side
+    from aatri.pipeline.plan.compare import metric_rows, option_rows, read_run
     from aatri.pipeline.store.inside import VARIANTS, names_in
 
     folders = [find_run(path).folder for path in runs]
@@ -54,10 +56,8 @@ def compare(
         raise SpecError(
             "one run only", where=str(folders[0]), remedy="give another, or --variants after `aatri run --variant NAME`"
         )
-    names = _names(folders)
-    compared = [read_run(folder, name) for folder, name in zip(folders, names)]
+    compared = [read_run(folder, name) for folder, name in zip(folders, _names(folders))]
     options, metrics = option_rows(compared), metric_rows(compared)
-    partings = {run.name: parting(compared[0], run) for run in compared[1:]}
     if form:
         from aatri.cli.terminal.key_figures import key_figures, pasted
 
@@ -73,41 +73,59 @@ def compare(
         say(str(page))
         return
     if json:
-        say_json(
-            {
-                "runs": {run.name: str(run.folder) for run in compared},
-                "options": dict(options),
-                "metrics": dict(metrics),
-                "changes": {
-                    run.name: [{"stage": stage, **reason.plain()} for stage, reason in changes(compared[0], run)]
-                    for run in compared[1:]
-                },
-                "differences": {n: _plain(p) for n, p in partings.items()},
-            }
-        )
+        say_json(_plain_comparison(compared, options, metrics))
         return
     if len(compared) > 2 and not everything:
         say_side_by_side(compared)
     else:
-        if len(compared) == 2:
-            say_key_figures(compared)
-        _say_values("option", names, options, "the options are equal")
-        differing = [(n, row) for n, row in metrics if len(set(map(shown_value, row))) > 1 or everything]
-        if everything:
-            _say_values("figure", names, differing, "the figures are equal")
-        else:
-            say(
-                f"figures that differ, these included: {len(differing)}; --all shows all\n"
-                if differing
-                else "the figures are equal\n"
-            )
+        _say_figures(compared, options, metrics, everything=everything)
     for run in compared[1:]:
-        for stage, reason in changes(compared[0], run):
-            if reason.why != "options":  # these stand in the table
-                say(f"{run.name}: changed: {stage}: {reason}")
-        missing = [stage for stage in compared[0].stages if stage not in run.records]
-        without = f"; it has no result of {', '.join(missing)}" if missing else ""
-        say(f"{run.name}: {_parting_text(partings[run.name], compared[0])}{without}")
+        _say_parting(compared[0], run)
+
+
+def _plain_comparison(compared: list[Compared], options: Rows, metrics: Rows) -> dict[str, Any]:
+    """What is compared, as JSON takes it."""
+    from aatri.pipeline.plan.compare import changes, parting
+
+    first, others = compared[0], compared[1:]
+    return {
+        "runs": {run.name: str(run.folder) for run in compared},
+        "options": dict(options),
+        "metrics": dict(metrics),
+        "changes": {
+            run.name: [{"stage": stage, **reason.plain()} for stage, reason in changes(first, run)] for run in others
+        },
+        "differences": {run.name: _plain(parting(first, run)) for run in others},
+    }
+
+
+def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, everything: bool) -> None:
+    """Key figures of two runs, options, and figures: those that differ are counted, all are shown where asked for."""
+    from aatri.cli.terminal.compare_tables import shown_value
+    from aatri.cli.terminal.key_figures import say_key_figures
+
+    names = [run.name for run in compared]
+    if len(compared) == 2:
+        say_key_figures(compared)
+    _say_values("option", names, options, "the options are equal")
+    if everything:
+        _say_values("figure", names, metrics, "the figures are equal")
+        return
+    differing = sum(len(set(map(shown_value, row))) > 1 for _, row in metrics)
+    counted = f"figures that differ, these included: {differing}; --all shows all" if differing else ""
+    say(f"{counted or 'the figures are equal'}\n")
+
+
+def _say_parting(first: Compared, run: Compared) -> None:
+    """What is changed in a run, where its results part from those of the first one, and what it lacks."""
+    from aatri.pipeline.plan.compare import changes, parting
+
+    for stage, reason in changes(first, run):
+        if reason.why != "options":  # these stand in the table
+            say(f"{run.name}: changed: {stage}: {reason}")
+    missing = [stage for stage in first.stages if stage not in run.records]
+    without = f"; it has no result of {', '.join(missing)}" if missing else ""
+    say(f"{run.name}: {_parting_text(parting(first, run), first)}{without}")
 
 
 def _names(folders: list[Path]) -> list[str]:
@@ -116,7 +134,7 @@ def _names(folders: list[Path]) -> list[str]:
     return short if len(set(short)) == len(short) else [str(folder) for folder in folders]
 
 
-def _say_values(what: str, names: list[str], rows: list[tuple[str, list[Any]]], otherwise: str) -> None:
+def _say_values(what: str, names: list[str], rows: Rows, otherwise: str) -> None:
     from aatri.cli.terminal.compare_tables import shown_value
 
     if rows:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import typer
 
@@ -132,48 +132,56 @@ _IMAGES = {
 """Blocks whose folder is written to be filled in, and what their images are."""
 
 
+PhotographFolder: TypeAlias = Annotated[
+    Path | None,
+    typer.Argument(autocompletion=complete_path, help="With --block photos: the folder of the photographs."),
+]
+Source: TypeAlias = Annotated[
+    BlockSource,
+    typer.Option(
+        parser=one_of(BlockSource),
+        autocompletion=complete(BlockSource),
+        metavar="NAME",
+        help=f"Where the block comes from: {listed(BlockSource)}.",
+    ),
+]
+OtherPrograms: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--from",
+        metavar="PATH",
+        autocompletion=complete_path,
+        help="Files or folders of another program, recognised by their content.",
+    ),
+]
+Misfit: TypeAlias = Annotated[
+    float | None,
+    typer.Option(min=0, help="With --from: largest misfit, px, of a distortion that is none of aatri's."),
+]
+Without: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FILE", autocompletion=complete_path, help="With --from: leave out a file of a folder."),
+]
+Plugin: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ROLE/NAME",
+        autocompletion=complete_new_variant,
+        help="Write a stage of your own and its test instead.",
+    ),
+]
+
+
 @reports_errors
 def new(
     folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
-    path: Annotated[
-        Path | None,
-        typer.Argument(autocompletion=complete_path, help="With --block photos: the folder of the photographs."),
-    ] = None,
-    block: Annotated[
-        BlockSource,
-        typer.Option(
-            parser=one_of(BlockSource),
-            autocompletion=complete(BlockSource),
-            metavar="NAME",
-            help=f"Where the block comes from: {listed(BlockSource)}.",
-        ),
-    ] = BlockSource.simulate,
-    sources: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--from",
-            metavar="PATH",
-            autocompletion=complete_path,
-            help="Files or folders of another program, recognised by their content.",
-        ),
-    ] = None,
-    lens_misfit: Annotated[
-        float | None,
-        typer.Option(min=0, help="With --from: largest misfit, px, of a distortion that is none of aatri's."),
-    ] = None,
+    path: PhotographFolder = None,
+    block: Source = BlockSource.simulate,
+    sources: OtherPrograms = None,
+    lens_misfit: Misfit = None,
     set_: SourceSettings = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FILE", autocompletion=complete_path, help="With --from: leave out a file of a folder."),
-    ] = None,
-    plugin: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROLE/NAME",
-            autocompletion=complete_new_variant,
-            help="Write a stage of your own and its test instead.",
-        ),
-    ] = None,
+    without: Without = None,
+    plugin: Plugin = None,
 ) -> None:
     """Write a pipeline.yaml to start from: the demo, or one for a block of your own; or a stage of your own."""
     if plugin is not None:
@@ -193,23 +201,25 @@ def new(
 
         misfit = [] if lens_misfit is None else [Setting("", "lens_misfit_px", lens_misfit)]
         text = pipeline_from(sources, folder, [*misfit, *settings_of(set_ or ())], without=without or ())
+        _write({written: text})
     else:
-        text = _text(block, folder, path)
-    files = {written: text}
-    if not sources and block in _IMAGES:
-        from aatri.cli.new_block import block_templates
-
-        files |= block_templates(folder / "block", _IMAGES[block])
-    if not sources and block is BlockSource.sample:
-        from aatri.cli.new_block import sample_folder
-
-        tables = sorted((sample_folder() / "quarry").iterdir())
-        files |= {folder / "quarry" / path.name: path.read_text(encoding="utf-8") for path in tables}
-    _write(files)
+        _write({written: _text(block, folder, path), **_tables(block, folder)})
     where = "" if folder == Path() else f" {written}"
     complete = sources or path is not None or block in (BlockSource.simulate, BlockSource.sample)
     fill = "" if complete else f"your data, as the head of {written} says, then aatri check{where}, then "
     narrate(f"next: {fill}aatri run{where}")
+
+
+def _tables(block: BlockSource, folder: Path) -> dict[Path, str]:
+    """Tables beside the pipeline: those of the sample, or some to be filled in."""
+    from aatri.cli.new_block import block_templates, sample_folder
+
+    if block in _IMAGES:
+        return block_templates(folder / "block", _IMAGES[block])
+    if block is not BlockSource.sample:
+        return {}
+    tables = sorted((sample_folder() / "quarry").iterdir())
+    return {folder / "quarry" / path.name: path.read_text(encoding="utf-8") for path in tables}
 
 
 def _write(files: Mapping[Path, str]) -> None:

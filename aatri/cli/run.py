@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
@@ -27,73 +27,90 @@ from aatri.cli.terminal.console import narrate, reports_errors, say_json, show_i
 from aatri.ids import several
 
 if TYPE_CHECKING:
-    from aatri.cli.arguments.planning import Opened
+    from collections.abc import Sequence
+
+    from aatri.cli.arguments.planning import Opened, Request
     from aatri.errors import GateError
     from aatri.pipeline.plan.decisions import Selection
+    from aatri.pipeline.spec.gates import Verdict
 
 TERMINATED = 143
 
 
+PipelineArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        autocompletion=complete_run, help="The pipeline file; or the folder of a run, which is made again as it was."
+    ),
+]
+AllVariants: TypeAlias = Annotated[
+    bool, typer.Option("--all-variants", help="All variants of the pipeline file too, and what they change.")
+]
+From: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--from", metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what depends on it."
+    ),
+]
+Until: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what it needs."),
+]
+Only: TypeAlias = Annotated[
+    Several, typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage; may be repeated.")
+]
+Force: TypeAlias = Annotated[
+    Several,
+    typer.Option(
+        metavar="STAGE", autocompletion=complete_stage, help="Make this stage again, or `all`; may be repeated."
+    ),
+]
+KeepGoing: TypeAlias = Annotated[
+    bool, typer.Option("--keep-going", "-k", help="After a failure go on with what does not depend on it.")
+]
+Jobs: TypeAlias = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")]
+Cluster: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        autocompletion=one_of_words("local:", "tcp://"),
+        help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.",
+    ),
+]
+DryRun: TypeAlias = Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")]
+Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")]
+Verbose: TypeAlias = Annotated[bool, typer.Option("--verbose", "-v", help="Tell what stages write to their logs too.")]
+ResultAsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="The result as JSON.")]
+
+
 @reports_errors
 def run(
-    pipeline: Annotated[
-        Path,
-        typer.Argument(
-            autocompletion=complete_run,
-            help="The pipeline file; or the folder of a run, which is made again as it was.",
-        ),
-    ] = Path("pipeline.yaml"),
+    pipeline: PipelineArgument = Path("pipeline.yaml"),
     into: Into = None,
     set_: Settings = None,
     use: Methods = None,
     variant: Variant = "",
-    all_variants: Annotated[
-        bool, typer.Option("--all-variants", help="All variants of the pipeline file too, and what they change.")
-    ] = False,
-    start: Annotated[
-        str | None,
-        typer.Option(
-            "--from", metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what depends on it."
-        ),
-    ] = None,
-    until: Annotated[
-        str | None,
-        typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage and what it needs."),
-    ] = None,
-    only: Annotated[
-        Several, typer.Option(metavar="STAGE", autocompletion=complete_stage, help="Only this stage; may be repeated.")
-    ] = None,
-    force: Annotated[
-        Several,
-        typer.Option(
-            metavar="STAGE", autocompletion=complete_stage, help="Make this stage again, or `all`; may be repeated."
-        ),
-    ] = None,
-    keep_going: Annotated[
-        bool, typer.Option("--keep-going", "-k", help="After a failure go on with what does not depend on it.")
-    ] = False,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Stages at once, each in its own process.")] = 1,
-    cluster: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            autocompletion=one_of_words("local:", "tcp://"),
-            help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.",
-        ),
-    ] = "",
-    dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")] = False,
+    all_variants: AllVariants = False,
+    start: From = None,
+    until: Until = None,
+    only: Only = None,
+    force: Force = None,
+    keep_going: KeepGoing = False,
+    jobs: Jobs = 1,
+    cluster: Cluster = "",
+    dry_run: DryRun = False,
     verify: Verify = False,
     no_lock: NoLock = False,
     local_plugins: LocalPlugins = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No narration, only the result.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Tell what stages write to their logs too.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
     open_: OpenReport = False,
-    json: Annotated[bool, typer.Option("--json", help="The result as JSON.")] = False,
+    json: ResultAsJson = False,
     debug: Debug = False,
 ) -> None:
     """Bring a pipeline up to date and write its report; what is up to date already is left alone."""
     from aatri.cli.arguments.locate import in_folder
-    from aatri.cli.arguments.planning import Request, open_request, open_run
+    from aatri.cli.arguments.planning import Request
     from aatri.errors import SpecError
     from aatri.pipeline.plan.decisions import select
     from aatri.pipeline.run.workers import share_cores
@@ -108,24 +125,8 @@ def run(
             where=str(pipeline),
             remedy="--all-variants without --variant, --json and --dry-run",
         )
-    if pipeline.is_dir():
-        if into is not None or variant:
-            raise SpecError(
-                "a run has its folder and its variant",
-                where=str(pipeline),
-                remedy="give the pipeline file with --into or --variant",
-            )
-        opened = open_run(
-            pipeline,
-            local_plugins=local_plugins,
-            set_=tuple(set_ or ()),
-            use=tuple(use or ()),
-            quiet=quiet or json,
-            background=not dry_run,
-        )
-    else:
-        changes = (str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
-        opened = open_request(Request(str(pipeline), *changes), quiet=quiet or json, background=not dry_run)
+    request = Request(str(pipeline), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
+    opened = _opened(request, quiet=quiet or json, background=not dry_run)
     selection = select(opened.nodes, start=start, until=until, only=only or (), force=force or ())
     if dry_run:
         from aatri.cli.plan_table import plain_plan, say_plan
@@ -140,19 +141,7 @@ def run(
         opened, selection, running, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_
     )
     verdicts = judge(opened.spec, records, selection.stages)
-    if json:
-        say_json(
-            {
-                "run": str(opened.spec.run),
-                "report": str(report),
-                "stages": records,
-                "gates": [verdict.plain() for verdict in verdicts],
-            }
-        )
-    else:
-        from aatri.cli.run_ending import say_end
-
-        say_end(opened.spec.run, records, report, verdicts)
+    _say_outcome(opened.spec.run, records, report, verdicts, as_json=json)
     if open_ and report is not None:
         show_in_browser(report)
     failed = failure_of(verdicts)
@@ -167,6 +156,41 @@ def run(
         run_variants(opened, failed, of_variant)
     elif failed is not None:
         raise failed
+
+
+def _opened(request: Request, *, quiet: bool, background: bool) -> Opened:
+    """The pipeline of a file, or that of the folder of a run."""
+    from aatri.cli.arguments.planning import open_request, open_run
+    from aatri.errors import SpecError
+
+    if not Path(request.pipeline).is_dir():
+        return open_request(request, quiet=quiet, background=background)
+    if request.into or request.variant:
+        raise SpecError(
+            "a run has its folder and its variant",
+            where=request.pipeline,
+            remedy="give the pipeline file with --into or --variant",
+        )
+    return open_run(
+        Path(request.pipeline),
+        local_plugins=request.local_plugins,
+        set_=request.set_,
+        use=request.use,
+        quiet=quiet,
+        background=background,
+    )
+
+
+def _say_outcome(
+    folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: Sequence[Verdict], *, as_json: bool
+) -> None:
+    if as_json:
+        gates = [verdict.plain() for verdict in verdicts]
+        say_json({"run": str(folder), "report": str(report), "stages": records, "gates": gates})
+    else:
+        from aatri.cli.run_ending import say_end
+
+        say_end(folder, records, report, verdicts)
 
 
 def carry_out(

@@ -73,25 +73,8 @@ def assembled(
     ground, gross_control = measured.ground_points(
         surveyed, xyz[of_point[surveyed]], points.role[of_point[surveyed]], disturbance
     )
-    antennas = scene.in_block_frame(scene.photography.moved(gnss.lever_arm_m))
-    exterior, gross_position = measured.exterior(
-        antennas[of_image], scene.in_block_frame(plan.position_m)[of_image], plan, of_image, gnss, disturbance
-    )
     true_images = _true_images(scene, stations, of_image)
-    gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
-    if imu.observed:
-        exterior, gross_attitude = observed_attitudes(
-            exterior if len(exterior) else b.Exterior.of(image=np.arange(len(of_image))),
-            true_images.ground_from_image,
-            plan,
-            of_image,
-            imu,
-            -camera.mounting_deg % 360,
-            scene.photography.convergence_rad()[of_image],
-            disturbance,
-        )
-    at_frame = np.flatnonzero(np.isin(scene.member[of_image][exterior.image], ("", rig.FRAME)))
-    gross_position, gross_attitude = (_of_rows(g, at_frame) for g in (gross_position, gross_attitude))
+    exterior, gross_exterior = _exterior(scene, of_image, true_images.ground_from_image, gnss, imu, disturbance)
     observed, gross_survey = _survey(scene, survey, disturbance)
     return b.Block(
         name=scene.name,
@@ -109,7 +92,7 @@ def assembled(
         points=b.Points(id=np.array(points.id)[of_point]),
         image_points=image_points,
         ground_points=ground,
-        exterior=exterior.take(at_frame),
+        exterior=exterior,
         rig_members=rig.rig_table(scene.rig),
         **observed,
         files=b.Files.empty(),
@@ -117,9 +100,7 @@ def assembled(
         rejects=b.Rejects.empty(),
         true_images=true_images,
         true_points=b.TruePoints.of(point=np.arange(len(xyz)), xyz_m=xyz[of_point]),
-        gross_errors=_gross(
-            [gross_image, gross_fiducial, gross_control, gross_position, gross_attitude, *gross_survey]
-        ),
+        gross_errors=_gross([gross_image, gross_fiducial, gross_control, *gross_exterior, *gross_survey]),
     )
 
 
@@ -129,6 +110,31 @@ _CRS = {
     "tangent": f"+proj=topocentric +R={EARTH_RADIUS_M:.0f} +lat_0=0 +lon_0=0 +h_0=0",
     "map": "local",
 }
+
+
+def _exterior(
+    scene: Scene, of_image: Int, ground_from_image: Float, gnss: GnssOptions, imu: ImuOptions, disturbance: Disturbance
+) -> tuple[b.Exterior, list[tuple[Any, ...]]]:
+    """Positions of antennas and attitudes, of a rig those of its frame, and the gross errors in them."""
+    plan, photography = scene.plan, scene.photography
+    antennas = scene.in_block_frame(photography.moved(gnss.lever_arm_m))
+    exterior, gross_position = measured.exterior(
+        antennas[of_image], scene.in_block_frame(plan.position_m)[of_image], plan, of_image, gnss, disturbance
+    )
+    gross_attitude: tuple[Any, ...] = ("attitude", np.zeros(0, np.int64), np.zeros((0, 3)))
+    if imu.observed:
+        exterior, gross_attitude = observed_attitudes(
+            exterior if len(exterior) else b.Exterior.of(image=np.arange(len(of_image))),
+            ground_from_image,
+            plan,
+            of_image,
+            imu,
+            -photography.camera.mounting_deg % 360,
+            photography.convergence_rad()[of_image],
+            disturbance,
+        )
+    at_frame = np.flatnonzero(np.isin(scene.member[of_image][exterior.image], ("", rig.FRAME)))
+    return exterior.take(at_frame), [_of_rows(gross, at_frame) for gross in (gross_position, gross_attitude)]
 
 
 def _survey(

@@ -72,20 +72,21 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
         with h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
-            file.attrs["aatri_kind"] = _fixed(artifact.kind)
+            _describe_by(file, aatri_kind=artifact.kind, content_digest=digest)
             file.attrs["schema_version"] = artifact.schema_version
-            file.attrs["content_digest"] = _fixed(digest)
             for name, declared in attributes_of(type(artifact)).items():
                 value = getattr(artifact, name)
-                file.attrs[name] = _fixed(value) if isinstance(value, str) else value
                 about = declared.doc + (f" [{declared.unit}]" if declared.unit else "")
-                file.attrs[f"{name}.description"] = _fixed(about)
+                _describe_by(file, **{f"{name}.description": about} | ({name: value} if isinstance(value, str) else {}))
+                if not isinstance(value, str):
+                    file.attrs[name] = value
             for name in tables_of(type(artifact)):
                 rows = getattr(artifact, name)
                 if rows is not None:
                     _write_table(file.create_group(name), rows)
             if warnings:
-                notes = Notes(level=np.full(len(warnings), "warning"), text=np.array([_encodable(w) for w in warnings]))
+                texts = [warning.encode("utf-8", "backslashreplace").decode() for warning in warnings]
+                notes = Notes(level=np.full(len(warnings), "warning"), text=np.array(texts))
                 _write_table(file.create_group(NOTES), notes)
             if in_memory:
                 file.flush()
@@ -213,26 +214,23 @@ def _describe(group: h5py.Group) -> dict[str, Any]:
 
 
 def _write_table(group: h5py.Group, rows: Table) -> None:
-    group.attrs["description"] = _fixed((type(rows).__doc__ or "").strip().splitlines()[0])
+    _describe_by(group, description=(type(rows).__doc__ or "").strip().splitlines()[0])
     for name, declared in columns_of(type(rows)).items():
         values = getattr(rows, name)
         data = _of_fixed_width(encoded(values)) if declared.dtype == "str" else values
         chunked = {"fletcher32": True, "chunks": True} if data.size else {}
         dataset = group.create_dataset(name, data=data, **chunked)
-        dataset.attrs["units"] = _fixed(declared.unit)
-        dataset.attrs["description"] = _fixed(declared.doc)
-        if declared.refers:
-            dataset.attrs["refers"] = _fixed(declared.refers)
+        refers = {"refers": declared.refers} if declared.refers else {}
+        _describe_by(dataset, units=declared.unit, description=declared.doc, **refers)
 
 
-def _fixed(text: str) -> npt.NDArray[Any]:
-    """A text as HDF5 holds it within an attribute: of fixed length, see `hdf5_guard`."""
-    data = text.encode()
-    return np.array(data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
-
-
-def _encodable(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode()
+def _describe_by(owner: h5py.HLObject, **texts: str) -> None:
+    """Texts of fixed length (`hdf5_guard`) as attributes, by the lower level: most of what is written."""
+    one_value = h5py.h5s.create(h5py.h5s.SCALAR)
+    for name, text in texts.items():
+        data = np.array(text.encode())
+        kind = h5py.h5t.py_create(h5py.string_dtype("utf-8", max(1, data.itemsize)), logical=True)
+        h5py.h5a.create(owner.id, name.encode(), kind, one_value).write(data, mtype=kind)
 
 
 def _of_fixed_width(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -257,14 +255,14 @@ def _read(file: h5py.File, cls: type[A], path: str, only: Collection[str] | None
         if name not in file.attrs:
             raise ArtifactError(f"{kind} without attribute {name}", where=path)
         fields[name] = scalar_of(file.attrs[name])
-    declared = tables_of(cls)
-    for name in file:
+    declared, present = tables_of(cls), set(file)
+    for name in present:
         if name not in declared and name != NOTES:
             raise ArtifactError(f"{kind} has an unknown table {name!r}{did_you_mean(name, declared)}", where=path)
     for name, table_cls in declared.items():
         if only is not None and name not in only and not is_optional(cls, name):
             fields[name] = table_cls.empty()
-        elif name in file and (only is None or name in only):
+        elif name in present and (only is None or name in only):
             fields[name] = _read_table(file[name], table_cls, f"{path}:{name}")
         elif not is_optional(cls, name):
             raise ArtifactError(f"{kind} without table {name}", where=path)
@@ -272,20 +270,20 @@ def _read(file: h5py.File, cls: type[A], path: str, only: Collection[str] | None
 
 
 def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
-    declared = columns_of(cls)
-    for name in group:
+    declared, present = columns_of(cls), set(group)
+    for name in present:
         if name not in declared:
             raise ArtifactError(f"unknown column {name!r}{did_you_mean(name, declared)}", where=where)
-    missing = [name for name in declared if name not in group and not may_be_absent(cls, name)]
+    missing = [name for name in declared if name not in present and not may_be_absent(cls, name)]
     if missing:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
     return cls(
-        **{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items() if name in group}
+        **{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items() if name in present}
     )
 
 
 def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDArray[Any]:
-    values = dataset[()]
+    values = dataset[()] if dataset.size else np.zeros(dataset.shape, dataset.dtype)  # HDF5 takes its time over nothing
     if declared.dtype == "str":
         text = h5py.check_string_dtype(dataset.dtype)
         if text is None:

@@ -44,6 +44,7 @@ from aatri.ids import several
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.orientation.graph.free_images import orient_free
+from aatri.orientation.graph.pair_graph import PairGraph
 from aatri.orientation.graph.principal_distance import with_bends
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.orientations import EssentialOrientations
@@ -91,21 +92,10 @@ def graph(
     if models is None:
         models = _models(block, image_points, options, context)
     pairs, _ = graph_of(models, options.min_points)
-    measured = np.unique(block.image_points.image[block.image_points.active])
-    if len(measured) == 1:
-        raise GeometryError(
-            "one image makes no pair",
-            where=f"image {block.images.id[measured[0]]}",
-            remedy="leave out this stage and `initial`: bundle_adjustment/bundle orients an image by four control "
-            "points or more",
-        )
-    if not len(pairs.left):
-        raise _no_pairs(block, image_points, options.min_points)
+    _refuse_without_pairs(block, image_points, pairs, options.min_points)
     inside = in_tangent_frame(block)
-    rays, positions = rays_of(inside.block, image_points), positions_of(inside.block)
-    observed = np.full((len(block.images), 3), np.nan)
-    if options.use_positions:
-        observed[positions.image] = positions.position_m
+    rays = rays_of(inside.block, image_points)
+    observed = _observed_positions(inside.block) if options.use_positions else np.full((len(block.images), 3), np.nan)
     free = orient_free(
         pairs,
         turns_of(models),
@@ -145,13 +135,30 @@ def graph(
     return inside.back(solution)
 
 
-def _no_pairs(block: Block, image_points: ImagePoints, min_points: int) -> GeometryError:
-    most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
-    return GeometryError(
-        f"no two images have {min_points} points in common that fit, seen along a base",
-        remedy=f"measure more points that several images have in common (two images share {most} at most, `min_points` "
-        "goes down to 6); check the ids of images and points; images all taken at one place make no model",
-    )
+def _refuse_without_pairs(block: Block, image_points: ImagePoints, pairs: PairGraph, min_points: int) -> None:
+    measured = np.unique(block.image_points.image[block.image_points.active])
+    if len(measured) == 1:
+        raise GeometryError(
+            "one image makes no pair",
+            where=f"image {block.images.id[measured[0]]}",
+            remedy="leave out this stage and `initial`: bundle_adjustment/bundle orients an image by four control "
+            "points or more",
+        )
+    if not len(pairs.left):
+        most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
+        raise GeometryError(
+            f"no two images have {min_points} points in common that fit, seen along a base",
+            remedy="measure more points that several images have in common "
+            f"(two images share {most} at most, `min_points` goes down to 6); "
+            "check the ids of images and points; images all taken at one place make no model",
+        )
+
+
+def _observed_positions(block: Block) -> Float:
+    """Of each image, (n, 3), m; NaN where none is observed."""
+    positions, observed = positions_of(block), np.full((len(block.images), 3), np.nan)
+    observed[positions.image] = positions.position_m
+    return observed
 
 
 def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:

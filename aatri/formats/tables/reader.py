@@ -6,6 +6,7 @@ right-handed axes, and sorted into canonical order. What of it cannot be used is
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -94,34 +95,11 @@ def _block(source: Source) -> Block:
         raise_all([*source.problems, error])
         raise
     raise_all(source.problems)
-    settings = source.settings
     if question := map_or_not(source, ground):
         source.reporter.warn(question)
-    if idle := [
-        k for k, c in settings.cameras.items() if c.image_coordinates != "pixel" and c.pixel and c.pixel.origin
-    ]:
-        source.reporter.log(f"pixel: origin and y bear on nothing, image coordinates are in mm: camera {shown(idle)}")
-    height = settings.terrain_height
-    if height is not None:
-        source.reporter.log(
-            "terrain_height is for refraction and earth curvature (image_refinement), and for what is "
-            "said of positions; an adjustment alone has no use for it"
-        )
-    curvature = settings.earth_curvature or _earth_curvature(source)
-    undulation = settings.undulation
-    if source.levelled and undulation is not None:
-        frames = shown(sorted(source.levelled))
-        source.reporter.log(f"undulation: the ellipsoidal heights of frame {frames} less {undulation:g} m")
-        undulation = undulation if curvature == "frame" else None  # all that it was for is done
     return block_of(
-        name=settings.name or source.folder.resolve().name,
-        rotation=settings.rotation or "omega-phi-kappa",
-        earth_curvature=curvature,
-        terrain_height_m=np.nan if height is None else float(height),
-        undulation_m=np.nan if undulation is None else float(undulation),
-        heading=settings.heading or "true",
+        **_earth_and_names(source),
         files=[source.folder / name for name in FILES],
-        frames=_frames(settings),
         rig_members=rigs,
         **camera._asdict(),
         images=images,
@@ -136,6 +114,35 @@ def _block(source: Source) -> Block:
         relative_control=relative,
         relative_control_members=members,
     )
+
+
+def _earth_and_names(source: Source) -> dict[str, Any]:
+    """What block.yaml says of the block at large; keys that bear on nothing are told."""
+    settings = source.settings
+    height, undulation = settings.terrain_height, settings.undulation
+    if idle := [
+        k for k, c in settings.cameras.items() if c.image_coordinates != "pixel" and c.pixel and c.pixel.origin
+    ]:
+        source.reporter.log(f"pixel: origin and y bear on nothing, image coordinates are in mm: camera {shown(idle)}")
+    if height is not None:
+        source.reporter.log(
+            "terrain_height is for refraction and earth curvature (image_refinement), and for what is "
+            "said of positions; an adjustment alone has no use for it"
+        )
+    curvature = settings.earth_curvature or _earth_curvature(source)
+    if source.levelled and undulation is not None:
+        frames = shown(sorted(source.levelled))
+        source.reporter.log(f"undulation: the ellipsoidal heights of frame {frames} less {undulation:g} m")
+        undulation = undulation if curvature == "frame" else None  # all that it was for is done
+    return {
+        "name": settings.name or source.folder.resolve().name,
+        "rotation": settings.rotation or "omega-phi-kappa",
+        "earth_curvature": curvature,
+        "terrain_height_m": np.nan if height is None else float(height),
+        "undulation_m": np.nan if undulation is None else float(undulation),
+        "heading": settings.heading or "true",
+        "frames": _frames(settings),
+    }
 
 
 def _check_files(source: Source) -> None:
