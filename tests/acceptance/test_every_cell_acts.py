@@ -173,7 +173,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("every_cell")
 
 
-@pytest.mark.parametrize("which", [pytest.param("film", marks=pytest.mark.slow), "digital"])
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["film", "digital"])
 def test_a_cell_of_every_column_and_every_key_has_an_effect_or_a_message(which: str, folder: Path) -> None:
     assert idle(which, [changes[len(changes) // 2] for changes in by_name(which).values()], folder) == []
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.campaigns.mutants import ROOT, equivalents
 from tests.campaigns.mutations import is_another_program, mutations
+from tests.campaigns.reach import Reach
 
 SOURCE = '''\
 """Text - of the module, 5."""
@@ -71,3 +74,32 @@ def test_every_equivalent_mutant_is_one_of_a_line_that_is_there() -> None:
         lines = [line.strip() for line in (ROOT / file).read_text(encoding="utf-8").splitlines()]
         assert was in lines, (file, was)
         assert becomes != was
+
+
+# -- test files that the log of called functions names for a changed line --
+
+
+LOGGED_SOURCE = """\
+LIMIT = 3
+class Box:
+    def width(self):
+        return [x for x in (lambda: 1,)]
+def outer():
+    def inner():
+        return 1
+    return inner
+"""
+
+
+def test_a_changed_line_is_tried_by_the_test_files_that_call_its_function_and_by_unknown_ones(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text(
+        "tests/test_a.py\taatri/box.py\tBox.width\ntests/test_b.py\taatri/box.py\touter.<locals>.inner\n"
+        "tests/test_c.py\taatri/box.py\touter\n"
+    )
+    imports = {"aatri/box.py": {"aatri/kernels/box.py"}, "tests/test_a.py": set[str]()}
+    reach = Reach(log, {f"tests/test_{x}.py" for x in "abcd"}, imports)
+    tests = [reach.tests("aatri/box.py", LOGGED_SOURCE, line) for line in (4, 7, 8, 1)]
+    named = ["".join(sorted(t[-4] for t in some)) for some in tests]
+    assert named == ["ad", "bd", "cd", "abcd"]
+    assert reach.tests("aatri/kernels/box.py", LOGGED_SOURCE, 4) == {f"tests/test_{x}.py" for x in "abcd"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from aatri.cli.main import app
@@ -33,6 +34,7 @@ def _design(folder: Path, text: str, *more: str):  # type: ignore[no-untyped-def
     return CliRunner().invoke(app, ["design", str(path), "--into", str(folder / "out"), *more])
 
 
+@pytest.mark.slow
 def test_layouts_stand_side_by_side_and_the_cheapest_that_will_do_is_named(tmp_path: Path) -> None:
     done = _design(tmp_path, PIPELINE + DESIGN, "--quiet")
     assert done.exit_code == 0, done.output

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import atexit
 import csv
+import json
+import os
 import shutil
+import subprocess
+import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -27,6 +31,7 @@ from aatri.tables.digest import content_digest
 from aatri.tables.schema import Artifact
 from aatri.testing.check import check_stage
 from aatri.testing.example_inputs import EXAMPLES, example_block, example_folder, example_inputs
+from tests.contract.digests import digests_of_all
 from tests.contract.made_files import colmap_database, colmap_model, model_file, pair_files, two_parts
 from tests.made_photographs import flown
 from tests.made_scans import scan, scanned_block
@@ -171,3 +176,16 @@ def test_the_order_of_rows_and_columns_of_a_block_folder_changes_no_digest(
     truth = frozenset({"true_images", "true_points", "gross_errors"})
     assert content_digest(block) == content_digest(example_block(example), without=truth)
     assert block.image_points.line.tolist() != example_block(example).image_points.line.tolist()
+
+
+# -- results do not depend on the process --
+
+
+@pytest.mark.slow
+def test_a_process_with_another_hash_seed_gives_the_same_digests() -> None:
+    environment = {**os.environ, "PYTHONHASHSEED": "12345"}
+    command = [sys.executable, "-m", "tests.contract.digests"]
+    other = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    here = digests_of_all()
+    assert len(here) > 5
+    assert json.loads(other.stdout) == here

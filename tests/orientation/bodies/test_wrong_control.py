@@ -94,6 +94,7 @@ def judged(n: int, relief_m: float, mirrored: bool, seed: int) -> None:
     refuse_mirrored(places(n, relief_m, mirrored, seed), np.ones(n, dtype=bool), to, np.array([0.0, 0.0, 1.0]), "body")
 
 
+@pytest.mark.slow
 def test_control_in_a_plane_is_never_mirrored() -> None:
     for seed in range(460):
         judged(5, 0.0, False, seed)

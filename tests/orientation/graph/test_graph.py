@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.observations.poses import Poses
+from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.differences import fitted, fitted_robustly
 from aatri.orientation.graph.directions import CENTRE, POINT, _across, adjusted_directions
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
@@ -92,3 +94,20 @@ def test_centres_and_points_follow_from_directions_up_to_shift_and_scale(linear:
     a, b = found - found.mean(axis=0), c - c.mean(axis=0)
     scale = (a * b).sum() / (a * a).sum()
     np.testing.assert_allclose(scale * a, b, atol=1e-3)
+
+
+# -- components that stay apart --
+
+
+def _component(image: int) -> ImageComponent:
+    position = np.full((3, 3), np.nan)
+    position[image] = 0.0
+    return ImageComponent(Poses(np.tile(np.eye(3), (3, 1, 1)), position), np.zeros((4, 3)), np.ones(5, dtype=bool), 1.0)
+
+
+def test_a_component_is_itself_whatever_its_arrays_hold() -> None:
+    """A list takes the last of three out: arrays of the others that are compared have no truth value."""
+    components = [_component(image) for image in range(3)]
+    last = components[2]
+    components.remove(last)
+    assert not any(component is last for component in components)

@@ -16,6 +16,7 @@ from aatri.geometry import intersection
 from aatri.geometry.coplanarity import RayPairs, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.from_consensus import FromConsensus
+from aatri.orientation.relative.image_pairs import common_points
 from aatri.orientation.relative.kernels import model_points
 from aatri.orientation.relative.kernels import sampson as kernel
 from tests.adjustment import dense
@@ -221,3 +222,30 @@ def test_both_forms_have_the_same_constants() -> None:
     for name in ("FADING", "BEND", "AHEAD"):
         assert getattr(kernel, name) == getattr(dense, name)
     assert model_points.PARALLEL == intersection.PARALLEL
+
+
+# -- common points of pairs of images --
+
+
+def test_common_points_are_those_of_both_images_in_order() -> None:
+    rng = np.random.default_rng(2)
+    seen = [np.sort(rng.choice(60, n, replace=False)) for n in (0, 5, 40, 60, 33)]
+    point, begin = np.concatenate(seen), np.concatenate([[0], np.cumsum([len(s) for s in seen])])
+    images = np.array([[0, 1], [1, 2], [2, 3], [2, 4], [3, 4], [4, 1]])
+    start, left, right = common_points(images, begin, point)
+    assert start[0] == 0
+    for k, (a, b) in enumerate(images):
+        both = np.intersect1d(seen[a], seen[b])
+        rows = slice(start[k], start[k + 1])
+        np.testing.assert_array_equal(point[left[rows]], both)
+        np.testing.assert_array_equal(point[right[rows]], both)
+        assert ((left[rows] >= begin[a]) & (left[rows] < begin[a + 1])).all()
+        assert ((right[rows] >= begin[b]) & (right[rows] < begin[b + 1])).all()
+
+
+def test_no_pairs_have_no_common_points() -> None:
+    start, left, right = common_points(
+        np.zeros((0, 2), dtype=np.intp), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    )
+    assert start.tolist() == [0]
+    assert len(left) == len(right) == 0

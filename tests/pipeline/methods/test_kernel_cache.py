@@ -65,6 +65,7 @@ def _called(clone: Path, cache: Path) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_second_clone_compiles_nothing_and_an_edit_of_what_is_called_compiles_again(tmp_path: Path) -> None:
     cache = tmp_path / "numba"
     for name, factor in (("first", 2.0), ("second", 2.0), ("edited", 5.0)):

@@ -9,12 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.errors import AatriError, ArtifactError, ConvergenceError, PluginError, ResourceError, SpecError
+from aatri.adjustment.openness.open_directions import OpenError
+from aatri.errors import (
+    AatriError,
+    ArtifactError,
+    ConvergenceError,
+    Errors,
+    GeometryError,
+    InputError,
+    PluginError,
+    ResourceError,
+    SpecError,
+)
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.decisions import Plan
 from aatri.pipeline.plan.graph import wire
 from aatri.pipeline.run.runner import RunSettings, run_pipeline
-from aatri.pipeline.run.task import StageSource
+from aatri.pipeline.run.task import StageSource, failed
 from aatri.pipeline.spec.overrides import with_set, with_use
 from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.pipeline.store import inside, objects
@@ -232,3 +243,20 @@ def test_writing_twice_under_one_key_keeps_the_record_last(tmp_path: Path) -> No
         record = store.commit(tmp_path / "out", "a", "k", artifact, bare_record())
     assert store.load(tmp_path / "out", "a", Numbers).values.value.tolist() == [1.0, 1.0]
     assert record["output"]["size"] == store.artifact_path(tmp_path / "out", "a").stat().st_size
+
+
+# -- what a failed task hands back --
+
+
+def test_a_narrower_error_of_a_room_comes_back_as_the_class_of_the_tree_that_it_is_of() -> None:
+    with pytest.raises(GeometryError, match="leave 1 unknown") as caught:
+        failed(OpenError("the observations leave 1 unknown open", remedy="hold it", combinations=())).raise_error()
+    assert type(caught.value) is GeometryError
+    assert caught.value.remedy == "hold it"
+
+
+def test_several_errors_come_back_together() -> None:
+    both = Errors([InputError("one", where="a.csv:1"), OpenError("two", remedy="", combinations=())])
+    with pytest.raises(Errors) as caught:
+        failed(both).raise_error()
+    assert [type(e) for e in caught.value.errors] == [InputError, GeometryError]

@@ -87,6 +87,7 @@ def right(block: Block, wrong: list[tuple[float, float]]) -> None:
 WRONG = [(0.71, 0.0), (1.29, 0.0), (1.0, 0.05)]
 
 
+@pytest.mark.slow
 def test_of_a_flat_block_without_positions() -> None:
     right(without_positions(without_strips(simulated(**FLAT))), [*WRONG, (0.9, 0.0), (1.1, 0.0)])
 

@@ -219,6 +219,7 @@ def test_with_tau_the_sigma_of_the_measurements_need_not_be_known(chain: Chain) 
     assert (found.suspects.kind == "image_point").sum() <= 0.002 * len(m)
 
 
+@pytest.mark.slow
 def test_an_image_point_with_the_number_of_a_point_elsewhere_is_named_with_its_own(chain: Chain) -> None:
     """In six images the place of b was measured under the number of a; nobody measured a there, nor b."""
     m, rng = chain.refined.measurements, np.random.default_rng(7)

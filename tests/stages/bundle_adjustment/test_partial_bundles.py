@@ -116,6 +116,7 @@ def test_error_free_blocks_alternate_to_the_truth(exact: Chain) -> None:
     right(exact, alternating(exact.block, exact.refined, exact.strip_block))
 
 
+@pytest.mark.slow
 def test_alternation_ends_where_the_bundle_does_and_has_no_standard_deviations(noisy: Chain) -> None:
     found = alternating(noisy.block, noisy.refined, noisy.strip_block)
     reference = bundle(noisy.block, noisy.refined, noisy.strip_block, options=BundleOptions(interior_unknowns=False))

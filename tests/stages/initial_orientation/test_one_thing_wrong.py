@@ -51,6 +51,7 @@ def test_the_bundle_converges_after_wrong_point_numbers(share: float) -> None:
     assert far_off(block, done)[0] < 0.1
 
 
+@pytest.mark.slow
 def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
     block = without_strips(simulated(**{**SMALL_UAV, "ties": {"random_per_image": 120.0}}))
     e, told = block.exterior, Told()
@@ -218,6 +219,7 @@ def test_a_wrong_position_among_five_is_named() -> None:
     assert far_off(block, found)[0] < 0.2
 
 
+@pytest.mark.slow
 def test_images_with_their_y_axis_the_wrong_way_round_are_refused() -> None:
     few = {"flight": {"strips": 2, "images_per_strip": 5}, "known": {"full": 5}}  # each two control points are tried
     block = without_strips(simulated(**{**SMALL_UAV, **few}))
