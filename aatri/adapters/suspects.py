@@ -101,9 +101,9 @@ def _with_verdicts(suspects: Suspects, out: Int, later: Suspects) -> Suspects:
     at = {int(row): k for k, row in enumerate(later.row.tolist())}
     verdict = suspects.verdict.astype(np.result_type(suspects.verdict, later.verdict))
     for k in out.tolist():
-        of = at[int(suspects.row[k])]
-        if np.isfinite(later.test[of]) or later.verdict[of] != "rejected" or not staying_out(suspects)[k]:
-            verdict[k] = later.verdict[of]
+        place = at[int(suspects.row[k])]
+        if np.isfinite(later.test[place]) or later.verdict[place] != "rejected" or not staying_out(suspects)[k]:
+            verdict[k] = later.verdict[place]
     return replace(suspects, verdict=verdict)
 
 

@@ -72,7 +72,7 @@ def sigmas_of_groups(
     """
     parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
     parts += [_squares_and_redundancy(o, state, group) for o, group in zip(observations, number)]
-    squares, redundancy, group = (np.concatenate(of) for of in zip(*parts))
+    squares, redundancy, group = (np.concatenate(columns) for columns in zip(*parts))
     return group_sigmas(squares, redundancy, group.astype(np.int64), n_groups)
 
 

@@ -123,8 +123,8 @@ class TiedProblem:
                     tied[group][block[use[first : first + len(o)]]] = True
         usable = []
         for o in self.observed:
-            of = [tied[group][block] for group, block in o.records.touches if group in tied]
-            usable.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *of]))
+            touched = [tied[group][block] for group, block in o.records.touches if group in tied]
+            usable.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *touched]))
         return np.concatenate(usable)
 
 

@@ -184,7 +184,9 @@ def _read(
 
 def _without_start(nodes: tuple[StageNode, ...], figures: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Bundles that begin with the orientations of a block that has none."""
-    bare = {name for name, of in figures.items() if of.get("images") and of.get("exterior_observations") == 0}
+    bare = {
+        name for name, figure in figures.items() if figure.get("images") and figure.get("exterior_observations") == 0
+    }
     return [
         f"{node.name}: no start values: {node.inputs['block']} has neither orientations nor positions of images, and "
         "the stage has no `initial`: images that show fewer than four control points will be left out; put "

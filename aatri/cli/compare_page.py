@@ -27,11 +27,11 @@ def write_page(path: Path, runs: Sequence[Compared], head: Sequence[str], rows: 
     parts += [f"<tr>{line}</tr>" for line in lines]
     parts.append("</table>")
     parts += [f"<p><b>{escape(run.name)}</b>: {text}</p>" for run, text in zip(runs, verdicts) if text]
-    for name in dict.fromkeys(name for of in pictures for name in of):
-        title = next(of[name].title for of in pictures if name in of)
+    for name in dict.fromkeys(name for shown in pictures for name in shown):
+        title = next(shown[name].title for shown in pictures if name in shown)
         columns = [
-            f"<div><p>{escape(run.name)}</p>{drawn(of[name]) if name in of else 'none'}</div>"
-            for run, of in zip(runs, pictures)
+            f"<div><p>{escape(run.name)}</p>{drawn(shown[name]) if name in shown else 'none'}</div>"
+            for run, shown in zip(runs, pictures)
         ]
         parts.append(f'<h2>{escape(title)}</h2><div class="row">{"".join(columns)}</div>')
     rendered = [page for run in runs if (page := run.folder / "report.html").is_file()]

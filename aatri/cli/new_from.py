@@ -129,9 +129,9 @@ def pipeline_from(
     hint = ""
     if positions and not observed:
         hint = MAY_BE_OBSERVED
-        of, exterior = next((s.path.name, p.exterior) for s, p in zip(sources, parts) if p.exterior)
+        file, exterior = next((s.path.name, p.exterior) for s, p in zip(sources, parts) if p.exterior)
         angles = " --set attitude_sigma_deg=0.01" if ANGLES & {*exterior} else ""
-        remedy = f"--set {of}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
+        remedy = f"--set {file}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
         return pipeline_text(sources, folder, stages, hint + grids, stated=stated)

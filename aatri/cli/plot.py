@@ -17,8 +17,8 @@ def complete_picture(ctx: typer.Context, incomplete: str) -> list[str]:
     """Pictures of the run that the command line names and their questions, as its report.json lists them."""
     with contextlib.suppress(Exception):
         page = json.loads((find_run(Path(ctx.params["run"])).folder / "report.json").read_text(encoding="utf-8"))
-        of = {question: names for question, names in page["pictures"].items() if names}
-        every = dict.fromkeys(["all", *of, *itertools.chain(*of.values())])
+        by_question = {question: names for question, names in page["pictures"].items() if names}
+        every = dict.fromkeys(["all", *by_question, *itertools.chain(*by_question.values())])
         return [name for name in every if name.startswith(incomplete)]
     return []
 

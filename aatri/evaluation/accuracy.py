@@ -72,7 +72,7 @@ def evaluate(
         **_datum_figures(block, solution, at_check, at_truth),
     }
     theories = (("check_theory", at_check), ("truth_over", at_truth), ("truth_nees", at_truth))
-    without_theory = {name for name, of in theories if of is None or not of.over_datum}
+    without_theory = {name for name, theory in theories if theory is None or not theory.over_datum}
     determined = {
         name: value
         for name, value in figures.items()
@@ -134,7 +134,7 @@ def _datum_figures(
         "check_aligned_components": (at_check, bool((block.ground_points.role == CHECK).any())),
         "truth_aligned_components": (at_truth, block.true_points is not None),
     }
-    return {name: float(of.components if of else -1) for name, (of, is_asked) in asked.items() if is_asked}
+    return {name: float(ratio.components if ratio else -1) for name, (ratio, is_asked) in asked.items() if is_asked}
 
 
 def _control_figures(control: PointDifferences, rejected: int) -> dict[str, float]:

@@ -136,4 +136,4 @@ def _verdict(table: ParameterChanges, result: Congruence, as_well: Bool) -> str:
 
 
 def _named(names: Sequence[tuple[str, str, str]]) -> str:
-    return ", ".join(f"{printable(of)} {name}" for _, of, name in names[:6]) or "none"
+    return ", ".join(f"{printable(owner)} {name}" for _, owner, name in names[:6]) or "none"

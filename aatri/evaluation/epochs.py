@@ -170,7 +170,7 @@ def datum_directions(xyz_m: Float, datum: DatumMovement) -> Float:
 def _check_frames(a: EpochPoints, b: EpochPoints) -> None:
     d = np.abs(b.xyz_m - a.xyz_m)
     extent = float(np.nanmax(np.ptp(a.xyz_m, axis=0))) if len(d) > 1 else np.inf
-    medians = [float(np.median(of[np.isfinite(of)])) if np.isfinite(of).any() else 0.0 for of in d.T]
+    medians = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in d.T]
     axis, typical = int(np.argmax(medians)), max(medians)
     if typical > extent:
         worst = int(np.argmax(np.nan_to_num(d[:, axis])))

@@ -125,8 +125,8 @@ def _observed_covariances(block: Block, solution: Solution, control: PointDiffer
 
 def _correlated(block: Block) -> Bool:
     """Points that share a covariance with another."""
-    of = np.zeros(len(block.points), dtype=bool)
+    of_point = np.zeros(len(block.points), dtype=bool)
     table = block.ground_point_covariances
     if len(table):
-        of[block.ground_points.point[np.concatenate([table.row_a, table.row_b])]] = True
-    return of
+        of_point[block.ground_points.point[np.concatenate([table.row_a, table.row_b])]] = True
+    return of_point

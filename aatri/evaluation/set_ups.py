@@ -35,12 +35,12 @@ def set_ups(block: Block, poses: Poses, rays: ModelRays, xyz_m: Float) -> tuple[
     kept = finite_rows(axes.reshape(len(axes), 9))
     number = np.cumsum(kept) - 1
     rows = np.flatnonzero(kept[rays.model])
-    of, model = rays.model[rows], number[rays.model[rows]]
+    ray_model, model = rays.model[rows], number[rays.model[rows]]
     X, _, parallax_mm = (values[rows] for values in intersected(poses, rays, xyz_m[rays.point]))
     origin, ids = poses.position_m[rays.left], block.images.id
     E = [axes.swapaxes(1, 2) @ poses.ground_from_image[image] for image in (rays.left, rays.right)]
-    epipolar = [_projected(E[k][of], rays.xy_mm[rows, k], rays.c_mm[rows, k]) for k in (0, 1)]
-    in_model = np.einsum("nji,nj->ni", axes[of], X - origin[of])
+    epipolar = [_projected(E[k][ray_model], rays.xy_mm[rows, k], rays.c_mm[rows, k]) for k in (0, 1)]
+    in_model = np.einsum("nji,nj->ni", axes[ray_model], X - origin[ray_model])
     scale = -in_model[:, 2] / (1e-3 * rays.c_mm[rows, 0])
     count = int(kept.sum())
     medians = [float(np.nanmedian(scale[model == k])) if (model == k).any() else np.nan for k in range(count)]
@@ -58,8 +58,8 @@ def set_ups(block: Block, poses: Poses, rays: ModelRays, xyz_m: Float) -> tuple[
         points=np.bincount(model, minlength=count).astype(np.int32),
     )
     points = PassPoints(
-        left=ids[rays.left[of]],
-        right=ids[rays.right[of]],
+        left=ids[rays.left[ray_model]],
+        right=ids[rays.right[ray_model]],
         point=block.points.id[rays.point[rows]],
         role=_roles(block)[rays.point[rows]],
         ground_m=xyz_m[rays.point[rows]],

@@ -57,11 +57,11 @@ def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, F
     for first in range(0, len(X), CHUNK):
         chunk = slice(first, first + CHUNK)
         pair = [(poses.position_m[i[chunk]], poses.ground_from_image[i[chunk]]) for i in images]
-        of = replace(
+        of_chunk = replace(
             rays, model=rays.model[chunk], xy_mm=rays.xy_mm[chunk], sigma_mm=rays.sigma_mm[chunk], c_mm=rays.c_mm[chunk]
         )
-        X[chunk], w[chunk] = _least_squares(pair, of, start_m[chunk])
-        parallax[chunk] = y_parallax(poses, of)
+        X[chunk], w[chunk] = _least_squares(pair, of_chunk, start_m[chunk])
+        parallax[chunk] = y_parallax(poses, of_chunk)
     return X, w, parallax
 
 

@@ -58,16 +58,16 @@ class MeasuredRays:
         camera, model = self.block.images.camera[image], self.image_points.interior.model[self.interior[image]]
         photo, mm = mm + self.block.cameras.principal_point_mm[camera], mm.copy()
         for one in np.unique(model[self._film[image].any(axis=1)]):
-            of = model == one
-            K = open_basis(str(one), photo[of], np.eye(2))
-            mm[of] += np.einsum("nij,nj->ni", K, self._film[image[of]])
+            of_model = model == one
+            K = open_basis(str(one), photo[of_model], np.eye(2))
+            mm[of_model] += np.einsum("nij,nj->ni", K, self._film[image[of_model]])
         v = np.full_like(mm, np.nan)
         for k in np.unique(camera).tolist():
-            of, lens, errors = camera == k, self._lenses[k], self._errors[k]
+            of_model, lens, errors = camera == k, self._lenses[k], self._errors[k]
             if errors:
-                mm[of] -= np.column_stack([error_mm.ev(*mm[of].T) for error_mm in errors])
-            parameters = np.broadcast_to(lens[1], (int(of.sum()), len(lens[1])))
-            v[of] = calibration.residual(lens[0], u[of], mm[of], parameters)[0]
+                mm[of_model] -= np.column_stack([error_mm.ev(*mm[of_model].T) for error_mm in errors])
+            parameters = np.broadcast_to(lens[1], (int(of_model.sum()), len(lens[1])))
+            v[of_model] = calibration.residual(lens[0], u[of_model], mm[of_model], parameters)[0]
         return v
 
     def ideal_mm(self, image: Int, mm: Float) -> Float:
@@ -102,10 +102,10 @@ class MeasuredRays:
         What additional parameters have moved is in the image error; the camera is the nominal one then.
         """
         p, name = self.solution.parameters, self.block.cameras.id[camera]
-        of = self.block if self._errors[camera] else self.solution
+        source = self.block if self._errors[camera] else self.solution
         nominal = self.block.cameras.principal_point_mm[camera]
-        moved = of.cameras.principal_point_mm[camera] - nominal
-        values = {"principal_distance": float(of.cameras.principal_distance_mm[camera])}
+        moved = source.cameras.principal_point_mm[camera] - nominal
+        values = {"principal_distance": float(source.cameras.principal_distance_mm[camera])}
         values |= {"q": 1.0, "principal_point.x": float(moved[0]), "principal_point.y": float(moved[1])}
         rows = (p.group == CAMERA) & (p.object == name)
         adjusted = dict(zip(p.name[rows].tolist(), p.value[rows].tolist()))

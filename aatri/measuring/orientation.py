@@ -117,9 +117,9 @@ class RunOrientation:
                 A = self.rays.table_from_mm(image[k])
                 C = there.covariance + A @ np.diag(sigma_mm[k] ** 2) @ A.T
                 t, limit = float(np.sqrt(off @ np.linalg.solve(C, off))), 2.0
-            of = None if t is None or not np.isfinite(t) else t
+            time = None if t is None or not np.isfinite(t) else t
             shown[click.image] = replace(
-                there, off=off, t=of, wrong=of is not None and bool(chi2.sf(of**2, limit) < ALARM)
+                there, off=off, t=time, wrong=time is not None and bool(chi2.sf(time**2, limit) < ALARM)
             )
         return shown
 
@@ -203,16 +203,16 @@ class RunOrientation:
         n = len(image)
         if n < 2:
             return None, [None] * n, None
-        of = np.repeat(np.arange(n + 1), n)
+        pair = np.repeat(np.arange(n + 1), n)
         ray = np.tile(np.arange(n), n + 1)
-        used = of != ray + 1
+        used = pair != ray + 1
         Q = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
         met = intersect_uncertain(
             ideal[ray],
             sigma_mm[ray],
             self.c_mm[image[ray]],
             image[ray],
-            of,
+            pair,
             used,
             self.position_m,
             self.ground_from_image,
@@ -263,8 +263,8 @@ def _joined(clicked: GroundEstimate | None, control: GroundEstimate | None) -> G
         return clicked
     controlled = np.isfinite(control.xyz_m)
     P, value = np.zeros((3, 3)), np.where(controlled, control.xyz_m, 0.0)
-    of = np.ix_(controlled, controlled)
-    P[of] = np.linalg.inv(control.covariance_m2[of] + EXACT_M**2 * np.eye(int(controlled.sum())))
+    block = np.ix_(controlled, controlled)
+    P[block] = np.linalg.inv(control.covariance_m2[block] + EXACT_M**2 * np.eye(int(controlled.sum())))
     N, right = P, P @ value
     if clicked is not None:
         own = np.linalg.inv(clicked.covariance_m2)

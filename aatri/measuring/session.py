@@ -266,8 +266,8 @@ class Session:
     def _shown(self, row: MeasuredRow, kind: str) -> Values:
         """A row on the page."""
         x, y = self._on_page(row.image, np.array(row.xy)).tolist()
-        of = "mark" if kind == "fiducial" else self._role(row.name) or "tie"
-        return {"kind": kind, "name": row.name, "of": of, "x": x, "y": y, "line": row.line, "active": row.active}
+        role = "mark" if kind == "fiducial" else self._role(row.name) or "tie"
+        return {"kind": kind, "name": row.name, "of": role, "x": x, "y": y, "line": row.line, "active": row.active}
 
     def _on_page(self, image: str, xy: Float) -> Float:
         matrix = self.folder.to_table(image, self.pictures.size(image))

@@ -147,10 +147,12 @@ def _joined(
     active = np.all([part.records.active[rows[:, j]] for j, part in enumerate(parts)], axis=0)
     records = Records(MIXED if mixed else parts[0].kind, touches, evaluate, whitener, active)
     labels = [_scalar_names(part, int(rows[0, j])) for j, part in enumerate(parts)]
-    names = np.array([_set_name([parts[j].label(int(r)) for j, r in enumerate(of)]) for of in rows], dtype=np.str_)
+    names = np.array(
+        [_set_name([parts[j].label(int(r)) for j, r in enumerate(members)]) for members in rows], dtype=np.str_
+    )
     # a set of more than three scalars is told scalar by scalar; of such a build there may be several sets
     if mixed:
-        labels = [[f"{part.kind} {name}" for name in of] for part, of in zip(parts, labels)]
+        labels = [[f"{part.kind} {name}" for name in names] for part, names in zip(parts, labels)]
     components = tuple(name for names_of in labels for name in names_of) if mixed or m > 3 else ()
     units = tuple(part.unit for part in parts for _ in range(part.records.rows)) if mixed else ()
     sees = np.any([np.broadcast_to(part.sees, (len(part), 3))[rows[:, j]] for j, part in enumerate(parts)], axis=0)

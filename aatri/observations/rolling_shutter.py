@@ -57,8 +57,8 @@ def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:
     """
     velocity_m_per_s = np.full((len(time_s), 3), np.nan)
     usable = np.isfinite(time_s) & np.isfinite(position_m).all(axis=1)
-    for of in np.unique(track[usable]):
-        rows = np.flatnonzero(usable & (track == of))
+    for one_track in np.unique(track[usable]):
+        rows = np.flatnonzero(usable & (track == one_track))
         rows = rows[np.argsort(time_s[rows], kind="stable")]
         rows = rows[np.append(True, np.diff(time_s[rows]) > 0)]
         if len(rows) < 2:

@@ -94,10 +94,10 @@ def _overlaps(block: Block, solution: Solution) -> dict[str, str]:
         return {}
     forward = float(np.median(1 - length / sizes[0]))
     of_strip = [strip[k] == s for s in np.unique(strip[k])]
-    axis, middle = (np.array([values[of].mean(axis=0) for of in of_strip]) for values in (along, xy[first]))
+    axis, middle = (np.array([values[rows].mean(axis=0) for rows in of_strip]) for values in (along, xy[first]))
     away = middle - middle[:, None]
     lateral = np.abs(axis[:, None, 0] * away[..., 1] - axis[:, None, 1] * away[..., 0])
-    lateral /= np.array([np.median(sizes[1][of]) for of in of_strip])[:, None]
+    lateral /= np.array([np.median(sizes[1][rows]) for rows in of_strip])[:, None]
     beside = np.where((np.abs(axis @ axis.T) > PARALLEL) & (lateral > LEAST_SIDEWAYS), lateral, np.inf).min(axis=1)
     side = 1 - float(np.median(beside[np.isfinite(beside)])) if np.isfinite(beside).any() else 0.0
     overlaps = {"forward overlap": forward, "side overlap": side}

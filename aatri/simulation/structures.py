@@ -124,7 +124,7 @@ def relative_control(
     parts = [[p for p, _ in _members(s)] for s in order]
     members = b.RelativeControlMembers.of(
         condition=np.repeat(np.arange(len(order)), [len(p) for p in parts]),
-        part=[p for of in parts for p in of],
+        part=[p for structure_parts in parts for p in structure_parts],
         id=[name for s in order for _, name in _members(s)],
     )
     return table, members, _gross_by_kind(order, parts)

@@ -123,7 +123,7 @@ def sighted(
         (settings.height_differences, view.height_differences),
         (settings.baselines, view.baselines),
     )
-    return [part for count, of in counts if count for part in of(count)]
+    return [part for count, draw in counts if count for part in draw(count)]
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class _View:
         last = min(max(FARTHEST, each + NEAREST), len(plan) - 1)
         at = self.rng.integers(len(plan), size=stations)
         near = cKDTree(plan).query(plan[at], last + 1)[1][:, min(NEAREST, last - each + 1) :]
-        chosen = np.array([self.rng.permutation(of)[:each] for of in near]).reshape(stations, each)
+        chosen = np.array([self.rng.permutation(places)[:each] for places in near]).reshape(stations, each)
         return self.candidates[at], self.candidates[chosen]
 
     def _heights(self, n: int) -> Float:
@@ -191,7 +191,7 @@ class _View:
         image = self.rng.integers(len(self.photography.station_m), size=n)
         tree = cKDTree(self.local_m[self.candidates, :2])
         near = tree.query(self.photography.station_m[image, :2], min(FARTHEST, len(self.candidates)))[1]
-        start = self.candidates[np.array([self.rng.choice(of) for of in near])]
+        start = self.candidates[np.array([self.rng.choice(places) for places in near])]
         heights = np.column_stack([self._heights(n)[:, 0], np.zeros(n)])
         away = line(
             self.photography,

@@ -194,8 +194,14 @@ def bundle(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust the block."""
-    of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
-    source, done, groups, suspects, chosen = of.source, of.done, of.groups, of.suspects, of.chosen
+    adjusted = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
+    source, done, groups, suspects, chosen = (
+        adjusted.source,
+        adjusted.done,
+        adjusted.groups,
+        adjusted.suspects,
+        adjusted.chosen,
+    )
     searched = options.blunders.method != "none"
     requested = options.standard_deviations is not False or options.reliability
     shown = done if requested else replace(done, result=without_covariances(done.result))
@@ -209,12 +215,12 @@ def bundle(
     solution = replace(
         bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),
         orderings=report_orderings(done, options.ordering, context),
-        variance_components=of.components,
+        variance_components=adjusted.components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
         contradictions=sum(map(contradicts, groups)),
         proposed_numbers=proposed,
     )
-    if information is not None and of.share is not None:
+    if information is not None and adjusted.share is not None:
         check_sets(information, of_cameras.sets)
-        solution = with_share(solution, of.share)
+        solution = with_share(solution, adjusted.share)
     return with_datum(block, solution, options.datum, options.datum_over)

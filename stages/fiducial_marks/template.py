@@ -80,8 +80,8 @@ def template(block: Block, *, options: TemplateOptions = TemplateOptions(), cont
             "negative": options.negative,
             "picture": content_of(picture),
         }
-        of = block.images.content[k], json.dumps(settings, sort_keys=True)
-        work.append(Item(str(block.images.id[k]), (str(block.images.path[k]), picture), of))
+        key = block.images.content[k], json.dumps(settings, sort_keys=True)
+        work.append(Item(str(block.images.id[k]), (str(block.images.path[k]), picture), key))
     scans = context.mapped(scan_marks, work, ScanMarks, "scans")
     rows: list[tuple[int, int, Float, Float]] = []
     for k, kept in zip(images.tolist(), scans):
@@ -115,16 +115,18 @@ def _measured(
     context: Context,
 ) -> list[tuple[int, int, Float, Float]]:
     """Image, mark, coordinates and standard deviations of the marks found in a scan, told what was not."""
-    (_, place, marks), of = places_of_marks, scan.marks
+    (_, place, marks), reading = places_of_marks, scan.marks
     camera, name = int(block.images.camera[image]), str(block.images.id[image])
     size_mm, ids = block.cameras.pixel_size_mm[camera], block.fiducials.id[marks]
-    like = np.isfinite(of.xy_px).all(axis=1) & (np.abs(of.correlation) >= options.min_correlation)
-    like &= of.second <= options.max_second
-    scan_mm = of.xy_px[place] * size_mm
+    like = np.isfinite(reading.xy_px).all(axis=1) & (np.abs(reading.correlation) >= options.min_correlation)
+    like &= reading.second <= options.max_second
+    scan_mm = reading.xy_px[place] * size_mm
     used_of_ways, good = fitting_ways(block.fiducials.xy_mm[marks], scan_mm, like[place], options.max_residual_mm)
     if not len(good):
-        likest = place[int(np.lexsort((np.abs(of.correlation[place]).sum(axis=1), like[place].sum(axis=1)))[-1])]
-        places = ", ".join(f"{m} {abs(of.correlation[k]):.2f} and {of.second[k]:.2f}" for m, k in zip(ids, likest))
+        likest = place[int(np.lexsort((np.abs(reading.correlation[place]).sum(axis=1), like[place].sum(axis=1)))[-1])]
+        places = ", ".join(
+            f"{m} {abs(reading.correlation[k]):.2f} and {reading.second[k]:.2f}" for m, k in zip(ids, likest)
+        )
         context.warn(
             f"{name}: {int(like[likest].sum())} of {len(marks)} fiducial marks found: the image is not measured; "
             f"correlation (at least {options.min_correlation:g}) and share of the second place (at most "
@@ -142,6 +144,6 @@ def _measured(
         context.warn(f"{name}: fiducial marks not found: {shown(ids[~used].tolist())}")
     at = place[way][used]
     matrix = of_camera(block.cameras, camera, np.array([scan.width_px, scan.height_px], float))
-    xy = of.xy_px[at] @ matrix[:, :2].T + matrix[:, 2]
-    sigma_mm = np.maximum(of.sigma_px[at], SMALLEST_SIGMA_PX) * size_mm
+    xy = reading.xy_px[at] @ matrix[:, :2].T + matrix[:, 2]
+    sigma_mm = np.maximum(reading.sigma_px[at], SMALLEST_SIGMA_PX) * size_mm
     return [(image, int(m), xy[k], sigma_mm[k]) for k, m in enumerate(marks[used])]

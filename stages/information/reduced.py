@@ -72,7 +72,7 @@ def reduced(
     context: Context = SILENT,
 ) -> Information:
     """Adjust the block and reduce its normal equations."""
-    of = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
+    adjusted = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
     requested = {
         POSE: _chosen("image", block.images.id, options.keep.images, other.images.id if other else None),
         POINT: _chosen("point", block.points.id, options.keep.points, other.points.id if other else None),
@@ -86,8 +86,12 @@ def reduced(
             for (group, chosen), ids in zip(requested.items(), (block.images.id, block.points.id))
         }
     )
-    at = (of.source.start[POSE], of.source.start[POINT]) if options.at_initial and initial is not None else None
-    equations = shared_equations(of.done, in_both, at)
+    at = (
+        (adjusted.source.start[POSE], adjusted.source.start[POINT])
+        if options.at_initial and initial is not None
+        else None
+    )
+    equations = shared_equations(adjusted.done, in_both, at)
     _tell_rays_set_aside(block, requested[POINT], context)
     _tell_lost_rays(block, requested[POINT] & ~equations.keep[POINT], context)
     if not any(kept.any() for kept in equations.keep.values()):
@@ -96,8 +100,8 @@ def reduced(
             where=f"block {block.name}",
             remedy="connect `other`, the block it is for, or name images and points under `keep`",
         )
-    tables, _ = camera_tables(block, of.done.result, of.chosen)
-    made = information_of(of.source, of.done, equations, tables.sets)
+    tables, _ = camera_tables(block, adjusted.done.result, adjusted.chosen)
+    made = information_of(adjusted.source, adjusted.done, equations, tables.sets)
     if included is not None:
         staying = {
             (group, name)

@@ -62,10 +62,10 @@ def lsm(block: Block, solution: Solution, *, options: LsmOptions = LsmOptions(),
     other = np.flatnonzero(reference != np.arange(len(rows)))
     if not len(other):
         raise InputError("no tie point in two oriented images", where=block.name, remedy="see the Solution it takes")
-    images, of = np.unique(pair[other], axis=0, return_inverse=True)
+    images, pair_row = np.unique(pair[other], axis=0, return_inverse=True)
     work, members = [], []
     for k, (a, b) in enumerate(images.tolist()):
-        of_other = other[of.ravel() == k]
+        of_other = other[pair_row.ravel() == k]
         affine = linear[of_other] @ np.linalg.inv(linear[reference[of_other]])
         places = np.column_stack([xy_px[rows[reference[of_other]]], xy_px[rows[of_other]], affine.reshape(-1, 4)])
         files = tuple(str(block.images.path[i]) for i in (a, b))

@@ -252,7 +252,24 @@ def clean(chain: Chain, rng: np.random.Generator) -> Spoilt:
 
 
 WAYS: tuple[Callable[[Chain, np.random.Generator], Spoilt], ...] = (
-    clean, strip_shift, strip_drift, heights, lever_arm, principal_distance, principal_point, radial, affinity,
-    strip_camera, strip_affinity, image_affinity, neighbourhood, attitude_strip, boresight, exchanged_images,
-    exchanged_control, camera_of_two, sigma_of_two, flight_drift,
-)  # fmt: skip
+    clean,
+    strip_shift,
+    strip_drift,
+    heights,
+    lever_arm,
+    principal_distance,
+    principal_point,
+    radial,
+    affinity,
+    strip_camera,
+    strip_affinity,
+    image_affinity,
+    neighbourhood,
+    attitude_strip,
+    boresight,
+    exchanged_images,
+    exchanged_control,
+    camera_of_two,
+    sigma_of_two,
+    flight_drift,
+)

@@ -66,8 +66,10 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
 def _control_left_out(result: BundleResult) -> Float | None:
     """Of control points predicted each without itself, (3,); None where there is none that others predict."""
     adjusted = result.adjusted
-    of = [o for o in result.observations if o.observed.kind == CONTROL_KIND and not o.observed.exact]
-    control = next((o for o in of if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None)
+    of_control = [o for o in result.observations if o.observed.kind == CONTROL_KIND and not o.observed.exact]
+    control = next(
+        (o for o in of_control if len(o.observed.records.touches) == 1 and o.observed.records.rows == 3), None
+    )
     rows = np.flatnonzero(control.used) if control is not None else np.zeros(0, dtype=np.int64)
     if control is None or not len(rows) or not np.isfinite(control.covariance[rows]).all():
         return None

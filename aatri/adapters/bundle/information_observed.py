@@ -66,10 +66,10 @@ def shared_blocks(information: Information, inputs: BundleInput) -> list[SharedB
         row = rows.get(group, {}).get(name, -1)
         if row < 0:
             continue
-        of = unknowns.name[columns].tolist()
-        if not set(of) <= set(labels[group]):
-            raise other_set(group, name, of, labels[group])
-        scalar = np.array([labels[group].index(label) for label in of])
+        names = unknowns.name[columns].tolist()
+        if not set(names) <= set(labels[group]):
+            raise other_set(group, name, names, labels[group])
+        scalar = np.array([labels[group].index(label) for label in names])
         value: Any = unknowns.value[columns]
         if group == POSE:
             k = images[name]
@@ -166,7 +166,7 @@ def _observed(
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         d, D = differences(state)
-        jacobians = [W[:, start[k] : start[k + 1]] @ of for k, of in enumerate(D)]
+        jacobians = [W[:, start[k] : start[k + 1]] @ derivatives for k, derivatives in enumerate(D)]
         return np.repeat((W @ d + h)[None], len(rows), axis=0), tuple(
             np.repeat(J[None], len(rows), 0) for J in jacobians
         )
@@ -179,11 +179,11 @@ def _observed(
         gradient[column] = total_gradient
         for k, b in enumerate(blocks):
             if b.group == POSE:
-                own, of = slice(place[k], place[k + 1]), np.eye(6)
-                of[b.scalar] = D[k]
-                total[:, own] = total[:, own] @ of
-                total[own] = of.T @ total[own]
-                gradient[own] = of.T @ gradient[own]
+                own, unit = slice(place[k], place[k + 1]), np.eye(6)
+                unit[b.scalar] = D[k]
+                total[:, own] = total[:, own] @ unit
+                total[own] = unit.T @ total[own]
+                gradient[own] = unit.T @ gradient[own]
         return total, gradient, float(d @ total_gradient + d @ right + h @ h)
 
     touches = tuple((b.group, np.array([b.row], dtype=np.int32)) for b in blocks)

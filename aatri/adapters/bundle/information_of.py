@@ -114,8 +114,8 @@ def information_of(
 
 def _kept(u: Unknowns, keep: Mapping[str, Bool]) -> Bool:
     """Blocks of a group that stay."""
-    of = keep.get(u.joins or u.name)
-    return np.ones(len(u.free), dtype=bool) if of is None else of
+    kept = keep.get(u.joins or u.name)
+    return np.ones(len(u.free), dtype=bool) if kept is None else kept
 
 
 def _last(u: Unknowns, kept: Bool) -> Unknowns:
@@ -147,9 +147,9 @@ def counted_rows(
 ) -> list[tuple[int, tuple[str, str, str], int]]:
     """Rows that touch kept images and points alone: row, kind with names of image and point, digest of the values."""
     own = used.copy()
-    for group, of in o.records.touches:
+    for group, touched in o.records.touches:
         if group in keep:
-            own &= keep[group][of]
+            own &= keep[group][touched]
     rows = np.flatnonzero(own)
     image, point = (names.tolist() for names in o.names(rows))
     return [(k, (o.kind, i, p), _digest(block, o.kind, int(o.row[k]))) for k, i, p in zip(rows.tolist(), image, point)]
@@ -192,7 +192,7 @@ def camera_digests(block: Block) -> CameraDigests:
         for name in ("camera_parameters", "distortion_table", "fiducials"):
             table: Any = getattr(block, name)
             own = table.camera == camera
-            parts += [getattr(table, of)[own].tolist() for of in vars(table) if of != "camera"]
+            parts += [getattr(table, column)[own].tolist() for column in vars(table) if column != "camera"]
         texts.append(hashlib.sha256(repr(parts).encode()).hexdigest())
     return CameraDigests(id=block.cameras.id, digest=np.array(texts, dtype=np.str_))
 

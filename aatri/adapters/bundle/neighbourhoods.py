@@ -129,4 +129,7 @@ def _dispersions(xy_mm: Float, v: Float, of_images: list[Int]) -> dict[int, floa
     bounds = [_bounds(xy_mm[one], v[one], np.arange(len(one)))[1] for one in chosen]
     squares = {size: [b[:, size - 1] for b in bounds if b.shape[1] >= size] for size in SIZES}
     variance = float(np.median(np.concatenate([v[one].ravel() for one in chosen]) ** 2)) / float(chdtri(1.0, 0.5))
-    return {size: dispersion_of(np.concatenate(of), 2, variance) if of else 1.0 for size, of in squares.items()}
+    return {
+        size: dispersion_of(np.concatenate(of_size), 2, variance) if of_size else 1.0
+        for size, of_size in squares.items()
+    }

@@ -57,7 +57,7 @@ def shared_equations(
     state: dict[str, Any] = {**result.adjusted.state, POSE: poses, POINT: xyz_m}
     started = {POSE: poses.oriented, POINT: finite_rows(xyz_m)}
     more = {group: determinable[group] & ~adjusted[group] & started[group] for group in adjusted}
-    records, used, touched = [], [], {group: np.zeros(len(of), dtype=bool) for group, of in more.items()}
+    records, used, touched = [], [], {group: np.zeros(len(free), dtype=bool) for group, free in more.items()}
     for o in result.observations:
         rows = o.records.active & (o.observed.kind != INFORMATION) & ~np.bool_(o.observed.exact)
         of_more = np.zeros(len(rows), dtype=bool)
@@ -72,7 +72,7 @@ def shared_equations(
                 if group in more:
                     touched[group][block[rows]] = True
         used.append(o.used | rows)
-    more = {group: of & touched[group] for group, of in more.items()}
+    more = {group: free & touched[group] for group, free in more.items()}
     unknowns = result.adjusted.problem.unknowns
     if records:
         unknowns = _with_free(done, unknowns, state, more)

@@ -46,8 +46,8 @@ def units_of(block: Block, per: Sharing) -> SharingUnits:
         return SharingUnits(block.images.id, camera, np.arange(len(camera)))
     if per == "camera":
         return SharingUnits(block.cameras.id, np.arange(len(block.cameras)), camera)
-    of = block.images.flight if per == "flight" else block.images.session
-    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, of)])
+    part = block.images.flight if per == "flight" else block.images.session
+    names = np.array([f"{block.cameras.id[c]}/{s}" for c, s in zip(camera, part)])
     ids, first, of_image = np.unique(names, return_index=True, return_inverse=True)
     return SharingUnits(ids, camera[first], of_image.ravel())
 

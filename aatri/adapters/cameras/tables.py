@@ -221,6 +221,6 @@ def calibration_tables(
         )
         for k in range(n) if part.per != "image" else ():
             f = image_error_field(part.parameters, scales[k], adjusted.value[k], adjusted.covariance[k], GRID)
-            of = np.full(len(f.xy_mm), units.id[k])
-            fields.append(ErrorFields(of, f.xy_mm, 1e3 * f.error_mm, 1e3 * f.sigma_mm, 1e3 * f.shape_mm))
+            unit_id = np.full(len(f.xy_mm), units.id[k])
+            fields.append(ErrorFields(unit_id, f.xy_mm, 1e3 * f.error_mm, 1e3 * f.sigma_mm, 1e3 * f.shape_mm))
     return stacked(sets), stacked(fields)

@@ -136,7 +136,7 @@ def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int
     rows = np.flatnonzero(np.isin(table.strip, component.strips))
     centres, rotations = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
     for strip, pose in zip(component.strips, component.component_from_strip):
-        of = table.strip[rows] == strip
-        centres[of] = transform(pose, table.position[rows[of]])
-        rotations[of] = pose.rotation @ table.strip_from_image[rows[of]]
+        of_strip = table.strip[rows] == strip
+        centres[of_strip] = transform(pose, table.position[rows[of_strip]])
+        rotations[of_strip] = pose.rotation @ table.strip_from_image[rows[of_strip]]
     return centres, rotations, table.image[rows].astype(np.int64)

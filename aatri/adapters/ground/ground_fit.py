@@ -126,9 +126,9 @@ def stretched(block: Block, body: OrientedBody) -> str:
     if factor is None:
         return ""
     levels_m = [
-        np.median(places.observed_m[of & places.given[:, 2], 2])
-        for of in (places.kind == CONTROL, places.kind != CONTROL)
-        if (of & places.given[:, 2]).any()
+        np.median(places.observed_m[of_kind & places.given[:, 2], 2])
+        for of_kind in (places.kind == CONTROL, places.kind != CONTROL)
+        if (of_kind & places.given[:, 2]).any()
     ]
     c_mm = np.unique(block.cameras.principal_distance_mm[block.images.camera])
     share = f"{factor.factor:.3f} (+- {factor.sigma:.2g}) times as much as those of the models"

@@ -175,8 +175,8 @@ def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: s
     turned = sum(len(o) for o in oriented.tied.problem.ground if o.kind == ATTITUDE)
     text = f"{what}: oriented by observations of all kinds together; without them {failure}"
     if kinds <= {*first, ATTITUDE}:
-        of = several(turned, "image")
-        text = f"{what}: attitudes of {of} take part, as control and positions leave it open: {failure}"
+        turned_images = several(turned, "image")
+        text = f"{what}: attitudes of {turned_images} take part, as control and positions leave it open: {failure}"
     return Note("note", text)
 
 

@@ -116,11 +116,11 @@ def _nowhere(ground: GroundObserved, what: str, reason: AatriError) -> AatriErro
     text = (
         reason.what if reason.what.startswith(what) else f"{what}: control and positions do not place it: {reason.what}"
     )
-    of = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
+    error = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
     if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():
-        return of(text, remedy=reason.remedy)
-    return of(text, remedy=f"{reason.remedy}; {IMAGES_ALONE}")
+        return error(text, remedy=reason.remedy)
+    return error(text, remedy=f"{reason.remedy}; {IMAGES_ALONE}")
 
 
 def _otherwise(

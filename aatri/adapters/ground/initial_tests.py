@@ -85,7 +85,7 @@ def contradiction_note(block: Block, left: Sequence[Observed], state: State, kin
     else:
         residual = np.concatenate([residuals_at(state, o) for o in _of_places(left)])
         off = f"shifted by {_median_shift(residual)} m"
-        images = [of for o in _of_places(left) for group, of in o.records.touches if group == POSE]
+        images = [touched for o in _of_places(left) for group, touched in o.records.touches if group == POSE]
         camera = block.images.camera[np.concatenate(images)] if images else np.zeros(0, dtype=np.int32)
         if len(np.unique(camera)) > 1:
             by_camera = [f"{block.cameras.id[k]} {_median_shift(residual[camera == k])}" for k in np.unique(camera)]

@@ -113,8 +113,8 @@ def merged_places(xy_px: Sequence[Float], pairs: Int, matches: Sequence[Int]) ->
     """
     first = []
     for xy in xy_px:
-        _, row, of = np.unique(np.round(xy, 2), axis=0, return_index=True, return_inverse=True)
-        first.append(row[of.ravel()])
+        _, row, place = np.unique(np.round(xy, 2), axis=0, return_index=True, return_inverse=True)
+        first.append(row[place.ravel()])
     places = []
     for (left, right), rows in zip(pairs.tolist(), matches):
         same = np.column_stack([first[left][rows[:, 0]], first[right][rows[:, 1]]])

@@ -116,9 +116,9 @@ def _suspects(block: Block, pairs: ImagePairs, model: Int, orientations: Relativ
 def with_elements(models: Models, frame: str) -> Models:
     """The models with the elements of a method."""
     o = models.orientations
-    of = independent_elements if frame == "independent" else dependent_elements
+    elements_of = independent_elements if frame == "independent" else dependent_elements
     names = INDEPENDENT if frame == "independent" else DEPENDENT
-    values, sigma = of(o.left_from_right, o.base, o.covariance)
+    values, sigma = elements_of(o.left_from_right, o.base, o.covariance)
     return replace(
         models,
         elements=Elements(

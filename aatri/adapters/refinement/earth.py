@@ -48,9 +48,9 @@ def earth_correction(
             return every, ()
     correction, turned = np.zeros_like(xy_mm), np.isfinite(stations.level_from_image[image, 2, 2])
     for rows, axes in ((above_terrain & ~rays, None), (above_terrain & rays & turned, stations.level_from_image)):
-        of = image[rows]
-        own = None if axes is None else axes[of]
-        correction[rows] = corrected(rows, stations.height_m[of], stations.terrain_m, own)
+        row_image = image[rows]
+        own = None if axes is None else axes[row_image]
+        correction[rows] = corrected(rows, stations.height_m[row_image], stations.terrain_m, own)
     without = above_terrain & rays & ~turned
     if without.any():
         text = f"{what} is not corrected in images without orientation"

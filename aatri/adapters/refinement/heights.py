@@ -63,11 +63,10 @@ def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None)
     if missing.any():
         estimated = _estimated_by_strip(block, image_points, station, tangent)
         station = np.where(missing, estimated, station)
-        of = int((missing & np.isfinite(station)).sum())
-        if of:
-            text = (
-                f"flying height of {several(of, 'image')} estimated from the scale at control points, or other images"
-            )
+        count = int((missing & np.isfinite(station)).sum())
+        if count:
+            images = several(count, "image")
+            text = f"flying height of {images} estimated from the scale at control points, or other images"
             notes.append(Note("note", text))
     tilted = level[:, 2, 2] < np.cos(MOST_TILT_RAD)
     by_rays = tilted if poses is None else oriented | tilted | np.isnan(level[:, 2, 2])

@@ -57,12 +57,12 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
     place[chosen] = np.arange(len(chosen))
     begin = ModelPoses(similarities_of([s for s in start if s is not None]), np.zeros((len(chosen), LATENT)))
     rows, ids = np.flatnonzero(place[model] >= 0), block.points.id
-    of, n = coordinates.point[rows], len(rows)
-    tied_rows = ModelRows(place[model[rows]], of, x[rows], covariance[rows], np.zeros((n, 3, LATENT)))
+    point, n = coordinates.point[rows], len(rows)
+    tied_rows = ModelRows(place[model[rows]], point, x[rows], covariance[rows], np.zeros((n, 3, LATENT)))
     ties = model_ties(tied_rows, names=names[chosen], latent=False)
     ground = observed_control(control, origin, ids[control.point])
-    ground = tuple(o.take(np.flatnonzero(np.isin(o.records.touches[0][1], of))) for o in ground)
-    observed = [ties.observed(MODEL_TIE, names[model[rows]], ids[of], begin), *ground]
+    ground = tuple(o.take(np.flatnonzero(np.isin(o.records.touches[0][1], point))) for o in ground)
+    observed = [ties.observed(MODEL_TIE, names[model[rows]], ids[point], begin), *ground]
     places = {POINT: ties.places(begin, len(ids))}
     problem = tied_problem(observed, places, {POINT: ids}, "models given by coordinates")
     began = np.ones(sum(map(len, problem.observed)), dtype=bool)
@@ -86,11 +86,11 @@ def _solution(
     block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, settings: ModelSettings
 ) -> Solution:
     began = np.ones(sum(map(len, tied.problem.observed)), dtype=bool)
-    of = tied.state[BODY].similarity
+    similarity = tied.state[BODY].similarity
     point_m = tied.xyz_m + origin
     transformations = []
     for k, name in enumerate(names.tolist()):
-        to = compose(of[k], Similarity(-centre[k], 1.0, np.eye(3)))
+        to = compose(similarity[k], Similarity(-centre[k], 1.0, np.eye(3)))
         sigma = _sigmas(to, centre[k], tied.covariances[BODY][k][:7, :7])
         transformations.append(pieces.similarity_rows(name, to, origin, sigma))
     none = np.full((len(block.images), 3), np.nan)

@@ -69,12 +69,12 @@ def adjusted_models(
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {several(rounds, 'round')}"))
     notes += search_notes(tied, tables.names_of, "independent models")
-    point_m, of = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
+    point_m, similarity = tied.xyz_m + bodies.origin, tied.state[BODY].similarity
     out = np.flatnonzero(~tied.active[: len(bodies.points.model)])
     rejected = bodies.points.model[out], bodies.points.block[out]
     wrong = rays_of_ties(image_points, bodies.centres.model, bodies.centres.block, *rejected)
     position, rotation, resected = resected_on(block, image_points, initial, point_m, wrong)
-    transformations = [pieces.similarity_rows(str(name), of[k], bodies.origin) for k, name in enumerate(names)]
+    transformations = [pieces.similarity_rows(str(name), similarity[k], bodies.origin) for k, name in enumerate(names)]
     covariance_m2 = np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan)
     solution = tables.solution_of_bodies(
         block,

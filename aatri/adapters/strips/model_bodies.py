@@ -81,8 +81,8 @@ class ModelsAsBodies:
     def known(self, block: Block) -> Iterator[tuple[Observed, Int]]:
         """What is observed of the ground, and of which objects."""
         for o in self.ground:
-            ((group, of),) = o.records.touches
-            yield o, of + (len(block.points) if group == POSE else 0)
+            ((group, touched),) = o.records.touches
+            yield o, touched + (len(block.points) if group == POSE else 0)
 
 
 def bodies_of(
@@ -111,9 +111,11 @@ def bodies_of(
     names, chosen = np.array(["+".join(o.id[list(unit)].tolist()) for unit in units]), np.arange(len(units))
 
     def made(chosen: Int) -> ModelsAsBodies:
-        of = [list(units)[k] for k in chosen.tolist()]
-        single = _bodies(models, np.array([k for unit in of for k in unit]), centre_sigma_m, origin, poses, ground)
-        return _of_units(single, {unit: units[unit] for unit in of}, names[chosen]) if double else single
+        units_chosen = [list(units)[k] for k in chosen.tolist()]
+        single = _bodies(
+            models, np.array([k for unit in units_chosen for k in unit]), centre_sigma_m, origin, poses, ground
+        )
+        return _of_units(single, {unit: units[unit] for unit in units_chosen}, names[chosen]) if double else single
 
     while True:
         bodies = made(chosen)
@@ -192,8 +194,8 @@ def _bodies(
     points = ModelRows(model, p.point[rows].astype(np.int64), p.xyz[rows], p.covariance[rows], of_points)
     start, seen = ModelPoses(similarity, np.zeros((m, LATENT))), list[Observed]()
     for g in ground:
-        ((group, of),) = g.records.touches
-        seen.append(g if group == POINT else g.take(np.flatnonzero(np.isin(of, centres.block))))
+        ((group, touched),) = g.records.touches
+        seen.append(g if group == POINT else g.take(np.flatnonzero(np.isin(touched, centres.block))))
     return ModelsAsBodies(
         chosen, o.id[chosen], points, centres, start, poses, origin, tuple(seen), centre_sigma_m is None
     )
@@ -201,9 +203,9 @@ def _bodies(
 
 def _of_units(single: ModelsAsBodies, units: dict[Unit, Similarity], names: Text) -> ModelsAsBodies:
     """Bodies of units of one or two models, from those of single models in their order."""
-    unit = np.repeat(np.arange(len(units)), [len(of) for of in units])
+    unit = np.repeat(np.arange(len(units)), [len(models) for models in units])
     first = np.flatnonzero(np.diff(unit, prepend=-1))
-    to = [laid if k else IDENTITY for of, laid in units.items() for k in range(len(of))]
+    to = [laid if k else IDENTITY for models, laid in units.items() for k in range(len(models))]
     s = single.start.similarity
     return replace(
         single,
@@ -219,17 +221,17 @@ def _of_units(single: ModelsAsBodies, units: dict[Unit, Similarity], names: Text
 
 def _loose(bodies: ModelsAsBodies, block: Block) -> Bool:
     """Models that share too few points, perspective centres among them, with others or with what is given."""
-    model, of = bodies.shared(block)
-    on_ground = np.isin(of, np.concatenate([objects for _, objects in bodies.known(block)]))
-    shared = on_ground | (np.bincount(of)[of] > 1)
+    model, body = bodies.shared(block)
+    on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.known(block)]))
+    shared = on_ground | (np.bincount(body)[body] > 1)
     return np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
 
 
 def _components(bodies: ModelsAsBodies, block: Block) -> tuple[Int, int]:
     """Which models hang together by common points: label of each, and how many there are."""
     m, n = len(bodies.model), len(block.points) + len(block.images)
-    model, of = bodies.shared(block)
-    graph = coo_array((np.ones(len(model)), (model, m + of)), shape=(m + n,) * 2)
+    model, body = bodies.shared(block)
+    graph = coo_array((np.ones(len(model)), (model, m + body)), shape=(m + n,) * 2)
     label = connected_components(graph, directed=False)[1][:m]
     labels, label = np.unique(label, return_inverse=True)
     return np.asarray(label), len(labels)
@@ -238,12 +240,12 @@ def _components(bodies: ModelsAsBodies, block: Block) -> tuple[Int, int]:
 def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     """What control and positions leave open of some models that hang together; empty where they determine all."""
     s, names = bodies.start.similarity, bodies.names
-    k, of = bodies.shared(block)
+    k, body = bodies.shared(block)
     of_these = np.isin(k, models)
     x = np.concatenate([bodies.points.x, bodies.centres.x])[of_these]
-    k, of = k[of_these], of[of_these]
+    k, body = k[of_these], body[of_these]
     xyz = s.translation[k] + s.scale[k][:, None] * np.einsum("nij,nj->ni", s.rotation[k], x)
-    there, first = np.unique(of, return_index=True)
+    there, first = np.unique(body, return_index=True)
     place = np.full((len(block.points) + len(block.images), 3), np.nan)
     place[there] = xyz[first]
     observed = [o.take(np.flatnonzero(np.isin(objects, there))) for o, objects in bodies.known(block)]

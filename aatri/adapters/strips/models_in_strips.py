@@ -50,7 +50,9 @@ def with_models_apart(
             strip=np.arange(len(metres), dtype=np.int32),
             control_points=counts.astype(np.int32),
             metres=metres,
-            scale_number=np.array([float(np.median(of)) if len(of) else np.nan for of in per_strip]),
+            scale_number=np.array(
+                [float(np.median(scale_numbers)) if len(scale_numbers) else np.nan for scale_numbers in per_strip]
+            ),
         ),
         image_scales=ImageScales(strip=images.strip, image=images.image, scale_number=number),
         placed_points=PlacedPoints(
@@ -75,6 +77,6 @@ def _metres(block: Block, strips: Strips) -> tuple[Float, Int]:
         counts[s] = len(rows)
         if len(rows) > 1:
             ground, inside = X[p.point[rows]], p.xyz[rows]
-            squares = [((of - of.mean(axis=0)) ** 2).sum() for of in (ground, inside)]
+            squares = [((places - places.mean(axis=0)) ** 2).sum() for places in (ground, inside)]
             metres[s] = np.sqrt(squares[0] / squares[1])
     return metres, counts

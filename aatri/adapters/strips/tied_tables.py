@@ -118,10 +118,10 @@ def _shown(result: TiedResult) -> Iterator[AdjustedObservations]:
 
 
 def _of_several(adjusted: AdjustedObservations) -> AdjustedObservations:
-    of = [block for group, block in adjusted.observed.records.touches if group != BODY]
-    if adjusted.observed.spread is None or not of:
+    touched = [block for group, block in adjusted.observed.records.touches if group != BODY]
+    if adjusted.observed.spread is None or not touched:
         return adjusted
-    shared = np.bincount(of[0])[of[0]] > 1
+    shared = np.bincount(touched[0])[touched[0]] > 1
     return replace(adjusted, rows=adjusted.rows[shared[adjusted.rows]])
 
 

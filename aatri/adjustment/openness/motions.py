@@ -80,8 +80,8 @@ def open_motions(
             extent = np.linalg.norm(moves, axis=0)
             motions = [named(row, extent) for row in coefficients]
             along, unknowns = _along(problem, np.where(going_along[:, None], directions, 0.0))
-            of = _whole_or_part(problem, open_here, moves @ coefficients.T)
-            combinations.append(of_motions(motions, of, along, unknowns))
+            subject = _whole_or_part(problem, open_here, moves @ coefficients.T)
+            combinations.append(of_motions(motions, subject, along, unknowns))
         left.append(_without(open_here, directions))
     return combinations, np.concatenate(left, axis=1) if combinations else vectors
 
@@ -244,11 +244,13 @@ def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str
     energy = (moves**2).sum(axis=1)
     if energy[part].sum() > WHOLE * energy.sum():
         return WHOLE_BLOCK
-    of: list[str] = []
+    subjects: list[str] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         of_part: Int = np.flatnonzero(((columns >= 0) & part[np.maximum(columns, 0)]).any(axis=1))
         if len(of_part) and u.generator is not None:
             ids = [str(u.ids[k]) for k in of_part[:5]]
-            of.append(f"{u.name} {', '.join(ids)}" + (f" and {len(of_part) - 5} more" if len(of_part) > 5 else ""))
-    return f"a part that nothing holds to the rest ({'; '.join(of)})"
+            subjects.append(
+                f"{u.name} {', '.join(ids)}" + (f" and {len(of_part) - 5} more" if len(of_part) > 5 else "")
+            )
+    return f"a part that nothing holds to the rest ({'; '.join(subjects)})"

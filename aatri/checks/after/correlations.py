@@ -35,19 +35,19 @@ def high_correlations(result: BundleResult, kinds: Mapping[str, str]) -> list[Fi
     blocks: list[Block] = [(u.name, int(k)) for u in shared for k in np.flatnonzero(u.free.any(axis=1))]
     if all(_of_camera(u.name) for u in shared) and len(blocks) < 2:
         return []
-    of = {u.name: u for u in shared}
+    by_name = {u.name: u for u in shared}
     correlated: list[tuple[str, str, float]] = []
     for group, k in blocks:
         if not _of_camera(group):
             own = result.covariances[group][k]
-            correlated += _high(own, of[group], k, own, of[group], k, np.triu_indices(len(own), 1))
+            correlated += _high(own, by_name[group], k, own, by_name[group], k, np.triu_indices(len(own), 1))
     pairs = list(combinations(blocks, 2))
     pairs.sort(key=lambda pair: pair[0][0] == pair[1][0])  # of different groups first
     first_pairs = pairs[:MOST_PAIRS]
     for (a, b), cross in zip(first_pairs, covariances_of_pairs(result.adjusted, first_pairs) if first_pairs else []):
         first, second = result.covariances[a[0]][a[1]], result.covariances[b[0]][b[1]]
         every = tuple(i.ravel() for i in np.indices(cross.shape))
-        correlated += _high(cross, of[a[0]], a[1], first, of[b[0]], b[1], every, second)
+        correlated += _high(cross, by_name[a[0]], a[1], first, by_name[b[0]], b[1], every, second)
     return [*_findings(correlated, kinds), *_left_out(len(pairs))]
 
 

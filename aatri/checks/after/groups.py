@@ -64,8 +64,8 @@ def _finding(accepted: AcceptedGroup) -> Finding:
 
 
 def _alternative(per: str, unit: str, cause: str) -> str:
-    of = "" if per == ALL else f" of {per} {'of ' if per == NEIGHBOURHOOD else ''}{unit}"
-    return f"{cause}{of}"
+    of_unit = "" if per == ALL else f" of {per} {'of ' if per == NEIGHBOURHOOD else ''}{unit}"
+    return f"{cause}{of_unit}"
 
 
 def _values(value: Float, sigma: Float, digits: str = ".3f") -> str:

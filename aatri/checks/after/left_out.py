@@ -24,12 +24,12 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     images = np.asarray(inputs.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
     tied = touched_points(inputs)
     points = np.asarray(inputs.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
-    for ids, of, what, reason in (
+    for ids, total, what, reason in (
         (points, len(inputs.point_ids), "points", "too few usable rays"),
         (images, len(inputs.image_ids), "images", "no start or too few points"),
     ):
         if len(ids) and (what == "points" or inputs.rays is not None):
-            text = f"left out, {reason} ({len(ids)} of {of} {what})"
+            text = f"left out, {reason} ({len(ids)} of {total} {what})"
             findings.append(Finding("left_out", "warning", text, ids=tuple(ids.tolist())))
     if inputs.rays is None and len(images):
         text = f"no image points are adjusted: {len(images)} of {len(inputs.image_ids)} images take no part"

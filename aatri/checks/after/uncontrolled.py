@@ -28,8 +28,8 @@ def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:
     in_no_model, table = table.take(apart), table.take(~apart)
     if len(in_no_model):
         points = np.unique(in_no_model.point)
-        rays, of = several(len(in_no_model), "ray"), several(len(points), "point")
-        text = f"{rays} to {of} in no model: the bundle is the first to check them"
+        rays, of_points = several(len(in_no_model), "ray"), several(len(points), "point")
+        text = f"{rays} to {of_points} in no model: the bundle is the first to check them"
         findings.append(Finding("uncontrolled", "note", text, ids=tuple(points.tolist()), where=IMAGE_POINT))
     for kind in np.unique(table.kind).tolist():
         of_kind = table.take(table.kind == kind)

@@ -78,7 +78,7 @@ def _median(e: Float, angular: bool, sets: Text) -> float:
         return float(np.median(np.abs(e)))
     turn = np.exp(1j * e)
     if len(sets):
-        _, of = np.unique(sets, return_inverse=True)
-        mean = np.bincount(of, turn.real) + 1j * np.bincount(of, turn.imag)
-        turn = turn * np.conj(mean[of])
+        _, set_row = np.unique(sets, return_inverse=True)
+        mean = np.bincount(set_row, turn.real) + 1j * np.bincount(set_row, turn.imag)
+        turn = turn * np.conj(mean[set_row])
     return float(np.median(np.abs(np.angle(turn))))

@@ -42,10 +42,10 @@ def write_bingo(
     xy_mm, camera = np.full_like(rays.xy_px, np.nan), block.images.camera
     of_geoin = ["* cameras: principal distance and principal point in mm; image coordinates are free of distortion"]
     for k, lens in enumerate(oriented.lenses):
-        of = camera[rays.image] == k
+        of_camera = camera[rays.image] == k
         c_mm = lens.focal_px[0] * lens.pixel_mm
         x0, y0 = (np.array(lens.principal_point_px) / lens.focal_px * c_mm * [1.0, -1.0]).tolist()
-        xy_mm[of] = lens.ideal(rays.xy_px[of]) * [c_mm, -c_mm] + [x0, y0]
+        xy_mm[of_camera] = lens.ideal(rays.xy_px[of_camera]) * [c_mm, -c_mm] + [x0, y0]
         of_geoin.append(f"CAPA   {cameras[k]:<16}{c_mm!r} {x0!r} {y0!r}")
     lines, first = [], np.searchsorted(rays.image, np.arange(len(images) + 1)).tolist()
     for k, name in enumerate(images):

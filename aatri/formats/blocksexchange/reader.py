@@ -60,7 +60,7 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
         raise root.error(f"version {clipped(version)!r}", f"versions {', '.join(VERSIONS)} are read: export anew")
     blocks = root.all("Block")
     if len(blocks) > 1:
-        named = shown([name.text for of in blocks for name in of.all("Name")])
+        named = shown([name.text for element in blocks for name in element.all("Name")])
         raise blocks[1].error(f"{len(blocks)} blocks: {named}", "export the one that is to be read")
     block = root.one("Block")
     every = block.all("Photogroups", "Photogroup")
@@ -72,7 +72,9 @@ def read_blocksexchange(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     way, of_way = way_of(block, groups, geographic=frame.geographic)
     lenses = [lens_of(group, k, way) for k, group in enumerate(groups, 1)]
     ids = [lens.id for lens in lenses]
-    lenses = [replace(of, id=f"{of.id} {k}") if of.id in ids[: k - 1] else of for k, of in enumerate(lenses, 1)]
+    lenses = [
+        replace(lens, id=f"{lens.id} {k}") if lens.id in ids[: k - 1] else lens for k, lens in enumerate(lenses, 1)
+    ]
     parts = BlockParts(
         "blocksexchange",
         [path, *tie_files],

@@ -77,8 +77,8 @@ def affinity(group: XmlElement, height_px: float, f_px: float) -> Affinity:
 
 def ways_of(affinities: list[Affinity], *, has_angles: bool) -> list[Way]:
     """The ways in which a file can be read; one where nothing is open."""
-    aspects = ("a f", "f / a") if any(of.aspect != 1 for of in affinities) else ("a f",)
-    skews = ("px", "of f") if any(of.skew for of in affinities) else ("px",)
+    aspects = ("a f", "f / a") if any(affinity.aspect != 1 for affinity in affinities) else ("a f",)
+    skews = ("px", "of f") if any(affinity.skew for affinity in affinities) else ("px",)
     angles = ("described", "other") if has_angles else ("described",)
     return [Way(a, s, o) for a, s, o in product(aspects, skews, angles)]  # type: ignore[arg-type]
 

@@ -51,7 +51,7 @@ def write_blocksexchange(
         element("Measurement", element("PhotoId", image), *_place(xy))
         for image, xy in zip(oriented.rays.image.tolist(), xy_px.tolist())
     ]
-    marks = {point: [measured[k] for k in of] for point, of in oriented.rays.of_points().items()}
+    marks = {point: [measured[k] for k in rows] for point, rows in oriented.rays.of_points().items()}
     known = control_points(oriented)
     written = [p for p in known if p.known in CATEGORY]
     if strange := [p.id for p in known if p.known not in CATEGORY]:

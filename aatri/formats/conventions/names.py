@@ -82,7 +82,7 @@ def matched(names: Iterable[str], targets: Collection[str], steps: tuple[Step, .
         `OF_IMAGES` or `OF_POINTS`.
     """
     open_names, free = dict.fromkeys(names), dict.fromkeys(targets)
-    of: dict[str, str] = {}
+    named: dict[str, str] = {}
     by_step: dict[str, int] = {}
     conflicts: dict[tuple[str, ...], str] = {}
     for step, key in steps:
@@ -90,15 +90,15 @@ def matched(names: Iterable[str], targets: Collection[str], steps: tuple[Step, .
         for text in left.keys() & right.keys():
             own, theirs = left[text], right[text]
             if len(own) == len(theirs) == 1:
-                of[own[0]] = theirs[0]
+                named[own[0]] = theirs[0]
                 by_step[step] = by_step.get(step, 0) + 1
             else:
                 conflicts.setdefault((*sorted(own), *sorted(set(theirs) - set(own))), step)
-        for name in [name for name in open_names if name in of]:
+        for name in [name for name in open_names if name in named]:
             del open_names[name]
-            free.pop(of[name], None)
-    ambiguous = tuple(sorted((step, names) for names, step in conflicts.items() if not all(n in of for n in names)))
-    return Matching(of, by_step, tuple(open_names), ambiguous)
+            free.pop(named[name], None)
+    ambiguous = tuple(sorted((step, names) for names, step in conflicts.items() if not all(n in named for n in names)))
+    return Matching(named, by_step, tuple(open_names), ambiguous)
 
 
 def _by_key(names: Iterable[str], key: Callable[[str], str]) -> dict[str, list[str]]:

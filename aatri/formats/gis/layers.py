@@ -202,7 +202,7 @@ def _ellipses(oriented: OrientedBlock) -> Layer:
     covariance, xyz = _covariances(oriented), oriented.xyz_m
     known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(xyz).all(axis=1)
     axes = {row: ellipse(covariance[row]) for row in np.flatnonzero(known).tolist()}
-    drawn = {row: of for row, of in axes.items() if of[0] > 0}
+    drawn = {row: ellipse for row, ellipse in axes.items() if ellipse[0] > 0}
     if not drawn:
         return layer
     extent_m = float(np.ptp(xyz[known, :2], axis=0).max())

@@ -200,8 +200,8 @@ def _word(cell: str) -> str:
     word = _called(short)
     deviation = OF_DEVIATION.fullmatch(short)
     if word == "-" and deviation:
-        of = deviation["after"] or deviation["before"]
-        word = "sXY" if of in PLAN else "sZ" if of in HEIGHT else f"s{_called(of)}"
+        quantity = deviation["after"] or deviation["before"]
+        word = "sXY" if quantity in PLAN else "sZ" if quantity in HEIGHT else f"s{_called(quantity)}"
     return word if word in SAME else "-"
 
 

@@ -162,9 +162,13 @@ def _both(a: Block, b: Block, name: str, place: dict[str, Int]) -> tuple[Any, An
         return None, None
     kind: Any = tables_of(Block)[name]
     first, second = (kind.empty() if table is None else table for table in (first, second))
-    moved = {of: place[c.refers][getattr(second, of)] for of, c in columns_of(kind).items() if c.refers in place}
+    moved = {
+        column_name: place[c.refers][getattr(second, column_name)]
+        for column_name, c in columns_of(kind).items()
+        if c.refers in place
+    }
     if name == "gross_errors":
-        of_kind = [TABLE_OF_KIND.get(of, "geodetic") for of in second.kind.tolist()]
+        of_kind = [TABLE_OF_KIND.get(row_kind, "geodetic") for row_kind in second.kind.tolist()]
         moved["row"] = np.array([place[t][row] for t, row in zip(of_kind, second.row.tolist())], dtype=np.int32)
     return first, replace(second, **moved)
 
@@ -188,25 +192,25 @@ def _reader(b: Block, name: str) -> Callable[[int], str]:
 
 def _namer(b: Block, name: str) -> Callable[[int], str]:
     """What messages call a row of a table."""
-    of: Any = getattr(b, name)
+    value: Any = getattr(b, name)
     mark = {"camera_parameters": "name", "distortion_table": "radius_mm", "fiducials": "id"}
 
     def named(k: int) -> str:
         if name in ("image_points", "fiducial_points"):
-            of_image = b.points.id[of.point[k]] if name == "image_points" else b.fiducials.id[of.fiducial[k]]
-            return f"{b.images.id[of.image[k]]}/{of_image}"
+            of_image = b.points.id[value.point[k]] if name == "image_points" else b.fiducials.id[value.fiducial[k]]
+            return f"{b.images.id[value.image[k]]}/{of_image}"
         if name in ("ground_points", "true_points"):
-            return str(b.points.id[of.point[k]])
+            return str(b.points.id[value.point[k]])
         if name in ("exterior", "true_images"):
-            return str(b.images.id[of.image[k]])
+            return str(b.images.id[value.image[k]])
         if name in WHOLE:
-            return f"camera {printable(str(b.cameras.id[of.camera[k]]))}, {name} {getattr(of, mark[name])[k]}"
+            return f"camera {printable(str(b.cameras.id[value.camera[k]]))}, {name} {getattr(value, mark[name])[k]}"
         if name == "model_coordinates":
-            return f"point {printable(str(b.points.id[of.point[k]]))} of model {printable(str(of.model[k]))}"
+            return f"point {printable(str(b.points.id[value.point[k]]))} of model {printable(str(value.model[k]))}"
         if name == "rig_members":
-            return f"member {printable(str(of.member[k]))} of rig {printable(str(of.rig[k]))}"
-        if hasattr(of, "id"):
-            return f"{name.removesuffix('s')} {printable(str(of.id[k]))}"
+            return f"member {printable(str(value.member[k]))} of rig {printable(str(value.rig[k]))}"
+        if hasattr(value, "id"):
+            return f"{name.removesuffix('s')} {printable(str(value.id[k]))}"
         return f"{name} {k + 1}"
 
     return named

@@ -81,7 +81,9 @@ def renamed(block: Block, names: Renaming) -> Block:
     for name, columns in GROUPS.items():
         table = tables.get(name, getattr(block, name))
         if table is not None:
-            tables[name] = replace(table, **{of: names.of("groups", getattr(table, of)) for of in columns})
+            tables[name] = replace(
+                table, **{column_name: names.of("groups", getattr(table, column_name)) for column_name in columns}
+            )
     sights, members = tables["geodetic"], block.relative_control_members
     tables["geodetic"] = replace(
         sights,

@@ -42,7 +42,11 @@ def taken(block: Block, chosen: Mapping[str, Int]) -> Block:
             continue
         if name in chosen:
             table = table.take(chosen[name])
-        moved = {of: place[c.refers][getattr(table, of)] for of, c in columns_of(kind).items() if c.refers in place}
+        moved = {
+            column_name: place[c.refers][getattr(table, column_name)]
+            for column_name, c in columns_of(kind).items()
+            if c.refers in place
+        }
         tables[name] = replace(table, **moved) if moved else table
     if block.gross_errors is not None:
         tables["gross_errors"] = _gross_errors(block.gross_errors, place)
@@ -86,10 +90,10 @@ def in_canonical_order(block: Block) -> Block:
     }
     if models is not None:
         order["model_coordinates"] = np.lexsort((models.point, models.model))
-    for name, of in (("true_images", "image"), ("true_points", "point")):
+    for name, column_name in (("true_images", "image"), ("true_points", "point")):
         truth: Any = getattr(block, name)
         if truth is not None:
-            order[name] = np.argsort(getattr(truth, of), kind="stable")
+            order[name] = np.argsort(getattr(truth, column_name), kind="stable")
     block = taken(block, order)
     wrong = block.gross_errors
     if wrong is not None:

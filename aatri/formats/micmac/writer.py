@@ -133,8 +133,8 @@ def _pairs(oriented: OrientedBlock, lens: Lens, row: int, of_image: slice) -> li
     points = oriented.rays.point[of_image]
     points = points[np.isfinite(oriented.xyz_m[points]).all(axis=1)][:MOST_PAIRS]
     xyz = oriented.xyz_m[points]
-    of = np.full(len(xyz), row)
-    u = in_image_axes(oriented.position_m[of], oriented.ground_from_image[of], xyz)
+    image_row = np.full(len(xyz), row)
+    u = in_image_axes(oriented.position_m[image_row], oriented.ground_from_image[image_row], xyz)
     xy_px = lens.projected(u[:, :2] * [-1.0, 1.0] / u[:, 2:]) + np.array(lens.size_px) / 2
     return [
         element("Appuis", element("Num", k), numbers("Im", *xy), numbers("Ter", *ground))

@@ -136,7 +136,7 @@ def _cameras(
             f"by {FOCAL_SHARE:.0%}: {shown(names[k] for k in unknown)}"
         )
     focal = {(p.camera, round(p.focal_px, 1)): p for p in photos}
-    of_two = {name for name, _ in focal if sum(of == name for of, _ in focal) > 1}
+    of_two = {name for name, _ in focal if sum(own_name == name for own_name, _ in focal) > 1}
     ids = {key: f"{key[0]}-{key[1]:.0f}px" if key[0] in of_two else key[0] for key in focal}
     shapes = {(p.model, p.size_px) for p in photos}
     turned = [
@@ -147,7 +147,7 @@ def _cameras(
             f"photographs of one model lie upright and across, {len(turned)} in all: a program has turned "
             f"their pixels, or the camera was turned; they count as two cameras: {shown(turned)}"
         )
-    sizes = {model: sorted({size for of, size in shapes if of == model}) for model, _ in shapes}
+    sizes = {model: sorted({size for own_model, size in shapes if own_model == model}) for model, _ in shapes}
     for model, several_sizes in sorted(sizes.items()):
         if len({tuple(sorted(size)) for size in several_sizes}) > 1:
             count = Counter(p.size_px for p in photos if p.model == model)
@@ -170,7 +170,11 @@ def _cameras(
         "distortion": "brown",
     }
     rows = [(name, "principal_distance", np.nan, FOCAL_SHARE * c, False) for name, c in zip(ids.values(), c_mm)]
-    rows += [(name, of, np.nan if "point" in of else 0.0, np.nan, True) for name in ids.values() for of in FREE]
+    rows += [
+        (name, parameter, np.nan if "point" in parameter else 0.0, np.nan, True)
+        for name in ids.values()
+        for parameter in FREE
+    ]
     parameters: dict[str, object] = dict(zip(("camera", "name", "value", "sigma", "free"), map(list, zip(*rows))))
     return np.array([ids[p.camera, round(p.focal_px, 1)] for p in photos]), (cameras, parameters)
 
@@ -180,8 +184,8 @@ def _flights(photos: Sequence[Photograph], camera: Text, gap_s: float, shift: bo
     flights = [""] * len(photos)
     kind = [(str(p.path.parent), str(c)) for p, c in zip(photos, camera)]
     number = 0
-    for of in sorted(set(kind)):
-        rows = sorted((k for k in range(len(photos)) if kind[k] == of), key=lambda k: (photos[k].time_s, k))
+    for one_kind in sorted(set(kind)):
+        rows = sorted((k for k in range(len(photos)) if kind[k] == one_kind), key=lambda k: (photos[k].time_s, k))
         number += 1
         for before, k in zip([rows[0], *rows], rows):
             number += photos[k].time_s - photos[before].time_s > gap_s
@@ -200,18 +204,20 @@ def _exterior(
     sigma_m, attitude_rad = sigmas
     packets = [drone_packet(p.path) for p in photos]
     numbers = [{} if packet is None else drone_numbers(packet) for packet in packets]
-    rtk = np.array([[of.get(f"RtkStd{axis}", np.nan) for axis in ("Lon", "Lat", "Hgt")] for of in numbers])
+    rtk = np.array([[photo.get(f"RtkStd{axis}", np.nan) for axis in ("Lon", "Lat", "Hgt")] for photo in numbers])
     is_rtk = np.asarray((rtk > 0).all(axis=1))
     place = np.array([p.lonlat_deg for p in photos])
     packed = np.array(
-        [[of.get(key, np.nan) for key in ("GpsLongitude", "GpsLatitude", "AbsoluteAltitude")] for of in numbers]
+        [[photo.get(key, np.nan) for key in ("GpsLongitude", "GpsLatitude", "AbsoluteAltitude")] for photo in numbers]
     )
     place = np.where(np.isfinite(packed) & (is_rtk | np.isnan(place).any(axis=1))[:, None], packed, place)
     here = finite_rows(place[:, :2])
     equal = _equal_to_another(place)
     _tell(notes, names, ~here, "say no position")
     _tell(notes, names, equal, "have the position of another one: start values alone")
-    angles = np.radians([[of.get(f"Gimbal{of_}Degree", np.nan) for of_ in ("Roll", "Pitch", "Yaw")] for of in numbers])
+    angles = np.radians(
+        [[photo.get(f"Gimbal{of_}Degree", np.nan) for of_ in ("Roll", "Pitch", "Yaw")] for photo in numbers]
+    )
     turned = finite_rows(angles)
     if turned.sum() > 2 and not np.ptp(angles[turned], axis=0).any():
         notes.append(f"all {int(turned.sum())} attitudes of the gimbal are equal: not used")

@@ -71,7 +71,7 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     files = [p for p, _ in packets]
     stated = [_with_position(packet) for _, packet in packets]
     names = _names(files)
-    sigma = np.array([[t.get(f"RtkStd{of}", np.nan) for of in ("Lon", "Lat", "Hgt")] for t in stated])
+    sigma = np.array([[t.get(f"RtkStd{axis}", np.nan) for axis in ("Lon", "Lat", "Hgt")] for t in stated])
     flags = np.array([t.get("RtkFlag", np.nan) for t in stated])
     sigma[(sigma == 0).all(axis=1) & (flags == 0)] = np.nan  # no solution: nothing is known
     if (bad := np.flatnonzero((sigma <= 0).any(axis=1))).size:
@@ -79,7 +79,7 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
         raise packets[int(bad[0])][1].error(what, "they are positive, in m: without a solution they are not there")
     observed = np.isfinite(sigma).all(axis=1)
     place = np.array([[t["GpsLongitude"], t["GpsLatitude"], t["AbsoluteAltitude"]] for t in stated])
-    angles = np.radians([[t.get(f"Gimbal{of}Degree", np.nan) for of in ("Roll", "Pitch", "Yaw")] for t in stated])
+    angles = np.radians([[t.get(f"Gimbal{axis}Degree", np.nan) for axis in ("Roll", "Pitch", "Yaw")] for t in stated])
     parts = BlockParts("dji_xmp", files, name=path.stem, frame=GEOGRAPHIC)
     at = {
         "file": list(range(len(files))),
@@ -144,25 +144,25 @@ def drone_packet(path: Path) -> XmlElement | None:
 
 def _with_position(packet: XmlElement) -> dict[str, float]:
     """Numbers of a packet that must have a position."""
-    of = drone_numbers(packet)
-    absent = [key for key in ("GpsLatitude", "GpsLongitude", "AbsoluteAltitude") if key not in of]
+    numbers = drone_numbers(packet)
+    absent = [key for key in ("GpsLatitude", "GpsLongitude", "AbsoluteAltitude") if key not in numbers]
     if absent:
         raise packet.error(
             f"the packet has no {', '.join(absent)} of DJI", "give the photographs as the drone wrote them"
         )
-    return of
+    return numbers
 
 
 def drone_numbers(packet: XmlElement) -> dict[str, float]:
     """Numbers of DJI by their keys, written as attributes or as elements."""
-    of: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for description in packet.within("Description"):
         for key, text in description.attributes.items():
             if key.startswith(SPACE):
-                _put(of, description, key.removeprefix(SPACE), text)
+                _put(numbers, description, key.removeprefix(SPACE), text)
         for child in description.children:
-            _put(of, child, child.tag, child.text)
-    return of
+            _put(numbers, child, child.tag, child.text)
+    return numbers
 
 
 def _put(of: dict[str, float], element: XmlElement, key: str, text: str) -> None:

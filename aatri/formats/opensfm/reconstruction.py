@@ -58,7 +58,7 @@ def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Rep
     used = [True] * len(shots["id"])
     if frame == LOCAL and len(number) > 1:
         largest = max(number, key=lambda k: len(document.get(dict, k, "shots")))
-        used = [of == largest for of in shots["of"]]
+        used = [part == largest for part in shots["of"]]
         parts.notes.append(
             f"{len(number)} free models: start values have only those of the largest, {several(sum(used), 'image')}"
         )
@@ -87,7 +87,7 @@ def _mounted(document: JsonText, k: int) -> list[str]:
     return [
         name
         for name in names
-        if any(any(document.numbers(k, "rig_cameras", name, of, count=3)) for of in ("translation", "rotation"))
+        if any(any(document.numbers(k, "rig_cameras", name, key, count=3)) for key in ("translation", "rotation"))
     ]
 
 

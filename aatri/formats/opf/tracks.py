@@ -84,7 +84,7 @@ def _accessor(document: JsonText, keys: tuple[Key, ...], files: list[Path]) -> n
     if path not in files:
         files.append(path)
     dtype, count = np.dtype(COMPONENTS[component]), document.get(int, *at, "count")
-    start = sum(document.get(int, *of, "byteOffset", default=0) for of in (view, at))
+    start = sum(document.get(int, *where, "byteOffset", default=0) for where in (view, at))
     stride = document.get(int, *view, "byteStride", default=width * dtype.itemsize)
     if start < 0 or count < 0 or (count and start + (count - 1) * stride + width * dtype.itemsize > len(data)):
         raise document.fault(at, f"{count} values reach beyond the end of {uri}", "the file is cut off: get it again")

@@ -135,7 +135,7 @@ def _scene(oriented: OrientedBlock, reporter: Reporter) -> _Scene:
 
 
 def _internals(lens: Lens) -> dict[str, Any]:
-    x, y = (side / 2 + of for side, of in zip(lens.size_px, lens.principal_point_px))
+    x, y = (side / 2 + offset for side, offset in zip(lens.size_px, lens.principal_point_px))
     p = lens.parameters
     return {
         "type": "perspective",

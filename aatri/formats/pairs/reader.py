@@ -83,7 +83,7 @@ def read_pairs(
             _add(row, photos, unit_um * 1e-3, measured)
     surveyed = ground_lines(control, check, reporter)
     c, x0, y0 = interior
-    every = [(name, one) for name, of in measured.items() for one in of]
+    every = [(name, one) for name, rows in measured.items() for one in rows]
     return block_of(
         name=folder.resolve().name,
         rotation="phi-omega-kappa",
@@ -133,7 +133,7 @@ def _decimal_commas(path: Path, rows: list[TextLine]) -> list[str]:
     """For each row the first word `1,2`, where blanks part other words of the row."""
     texts = read_lines(path)
     words = [blank_separated(texts[row.line - 1]) for row in rows]
-    return [next((word for word in of if len(of) > 1 and _TWO.fullmatch(word)), "") for of in words]
+    return [next((word for word in line if len(line) > 1 and _TWO.fullmatch(word)), "") for line in words]
 
 
 _TWO = re.compile(r"[+-]?[0-9]+,[0-9]+")

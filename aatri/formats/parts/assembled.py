@@ -136,8 +136,8 @@ def _pixel_mm(tables: JoinedParts, images: Text) -> Float:
     """Size of a pixel of each row's camera (n, 2), mm; 1 where coordinates are mm."""
     rows, cameras = tables.tables["images"], tables.tables["cameras"]
     of_camera = {
-        str(name): np.ones(2) if of == "photo" else size
-        for name, of, size in zip(cameras["id"], cameras["image_coordinates"], cameras["pixel_size_mm"])
+        str(name): np.ones(2) if coordinates == "photo" else size
+        for name, coordinates, size in zip(cameras["id"], cameras["image_coordinates"], cameras["pixel_size_mm"])
     }
     of_image = {str(name): of_camera[str(camera)] for name, camera in zip(rows["id"], rows["camera"])}
     return np.array([of_image[str(name)] for name in images]).reshape(-1, 2)
@@ -257,7 +257,7 @@ def _image_sigma_mm(tables: JoinedParts, not_stated: NotStated) -> Float:
     size = np.array([pixel_mm[of_image[str(name)]] for name in names.tolist()]).reshape(-1, 2)[row.ravel()]
     stated_px = np.where(np.isnan(points["sigma_px"]), not_stated.image_sigma_px, points["sigma_px"])
     sigma = np.where(np.isnan(points["sigma_mm"]), stated_px * size, points["sigma_mm"])
-    photo = {str(name) for name, of in zip(cameras["id"], cameras["image_coordinates"]) if of == "photo"}
+    photo = {str(name) for name, system in zip(cameras["id"], cameras["image_coordinates"]) if system == "photo"}
     in_mm = np.array([of_image[str(name)] in photo for name in names.tolist()])[row.ravel()]
     sigma = np.where(np.isnan(sigma) & in_mm[:, None], not_stated.image_sigma_um * 1e-3, sigma)
     if np.isnan(sigma).any():
@@ -286,7 +286,7 @@ def _held_or_free(cameras: Rows, parameters: Rows, calibrate: bool) -> Rows:
     made: list[tuple[str, str, float, float, bool]] = []
     for camera, model in zip(cameras["id"].tolist(), cameras["distortion"].tolist()):
         names = FORWARD.get(model, OF_MEASUREMENTS if model == "brown" else ())
-        own = [name for of, name in stated if of == camera]
+        own = [name for owner, name in stated if owner == camera]
         for name in dict.fromkeys([*names, *own, *INTERIOR]):
             k = stated.get((camera, name))
             value = np.nan if name in INTERIOR else 0.0 if k is None else float(parameters["value"][k])

@@ -59,12 +59,12 @@ def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
     assert frame is not None
     if not frame.geographic:
         return frame
-    of = next((p for p in named if p.frame == frame), named[0] if named else None)
-    if of is None:
+    part = next((p for p in named if p.frame == frame), named[0] if named else None)
+    if part is None:
         what = f"{frame.crs} is in latitude and longitude, and no source says where it is"
         raise InputError(what, where=str(sources[0].files[0]), remedy="name a map: EPSG:32632 ...")
-    assert of.frame is not None
-    degrees = geographic(_coordinates(of), of.frame)
+    assert part.frame is not None
+    degrees = geographic(_coordinates(part), part.frame)
     longitude, latitude = np.nanmedian(degrees[:, :2], axis=0)
     return utm_of(frame, float(latitude), float(longitude))
 
@@ -170,8 +170,8 @@ def _converted(xyz: Float, covariance: Float, source: Frame, target: Frame) -> t
 
 def tangent_place(frame: Frame) -> tuple[float, float, float]:
     """Longitude, latitude and height of the origin of a topocentric frame."""
-    of = {name: float(text) for name, text in _PLACE.findall(frame.crs)}
-    return of.get("lon_0", 0.0), of.get("lat_0", 0.0), of.get("h_0", 0.0)
+    place = {name: float(text) for name, text in _PLACE.findall(frame.crs)}
+    return place.get("lon_0", 0.0), place.get("lat_0", 0.0), place.get("h_0", 0.0)
 
 
 def _tangent(frame: Frame) -> tuple[Float, Float]:

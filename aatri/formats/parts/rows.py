@@ -61,9 +61,9 @@ def rows_of(parts: BlockParts, table: str, first_file: int = 0) -> Rows:
         return {}
     if "sigma_m" in columns:
         variance = np.asarray(columns.pop("sigma_m"), dtype=np.float64)[..., None] ** 2
-        of = "position_covariance_m2" if table == "exterior" else "covariance_m2"
+        covariance = "position_covariance_m2" if table == "exterior" else "covariance_m2"
         # what is not stated is NaN there alone
-        columns[of] = np.where(np.eye(3, dtype=bool), variance * np.eye(3), 0.0)
+        columns[covariance] = np.where(np.eye(3, dtype=bool), variance * np.eye(3), 0.0)
     if table == "image_points" and parts.pixel_axes is not None:
         columns["pixel_axes"] = parts.pixel_axes.name
     if "line" in columns:

@@ -49,9 +49,9 @@ def read_source(path: Path, reading: Reading, reporter: Reporter) -> BlockParts:
         raise missing(path)
     name = reading.format or ("table" if reading.columns is not None else None)
     if name is None:
-        of = recognised_file(path)
-        declared = of.format
-        reporter.log(f"{path}: {declared.title} ({of.seen})")
+        recognised = recognised_file(path)
+        declared = recognised.format
+        reporter.log(f"{path}: {declared.title} ({recognised.seen})")
     else:
         declared = format_named(name)
     if declared.read is None:

@@ -91,8 +91,8 @@ def in_other_frame(oriented: OrientedBlock, target: Frame, reporter: Reporter) -
 def _changed_px(oriented: OrientedBlock, moved: MovedBlock) -> float:
     """Largest distance between where points are seen before and after, px."""
     rays = oriented.rays
-    of = oriented.oriented[rays.image] & np.isfinite(oriented.xyz_m[rays.point]).all(axis=1)
-    image, point = rays.image[of], rays.point[of]
+    usable = oriented.oriented[rays.image] & np.isfinite(oriented.xyz_m[rays.point]).all(axis=1)
+    image, point = rays.image[usable], rays.point[usable]
     if not len(image):
         return 0.0
     seen = [

@@ -68,8 +68,8 @@ def _of_changed_distance(solution: Solution, covariance: Float, place: Mapping[t
         if sets is None
         else {
             name: c0
-            for name, c0, of in zip(sets.object.tolist(), sets.principal_distance_mm.tolist(), sets.set.tolist())
-            if not is_ideal(of)
+            for name, c0, set_name in zip(sets.object.tolist(), sets.principal_distance_mm.tolist(), sets.set.tolist())
+            if not is_ideal(set_name)
         }
     )
     for k, camera in enumerate(solution.cameras.id.tolist()):

@@ -173,11 +173,11 @@ class OrientedBlock:
     def model_rays(self) -> Rays:
         """Rays of oriented images to points with coordinates: what a sparse model has."""
         rays = self.rays
-        of = self.oriented[rays.image] & finite_rows(self.xyz_m)[rays.point]
-        if not of.any():
+        usable = self.oriented[rays.image] & finite_rows(self.xyz_m)[rays.point]
+        if not usable.any():
             remedy = "export a result, or a source with start values of images and points"
             raise GeometryError("no image point of an oriented image and a point with coordinates", remedy=remedy)
-        return Rays(rays.image[of], rays.point[of], rays.xy_px[of], rays.sigma_px[of])
+        return Rays(rays.image[usable], rays.point[usable], rays.xy_px[usable], rays.sigma_px[usable])
 
     def from_corner_px(self, rays: Rays) -> Float:
         """Coordinates of rays (m, 2) from the upper left corner of their images, y down."""
@@ -190,8 +190,8 @@ class OrientedBlock:
         u = in_image_axes(self.position_m[rays.image], self.ground_from_image[rays.image], self.xyz_m[rays.point])
         camera = self.block.images.camera[rays.image]
         for k, lens in enumerate(self.lenses):
-            of = camera == k
-            xy_px[of] = lens.projected(u[of, :2] * -Y_DOWN / u[of, 2:])
+            of_camera = camera == k
+            xy_px[of_camera] = lens.projected(u[of_camera, :2] * -Y_DOWN / u[of_camera, 2:])
         return xy_px
 
     def _form(self, camera: int) -> str:

@@ -200,12 +200,12 @@ def _covariances(p: Parameters, rows: ParameterCovariances) -> Columns:
 
 
 def _tests(residuals: Residuals, tests: Tests) -> Columns:
-    of = _residuals(residuals)
+    by_kind = _residuals(residuals)
     return {
-        **{name: of[name] for name in ("kind", "image", "point")},
+        **{name: by_kind[name] for name in ("kind", "image", "point")},
         **named(tests),
-        "unit": of["unit"],
-        "active": of["active"],
+        "unit": by_kind["unit"],
+        "active": by_kind["active"],
     }
 
 

@@ -65,19 +65,19 @@ def _exterior(photos: dict[str, dict[str, TextLine]]) -> Columns:
     if not photos:
         return {}
     missing = [np.nan] * 6
-    of = {
+    values = {
         kind: np.array([seen[kind].numbers(2) if kind in seen else missing for seen in photos.values()])
         for kind in ("position", "attitude")
     }
-    place, east_north = of["position"], [1, 0, 2]
+    place, east_north = values["position"], [1, 0, 2]
     return {
         "image": list(photos),
         "position_m": place[:, :3][:, east_north],
         "sigma_m": place[:, 3:][:, east_north],
-        "angles_rad": np.radians(of["attitude"][:, :3]),
-        "angle_sigma_rad": np.radians(of["attitude"][:, 3:]),
+        "angles_rad": np.radians(values["attitude"][:, :3]),
+        "angle_sigma_rad": np.radians(values["attitude"][:, 3:]),
         "position_use": np.where(np.isfinite(place[:, 0]), OBSERVED_VALUE, 0),
-        "angle_use": np.where(np.isfinite(of["attitude"][:, 0]), OBSERVED_VALUE, 0),
+        "angle_use": np.where(np.isfinite(values["attitude"][:, 0]), OBSERVED_VALUE, 0),
         "at": [next(iter(seen.values())) for seen in photos.values()],
     }
 

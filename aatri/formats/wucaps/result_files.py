@@ -69,4 +69,4 @@ def _control_residuals(solution: Solution) -> list[str]:
 
 
 def _line(name: str, *values: Float) -> str:
-    return " ".join([str(name), *(repr(float(v)) for of in values for v in of)])
+    return " ".join([str(name), *(repr(float(v)) for row in values for v in row)])

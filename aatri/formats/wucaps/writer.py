@@ -211,9 +211,9 @@ def _is_written(block: Block) -> Bool:
 def _roles(block: Block) -> list[str]:
     """PRECPI."""
     g = block.ground_points
-    of = [np.flatnonzero((g.role == np.array(role)).all(axis=1) & _is_written(block)) for role in ROLES]
-    names = [str(block.points.id[g.point[row]]) for rows in of for row in rows]
-    return [" ".join(str(len(rows)) for rows in of[:3]), *names, "-99"]
+    by_role = [np.flatnonzero((g.role == np.array(role)).all(axis=1) & _is_written(block)) for role in ROLES]
+    names = [str(block.points.id[g.point[row]]) for rows in by_role for row in rows]
+    return [" ".join(str(len(rows)) for rows in by_role[:3]), *names, "-99"]
 
 
 def _left_out(block: Block, used: Bool) -> list[Note]:

@@ -79,8 +79,8 @@ def _oriented(source: ObservationSource, rows: Sights) -> Iterator[Observed]:
     notes = _lonely(ids, np.bincount(block, minlength=len(ids)))
     parts = [(part, exact, between) for sights, between in by_surface(source, rows) for part, exact in alike(sights)]
     for part, exact, between in parts:
-        of = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
-        own_set = Calibrated(ORIENTATION, of, _shown)
+        set_row = np.array([number[s] for s in part.set.tolist()], dtype=np.int32)
+        own_set = Calibrated(ORIENTATION, set_row, _shown)
         records = sight_records(DIRECTION, part, source.level, bearing, own_set, angular=True, between=between)
         yield Observed(
             records,

@@ -113,8 +113,10 @@ def _calibrated(kind: str, way: _Way, rows: Sights, level: Level, own: Unknowns)
     """Distances of groups."""
     number = {name: k for k, name in enumerate(own.ids)}
     for part, exact in alike(rows):
-        of = np.array([number[g] for g in part.group.tolist()], dtype=np.int32)
-        records = sight_records(kind, part, level, way.measured, Calibrated(own.name, of, _shown), between=way.between)
+        group_row = np.array([number[g] for g in part.group.tolist()], dtype=np.int32)
+        records = sight_records(
+            kind, part, level, way.measured, Calibrated(own.name, group_row, _shown), between=way.between
+        )
         yield Observed(records, part.row, named(point=part.names), "m", exact=exact, sees=way.sees)
 
 

@@ -42,12 +42,12 @@ def relative_differences(source: ObservationSource) -> tuple[Observed, ...]:
 
 
 def _equal(source: ObservationSource, conditions: Conditions) -> Observed:
-    pairs, of, n = conditions.point, conditions.of, len(conditions.row)
+    pairs, condition, n = conditions.point, conditions.of, len(conditions.row)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         x = state[POINT]
         length, u = slope(x[pairs[rows, 1]] - x[pairs[rows, 0]])
-        v = length - state[conditions.group][of[rows], 0]
+        v = length - state[conditions.group][condition[rows], 0]
         return v[:, None], (-u[:, None, :], u[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
@@ -59,5 +59,5 @@ def _equal(source: ObservationSource, conditions: Conditions) -> Observed:
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     placed = np.flatnonzero(np.isfinite(length))
     return conditions.observed(
-        evaluate, means(length[placed, None], of[placed], n), ("length",), generator, seeing(NOTHING)
+        evaluate, means(length[placed, None], condition[placed], n), ("length",), generator, seeing(NOTHING)
     )

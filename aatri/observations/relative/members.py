@@ -150,17 +150,17 @@ def observed_conditions(
     for row, exact in by_exactness(block, type_):
         members = [members_of(block, int(k)) for k in row]
         point, ids = (np.concatenate(part).reshape(-1, at_once) for part in zip(*members))
-        of = np.repeat(np.arange(len(row)), [len(m[0]) // at_once for m in members]).astype(np.int32)
+        condition = np.repeat(np.arange(len(row)), [len(m[0]) // at_once for m in members]).astype(np.int32)
         conditions = Conditions(
             type_,
             exact,
             row,
             point.astype(np.int32),
-            of,
+            condition,
             np.array(["-".join(names) for names in ids], dtype=np.str_),
             np.flatnonzero(np.isin(block.relative_control_members.condition, row))[::at_once],
             np.array([shown(m[1].tolist(), MOST_NAMED) for m in members], dtype=np.str_),
-            block.relative_control.sigma[row][of],
+            block.relative_control.sigma[row][condition],
         )
         yield _refitting(source, conditions, observe)
 

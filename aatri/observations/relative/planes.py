@@ -59,20 +59,20 @@ VERTICAL = Shape("vertical_plane", ("turn", "offset"), 1, _vertical, _fit_vertic
 
 def _level(source: ObservationSource, conditions: Conditions) -> Observed:
     """Points of one height, which is unknown."""
-    level, point, of, n = source.level, conditions.point[:, 0], conditions.of, len(conditions.row)
+    level, point, condition, n = source.level, conditions.point[:, 0], conditions.of, len(conditions.row)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         h, by_point = level.height(state[POINT][point[rows]])
-        v = h - state[conditions.group][of[rows], 0]
+        v = h - state[conditions.group][condition[rows], 0]
         return v[:, None], (by_point[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
         placed = np.flatnonzero(finite_rows(state[POINT][point]))
         _, by_point = level.height(state[POINT][point[placed]])
         moves = (by_point[:, None, :] @ point_generator(state)[point[placed]])[:, 0]
-        return means(moves, of[placed], n)[:, None, :]
+        return means(moves, condition[placed], n)[:, None, :]
 
     placed = np.flatnonzero(finite_rows(source.start[POINT][point]))
-    start = means(level.height(source.start[POINT][point[placed]])[0][:, None], of[placed], n)
+    start = means(level.height(source.start[POINT][point[placed]])[0][:, None], condition[placed], n)
     sees = ALL if level.curved else HEIGHT
     return conditions.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)

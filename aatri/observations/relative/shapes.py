@@ -66,16 +66,16 @@ def observed_shapes(source: ObservationSource, shape: Shape) -> tuple[Observed, 
 
 
 def _observed(source: ObservationSource, shape: Shape, conditions: Conditions) -> Observed:
-    point, of, group, n = conditions.point[:, 0], conditions.of, conditions.group, len(conditions.row)
+    point, condition, group, n = conditions.point[:, 0], conditions.of, conditions.group, len(conditions.row)
     radius = source.block.relative_control.value[conditions.row]
-    F, c, t = _started(source, shape, [point[of == k] for k in range(n)], radius)
+    F, c, t = _started(source, shape, [point[condition == k] for k in range(n)], radius)
     free = np.ones(t.shape, dtype=bool)
     if shape.radius:
         fixed = np.isfinite(radius)
         t[fixed, -1], free[fixed, -1] = radius[fixed], False
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        own = of[rows]
+        own = condition[rows]
         local = np.einsum("nij,nj->ni", F[own], state[POINT][point[rows]] - c[own])
         v, by_local, by_shape = shape.equation(local, state[group][own])
         return v, (by_local @ F[own], by_shape)
@@ -87,7 +87,7 @@ def _observed(source: ObservationSource, shape: Shape, conditions: Conditions) -
         along = by_point @ point_generator(state)[point[placed]]
         moves = np.zeros((n, t.shape[1], 7))
         for k in range(n):
-            of_shape, free_ones = of[placed] == k, np.flatnonzero(free[k])
+            of_shape, free_ones = condition[placed] == k, np.flatnonzero(free[k])
             A = by_shape[of_shape].reshape(-1, t.shape[1])[:, free_ones]
             moves[k, free_ones] = -np.linalg.lstsq(A, along[of_shape].reshape(-1, 7), rcond=None)[0]
         return moves

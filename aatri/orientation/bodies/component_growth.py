@@ -153,9 +153,9 @@ def _merged(first: _Body, second: _Body, similarity: Similarity) -> _Body:
 
 
 def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
-    distinct, of = np.unique(point, return_inverse=True)
+    distinct, place = np.unique(point, return_inverse=True)
     n = len(distinct)
-    sums = sums_of(np.column_stack([xyz, variance, count]), of, n)
+    sums = sums_of(np.column_stack([xyz, variance, count]), place, n)
     return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
 
 

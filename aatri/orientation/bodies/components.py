@@ -218,9 +218,9 @@ def _medians(point: Int, value: Float, count: Int) -> Float:
     many = np.flatnonzero((count > 3)[point])  # few points lie in more than three strips
     if len(many):
         ranked = value[many][np.lexsort((value[many], point[many]))]
-        of = count[count > 3]
-        first = np.cumsum(of) - of
-        median[count > 3] = 0.5 * (ranked[first + (of - 1) // 2] + ranked[first + of // 2])
+        enough = count[count > 3]
+        first = np.cumsum(enough) - enough
+        median[count > 3] = 0.5 * (ranked[first + (enough - 1) // 2] + ranked[first + enough // 2])
     return median
 
 

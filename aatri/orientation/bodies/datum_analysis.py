@@ -150,15 +150,17 @@ def _seen(observed: Sequence[Observed], state: State, use: Bool | None, extent: 
         for (group, block), by_block in zip(o.records.touches, jacobians):
             if group not in moves:
                 at = number, own.index(group), block[rows].astype(np.int64)[:, None, None], np.arange(by_block.shape[2])
-                value, *of = np.broadcast_arrays(counted * by_block * free[group][block[rows]][:, None], *at)
-                parts.append([value.ravel(), *(x.ravel() for x in of)])
+                value, *columns_of_rows = np.broadcast_arrays(
+                    counted * by_block * free[group][block[rows]][:, None], *at
+                )
+                parts.append([value.ravel(), *(x.ravel() for x in columns_of_rows)])
         seen.append((counted * times(o.records, rows, jacobians, moves)).reshape(-1, 7))
         k, first = k + counted.size, first + len(o)
     J = np.concatenate(seen)
     if not parts:
         return J
-    value, row, *of = (np.concatenate(columns) for columns in zip(*parts))
-    column = np.unique(np.stack(of), axis=1, return_inverse=True)[1].ravel()
+    value, row, *columns_of_rows = (np.concatenate(columns) for columns in zip(*parts))
+    column = np.unique(np.stack(columns_of_rows), axis=1, return_inverse=True)[1].ravel()
     size = np.sqrt(np.maximum(np.bincount(column, value**2), 1e-300))
     A = csc_array(coo_array((value / size[column], (row, column)), shape=(k, len(size))))
     normal = csc_array(A.T @ A + RIDGE * eye_array(len(size)))

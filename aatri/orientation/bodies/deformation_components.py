@@ -71,8 +71,8 @@ def deformation_components(
         return DeformationComponents(np.zeros(0), np.zeros(0), size, max(squares / redundancy, least))
     # To begin with each deformation explains its own misfit.
     share = S.diagonal()
-    of = np.maximum(np.bincount(component, minlength=n), 1)
-    theta: Float = np.bincount(component, (g / share) ** 2, minlength=n) / of
+    members = np.maximum(np.bincount(component, minlength=n), 1)
+    theta: Float = np.bincount(component, (g / share) ** 2, minlength=n) / members
     phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
     deviance = np.inf
     for _ in range(ROUNDS):

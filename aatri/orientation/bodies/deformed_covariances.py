@@ -215,8 +215,8 @@ def _estimated(
     g = of_misfit[reduced.z] + reduced.taken_up.T @ of_misfit[normal.s]
     squares, redundancy = tied.weighted_sigma0**2 * tied.redundancy, tied.redundancy
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
-    for names, of in TOGETHER:
-        component, lasting = of[reduced.cause], of[BESIDE]
+    for names, together in TOGETHER:
+        component, lasting = together[reduced.cause], together[BESIDE]
         estimated = deformation_components(reduced.S, g, component, reduced.strip, squares, redundancy, least)
         present = np.unique(component).tolist()
         r = np.bincount(lasting[present], estimated.redundancy[present])
@@ -255,8 +255,10 @@ def covariance_notes(covariances: DeformedCovariances) -> list[Note]:
     """How far the joints of the strips err, or why there are no standard deviations."""
     if covariances.missing:
         return [Note("note", f"no standard deviations of points and coefficients: {covariances.missing}")]
-    of = ", ".join(f"{name} {1e6 * sigma:.3g} urad" for name, sigma in covariances.sigma.items())
-    return [Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {of}")]
+    sigmas = ", ".join(f"{name} {1e6 * sigma:.3g} urad" for name, sigma in covariances.sigma.items())
+    return [
+        Note("note", f"summed deformation, counted in the standard deviations of points and coefficients: {sigmas}")
+    ]
 
 
 def _sums(whitener: Float, point: Int, n_points: int) -> Float:
@@ -281,13 +283,13 @@ def _of_points(ties: DeformedTies, C: Float, latent_basis: Float, weights: Float
     B, covariance = inverse[ties.point] @ ties.weight, phi * inverse
     for j, k, first, second in pairs_of_strips(ties.strip, ties.point):
         # Of the functions: for each pair of axes f_j' C f_k.
-        of = (
+        in_words = (
             (latent_basis[j] @ blocks[j, k] @ latent_basis[k].T)
             .reshape(3, m, 3, m)
             .transpose(1, 0, 2, 3)
             .reshape(m, 9 * m)
         )
-        spread = ((ties.f[first] @ of).reshape(-1, 9, m) @ ties.f[second][:, :, None]).reshape(-1, 3, 3)
+        spread = ((ties.f[first] @ in_words).reshape(-1, 9, m) @ ties.f[second][:, :, None]).reshape(-1, 3, 3)
         of_pair = B[first] @ spread @ B[second].swapaxes(1, 2)
         covariance[ties.point[first]] += of_pair if j == k else of_pair + of_pair.swapaxes(1, 2)
     covariance[~weights.any(axis=(1, 2))] = np.nan

@@ -118,8 +118,8 @@ def misfit(ties: DeformedTies, residual_m: Float, n_strips: int) -> Float:
     turned = np.einsum("nji,nj->ni", ties.weight, np.nan_to_num(residual_m[ties.row]))
     sums = np.zeros((n_strips, 3, ties.f.shape[1]))
     for k in range(n_strips):
-        of = ties.strip == k
-        sums[k] = turned[of].T @ ties.f[of]
+        of_strip = ties.strip == k
+        sums[k] = turned[of_strip].T @ ties.f[of_strip]
     return sums.reshape(n_strips, -1)
 
 

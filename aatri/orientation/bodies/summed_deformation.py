@@ -112,7 +112,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
         By the functions in U, V and W.
     """
     variances = np.zeros((len(models), 3, count, len(COMPONENT)))
-    of = [np.flatnonzero(component == COMPONENT) for component in range(len(COMPONENTS))]
+    members = [np.flatnonzero(component == COMPONENT) for component in range(len(COMPONENTS))]
     lasting, summed, single, white = _roots()
     along, across = np.sqrt(models) * half_range_m.T * [[2], [1]]
     lateral, height = np.sqrt(models) * camera_m.T
@@ -127,7 +127,7 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
         (PITCH, 2, along, summed),
         (BASES, 1, along / models, single),
     ):
-        variances[:, axis, k, of[component]] = size[:, None, None] * root
+        variances[:, axis, k, members[component]] = size[:, None, None] * root
     for component, axis, share, root in (
         (SCALE, 1, models**0, lasting),
         (AZIMUTH, 0, -(models**0), lasting),
@@ -135,9 +135,9 @@ def causes(half_range_m: Float, camera_m: Float, models: Int, count: int) -> Flo
         (IMAGES, 2, 1 / models, white),
     ):
         rows = flat[: len(root)]  # a lever of V less that of the cameras
-        variances[:, axis, walks[:, None], of[component]] = (share * across)[:, None, None] * root[:_N]
-        variances[:, axis, rows[:, None], of[component]] = -(share * lateral)[:, None, None] * root[:HIGHEST]
-    variances[:, 2, flat[:, None], of[SCALE]] = -height[:, None, None] * lasting[:HIGHEST]
+        variances[:, axis, walks[:, None], members[component]] = (share * across)[:, None, None] * root[:_N]
+        variances[:, axis, rows[:, None], members[component]] = -(share * lateral)[:, None, None] * root[:HIGHEST]
+    variances[:, 2, flat[:, None], members[SCALE]] = -height[:, None, None] * lasting[:HIGHEST]
     return variances
 
 

@@ -140,8 +140,8 @@ def exchanged_by_all(
     def exchanged(a: int, b: int, iterations: int) -> float:
         order = np.arange(len(body.xyz))
         order[[point[a], point[b]]] = point[[b, a]]
-        of = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
-        return cost(of, without_rays(a, b), iterations)
+        ordered = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
+        return cost(ordered, without_rays(a, b), iterations)
 
     pairs = list(combinations(control.tolist(), 2))
     costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]

@@ -106,9 +106,9 @@ def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
     shared, common = base.images & other.images, finite_rows(base.xyz) & finite_rows(other.xyz)
     if not shared.any() or common.sum() < FEWEST_DISTANCES:
         return None
-    (c, R), (C, S) = ((of.poses.position_m[shared], of.poses.ground_from_image[shared]) for of in (other, base))
+    (c, R), (C, S) = ((part.poses.position_m[shared], part.poses.ground_from_image[shared]) for part in (other, base))
     away, far = (
-        np.linalg.norm(of.xyz[common][None] - centre[:, None], axis=2) for of, centre in ((other, c), (base, C))
+        np.linalg.norm(part.xyz[common][None] - centre[:, None], axis=2) for part, centre in ((other, c), (base, C))
     )
     ratio = np.median(np.log(far / np.maximum(away, 1e-300)), axis=0)
     fits = np.abs(ratio - np.median(ratio)) < SAME_SCALE

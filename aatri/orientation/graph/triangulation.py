@@ -54,9 +54,9 @@ def intersected(
     for _ in range(ROUNDS):
         changed_rays = np.flatnonzero(changed[point])  # all others stay as they are
         rows = changed_rays[active[changed_rays]]
-        names, of = np.unique(point[rows], return_inverse=True)
+        names, place = np.unique(point[rows], return_inverse=True)
         xyz[changed] = np.nan
-        xyz[names] = intersect_rays(X0[rows], direction[rows], of, len(names))
+        xyz[names] = intersect_rays(X0[rows], direction[rows], place, len(names))
         enough = np.bincount(point[active], minlength=n_points) >= 2
         xyz[~enough] = np.nan
         off = residuals_mm(rays, use[changed_rays], poses, xyz)
@@ -96,12 +96,12 @@ def contradicting(rays: ImagePointRows, poses: Poses, xyz: Float, spread: float)
     if not len(rows):
         return rows
     direction = unit(rays.directions(poses, rows))
-    names, of = np.unique(rays.point[rows], return_inverse=True)
+    names, place = np.unique(rays.point[rows], return_inverse=True)
     met = np.full(xyz.shape, np.nan)
-    met[names] = intersect_rays(poses.position_m[rays.image[rows]], direction, of, len(names))
+    met[names] = intersect_rays(poses.position_m[rays.image[rows]], direction, place, len(names))
     off = residuals_mm(rays, rows, poses, met) / rays.sigma_mm[rows].mean(axis=1)
-    far = np.bincount(of, ~(off <= LIMIT * max(spread, 1.0))) > 0
-    return rows[far[of]]
+    far = np.bincount(place, ~(off <= LIMIT * max(spread, 1.0))) > 0
+    return rows[far[place]]
 
 
 def residuals_mm(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> Float:

@@ -82,10 +82,10 @@ def _normals(poses: Float, rays: RayPairs, start: Int, active: np.ndarray) -> tu
 def _off_neighbours(image: Int, normal: Float) -> Float:
     """Mean angle between each normal and the nearest one of other pairs of the image, (n, 2), rad; NaN without any."""
     order = np.argsort(image, kind="stable")
-    of, n = image[order], normal[order]
-    total, count = np.zeros((len(of), 2)), np.zeros((len(of), 2))
+    row_image, n = image[order], normal[order]
+    total, count = np.zeros((len(row_image), 2)), np.zeros((len(row_image), 2))
     for step in range(1, PARTNERS + 1):
-        neighbours = np.flatnonzero(of[step:] == of[:-step])
+        neighbours = np.flatnonzero(row_image[step:] == row_image[:-step])
         for a, b in ((neighbours, neighbours + step), (neighbours + step, neighbours)):
             cosine = np.einsum("nki,nji->nkj", n[a], n[b])
             with np.errstate(invalid="ignore"):
@@ -94,6 +94,6 @@ def _off_neighbours(image: Int, normal: Float) -> Float:
             finite = np.isfinite(angle)
             total[a] += np.where(finite, np.minimum(angle, FAR_RAD), 0.0)
             count[a] += finite
-    off = np.full((len(of), 2), np.nan)
+    off = np.full((len(row_image), 2), np.nan)
     off[order] = total / np.where(count > 0, count, np.nan)
     return off

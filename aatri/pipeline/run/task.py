@@ -95,4 +95,4 @@ def failed(error: AatriError) -> TaskOutcome:
 
 def _of_tree(error: AatriError) -> str:
     """The class of `aatri.errors` that an error belongs to: it can be made again from its texts, its subclasses not."""
-    return next(str(of.__name__) for of in type(error).__mro__ if vars(errors).get(of.__name__) is of)
+    return next(str(cls.__name__) for cls in type(error).__mro__ if vars(errors).get(cls.__name__) is cls)

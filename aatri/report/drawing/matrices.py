@@ -47,10 +47,10 @@ def correlation_pictures(solution: Solution) -> list[Picture]:
         for order in (range(1, n + 1), range(n, 0, -1))
     )
     strongest = np.nan_to_num(np.abs(matrix - np.diag(np.diag(matrix))))
-    at, of = divmod(int(strongest.argmax()), n)
+    at, other = divmod(int(strongest.argmax()), n)
     caption = (
-        f"Correlations of the {n} parameters: the strongest is {matrix[at, of]:.3f}, {names[at]} with {names[of]}. Two "
-        "parameters near 1 or -1 are known together better than each of them."
+        f"Correlations of the {n} parameters: the strongest is {matrix[at, other]:.3f}, {names[at]} with "
+        f"{names[other]}. Two parameters near 1 or -1 are known together better than each of them."
     )
     caption += f" The first {MOST} of {len(rows)}." if len(rows) > MOST else ""
     size = 130.0 + 17.0 * n

@@ -154,10 +154,10 @@ def network_picture(block: Block, solution: Solution | None) -> Picture | None:
         ("triangles", "red", "control", control & ~out),
         ("crosses", "red", "control left out", control & out),
     )
-    for shape, colour, name, of in shapes:
-        ids = block.points.id[points[of]].tolist()
+    for shape, colour, name, rows in shapes:
+        ids = block.points.id[points[rows]].tolist()
         marks.append(
-            Marks(shape, ground[points[of]], colour, name, 4.0 if shape == "dots" else 1.6, ids=ids, labelled=True)
+            Marks(shape, ground[points[rows]], colour, name, 4.0 if shape == "dots" else 1.6, ids=ids, labelled=True)
         )
     caption = f"{several(len(lines), 'line')} observed between {several(len(points), 'point')}"
     caption += f", {int(wrong.sum())} with a rejected observation" if wrong.any() else ""

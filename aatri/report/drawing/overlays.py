@@ -72,13 +72,13 @@ def cells_picture(names: Text, filled: Bool, images: Int) -> Picture:
         ("amber", f"less than {HALF:.0%}", FEW, HALF),
         ("blue", "more", HALF, 2.0),
     ):
-        of = np.flatnonzero((share[drawn] >= low) & (share[drawn] < high))
-        image, row, column = np.nonzero(filled[drawn[of]])
+        of_step = np.flatnonzero((share[drawn] >= low) & (share[drawn] < high))
+        image, row, column = np.nonzero(filled[drawn[of_step]])
         cell = (np.column_stack([column, row])[:, None] + square) / np.array([columns, rows])
-        tells = [f"{k} of {rows * columns} cells" for k in filled[drawn[of]].sum(axis=(1, 2)).tolist()]
-        marks.append(Marks("areas", corner[of][image][:, None] + cell, colour, name, 0.0, 0.55))
-        frames = corner[of][:, None] + square
-        ids = names[drawn[of]].tolist()
+        tells = [f"{k} of {rows * columns} cells" for k in filled[drawn[of_step]].sum(axis=(1, 2)).tolist()]
+        marks.append(Marks("areas", corner[of_step][image][:, None] + cell, colour, name, 0.0, 0.55))
+        frames = corner[of_step][:, None] + square
+        ids = names[drawn[of_step]].tolist()
         marks.append(Marks("areas", frames, colour, width=0.8, ids=ids, tells=tells))
     marks.append(Marks("texts", corner + np.array([-0.04, -0.2]), "ink", ids=names[drawn].tolist()))
     few = int((share[images] < FEW).sum())

@@ -37,7 +37,8 @@ def seen_from(rays: tuple[Int, Int], points: Int, images: Int) -> list[list[int]
     if not len(points) or not len(rays[0]):
         return []
     number, place = (
-        np.full(1 + max(of.max(initial=-1), at.max()), -1) for of, at in ((images, rays[0]), (points, rays[1]))
+        np.full(1 + max(numbers.max(initial=-1), at.max()), -1)
+        for numbers, at in ((images, rays[0]), (points, rays[1]))
     )
     number[images], place[points] = np.arange(len(images)), np.arange(len(points))
     image, point = number[rays[0]], place[rays[1]]
@@ -66,9 +67,9 @@ def ray_scales(block: Block, solution: Solution) -> tuple[Int, Float, Float]:
 def measured_on_ground_m(block: Block, solution: Solution) -> float:
     """What an image point measures on the ground: standard deviation times scale number, median; NaN without images."""
     r = solution.residuals
-    of = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    usable = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
     sigma_mm = np.full(len(block.image_points), np.nan)
-    sigma_mm[r.row[of]] = r.sigma[of, :2].mean(axis=1)
+    sigma_mm[r.row[usable]] = r.sigma[usable, :2].mean(axis=1)
     rows, _, scale = ray_scales(block, solution)
     on_ground_m = 1e-3 * (sigma_mm[rows] * scale)
     return float(np.nanmedian(on_ground_m)) if np.isfinite(on_ground_m).any() else np.nan

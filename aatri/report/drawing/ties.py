@@ -88,14 +88,14 @@ def rays_pictures(block: Block, solution: Solution) -> list[Picture]:
     marks = [
         Marks(
             "dots",
-            ground[of, :2],
+            ground[rows, :2],
             colour,
             f"{name} rays",
             4.0,
-            ids=block.points.id[of].tolist(),
-            tells=[several(k, "ray") for k in rays[of].tolist()],
+            ids=block.points.id[rows].tolist(),
+            tells=[several(k, "ray") for k in rays[rows].tolist()],
         )
-        for of, colour, name in reversed(steps_of(-rays.astype(float), [-5.5, -3.5, -2.5, -1.5], RAYS[::-1], drawn))
+        for rows, colour, name in reversed(steps_of(-rays.astype(float), [-5.5, -3.5, -2.5, -1.5], RAYS[::-1], drawn))
     ]
     few = int((rays[rows] == 2).sum())
     caption = (
@@ -131,12 +131,12 @@ def intersection_angles(block: Block, solution: Solution) -> Float:
     order = np.flatnonzero(good)[np.argsort(point[good], kind="stable")]
     away = centre[image[order]] - xyz[point[order]]
     away /= np.linalg.norm(away, axis=1)[:, None]
-    of, largest = point[order], np.zeros(len(xyz))
-    for step in range(1, min(int(np.bincount(of).max(initial=1)), MOST_RAYS)):
-        same = np.flatnonzero(of[step:] == of[:-step])
+    row_point, largest = point[order], np.zeros(len(xyz))
+    for step in range(1, min(int(np.bincount(row_point).max(initial=1)), MOST_RAYS)):
+        same = np.flatnonzero(row_point[step:] == row_point[:-step])
         sine = np.linalg.norm(np.cross(away[same], away[same + step]), axis=1)
         angle = np.arctan2(sine, np.einsum("ni,ni->n", away[same], away[same + step]))
-        np.maximum.at(largest, of[same], angle)
+        np.maximum.at(largest, row_point[same], angle)
     return np.asarray(largest[of_point])
 
 
@@ -178,12 +178,12 @@ def ties_picture(block: Block, solution: Solution | None, pairs: tuple[Int, Int,
     edges = np.unique(np.quantile(count[drawn], [0.25, 0.5, 0.75]).round()).astype(int)
     marks = []
     for k, (low, high) in enumerate(zip([1, *edges], [*edges, 10**9])):
-        of = drawn[(count[drawn] >= low) & (count[drawn] < high)]
-        ends = np.stack([centres[left[of]], centres[right[of]]], axis=1)
+        of_step = drawn[(count[drawn] >= low) & (count[drawn] < high)]
+        ends = np.stack([centres[left[of_step]], centres[right[of_step]]], axis=1)
         name = f"{low} or more" if high == 10**9 else several(low, "common point")
         name = f"{low} to {several(high - 1, 'common point')}" if low < high - 1 < 10**9 - 1 else name
-        tells = [several(n, "common point") for n in count[of].tolist()]
-        ids = [f"{a} to {b}" for a, b in zip(block.images.id[left[of]], block.images.id[right[of]])]
+        tells = [several(n, "common point") for n in count[of_step].tolist()]
+        ids = [f"{a} to {b}" for a, b in zip(block.images.id[left[of_step]], block.images.id[right[of_step]])]
         marks.append(Marks("segments", ends, "blue", name, WIDTHS[k], ids=ids, tells=tells))
     images = np.flatnonzero(located)
     partners = np.bincount(np.concatenate([left, right]), minlength=len(centres))[images]
@@ -228,18 +228,18 @@ def sigma_pictures(block: Block, solution: Solution) -> list[Picture]:
         marks = [
             Marks(
                 "dots",
-                ground[of],
+                ground[rows],
                 colour,
                 label,
                 4.5,
-                ids=block.points.id[of].tolist(),
-                tells=[length_text(float(v)) for v in values[of]],
+                ids=block.points.id[rows].tolist(),
+                tells=[length_text(float(v)) for v in values[rows]],
             )
-            for of, colour, label in [
+            for rows, colour, label in [
                 *steps_of(values, edges, names, drawn[~(values[drawn] > weak_m)]),
                 (drawn[values[drawn] > weak_m], "red", f"beyond {length_text(weak_m)}"),
             ]
-            if len(of)
+            if len(rows)
         ]
         worst = rows[int(np.argmax(values[rows]))]
         caption = (

@@ -198,12 +198,12 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     for group, (xyz, v, ids) in groups.items():
         complete: Bool = np.asarray(np.isfinite(np.column_stack([v, xyz[:, :2]])).all(axis=1))
         by_group[group] = (xyz[complete, :2], v[complete], [name for name, drawn in zip(ids, complete) if drawn])
-    places, vectors = (np.concatenate([of[k] for of in by_group.values()]) for k in (0, 1))
+    places, vectors = (np.concatenate([pair[k] for pair in by_group.values()]) for k in (0, 1))
     if not len(places):
         return None
     main = near(places)
     extent = max(float(np.ptp(places[main], axis=0).max()), 1e-9)
-    used = main & np.repeat([group != LEFT_OUT for group in by_group], [len(of[0]) for of in by_group.values()])
+    used = main & np.repeat([group != LEFT_OUT for group in by_group], [len(pair[0]) for pair in by_group.values()])
     typical = float(np.percentile(np.hypot(*vectors[used if used.any() else main].T), 98))
     longest = LONGEST * extent * (1.0 if main.sum() < MANY else 0.5)
     exaggeration = round_below(longest / max(typical, 1e-12))
@@ -211,7 +211,7 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     shortened = np.minimum(1.0, CUT * extent / np.maximum(drawn_length, 1e-12))
     marks, notes, before = list[Marks](), [], 0
     for (group, (xy, v, ids)), inside in zip(
-        by_group.items(), np.split(main, np.cumsum([len(of[0]) for of in by_group.values()]))
+        by_group.items(), np.split(main, np.cumsum([len(pair[0]) for pair in by_group.values()]))
     ):
         rows = np.flatnonzero(inside)[thinned(int(inside.sum()), MOST_VECTORS)]
         colour, out = COLOURS.get(group, "blue"), group == LEFT_OUT

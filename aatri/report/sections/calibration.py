@@ -22,7 +22,7 @@ def parameter_tables(solution: Solution) -> list[PageTable]:
     removed = removed_parameters(p)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(p.sigma > 0, np.abs(p.value) / p.sigma, np.nan)
-    texts = [estimate(*of) for of in zip(p.value.tolist(), p.sigma.tolist(), parameter_units(solution))]
+    texts = [estimate(*row) for row in zip(p.value.tolist(), p.sigma.tolist(), parameter_units(solution))]
     columns: Columns = {
         "group": p.group,
         "of": p.object,
@@ -67,7 +67,7 @@ def _correlations(solution: Solution) -> PageTable | None:
     columns: Columns = {
         "of": p.object[one],
         "parameter": p.name[one],
-        "with": [f"{name}{of}" for name, of in zip(p.name[other], elsewhere)],
+        "with": [f"{name}{owner}" for name, owner in zip(p.name[other], elsewhere)],
         "correlation": (r[pairs], "{:.3f}".format),
     }
     return all_rows(f"Correlations of {STRONG} or more, the strongest first", columns)

@@ -156,9 +156,9 @@ def movement_pictures(points: Displacements | None) -> list[Picture]:
     if points is None:
         return []
     groups = {
-        name: (points.xyz_m[of], points.displacement_m[of], points.point[of].tolist())
-        for name, of in (("stable", ~points.moved), ("moved", points.moved))
-        if of.any()
+        name: (points.xyz_m[rows], points.displacement_m[rows], points.point[rows].tolist())
+        for name, rows in (("stable", ~points.moved), ("moved", points.moved))
+        if rows.any()
     }
     return both("displacements", groups, "Displacements", "later minus earlier")
 
@@ -195,9 +195,9 @@ def layout_pictures(points: LayoutPoints | None) -> list[Picture]:
         for where, bar in (("plan", np.hypot(size[:, 0], size[:, 1])), ("height", size[:, 2])):
             heights = np.stack([bar * 0, bar * 0, bar], axis=1)
             groups = {
-                name: (points.xyz_m[of], heights[of], points.point[of].tolist())
-                for name, of in (("planned", points.order == 0), ("next control", points.order > 0))
-                if of.any()
+                name: (points.xyz_m[rows], heights[rows], points.point[rows].tolist())
+                for name, rows in (("planned", points.order == 0), ("next control", points.order > 0))
+                if rows.any()
             }
             pictures.append(bars(f"{short}_{where}", groups, f"{what} in {where}"))
     return present(*pictures)
@@ -215,9 +215,9 @@ def difference_pictures(evaluation: Evaluation, around: Surroundings, kinds: tup
         of_kind = (d.kind == kind) & (row >= 0)
         parts = {kind: of_kind & ~out, "control left out": of_kind & out} if kind == "control" else {kind: of_kind}
         groups |= {
-            name: (ground[row[of]], d.difference_m[of], d.point[of].tolist())
-            for name, of in parts.items()
-            if name == kind or of.any()
+            name: (ground[row[rows]], d.difference_m[rows], d.point[rows].tolist())
+            for name, rows in parts.items()
+            if name == kind or rows.any()
         }
     if kinds == ("truth",):
         return both("truth", groups, "Errors", "solution minus truth")

@@ -28,15 +28,18 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     control, residuals = block.relative_control, solution.residuals
     conditions = np.flatnonzero(np.isin(control.type, (*PLANES, *LINES, *ROUND)))
     members = block.relative_control_members
-    of = {int(c): np.flatnonzero(members.condition == c) for c in conditions}
-    rows = {c: np.flatnonzero((residuals.kind == control.type[c]) & np.isin(residuals.row, m)) for c, m in of.items()}
+    members_of = {int(c): np.flatnonzero(members.condition == c) for c in conditions}
+    rows = {
+        c: np.flatnonzero((residuals.kind == control.type[c]) & np.isin(residuals.row, m))
+        for c, m in members_of.items()
+    }
     conditions = np.array([c for c in conditions if len(rows[int(c)])], dtype=np.int64)
     lying = [_lying(str(control.type[c]), _points(solution, rows[int(c)])) for c in conditions]
 
     v = [residuals.residual[rows[int(c)]][residuals.active[rows[int(c)]]] for c in conditions]
     columns: Columns = {
         "shape": control.type[conditions],
-        "points": [shown(members.id[of[int(c)]].tolist(), NAMED) for c in conditions],
+        "points": [shown(members.id[members_of[int(c)]].tolist(), NAMED) for c in conditions],
         "normal or axis": lying,
         "sigma": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
         "used": np.array([len(of_shape) for of_shape in v]),

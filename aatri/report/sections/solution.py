@@ -62,8 +62,8 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
     known = np.isfinite(sigma).any(axis=0) & (np.nan_to_num(sigma) > 0).any(axis=0)
     size = [
-        float(np.median(sigma[:, of][np.nan_to_num(sigma[:, of]) > 0])) if known[of].any() else np.nan
-        for of in (slice(0, 3), slice(3, 6))
+        float(np.median(sigma[:, axes][np.nan_to_num(sigma[:, axes]) > 0])) if known[axes].any() else np.nan
+        for axes in (slice(0, 3), slice(3, 6))
     ]
     columns: Columns = {
         "image": images.id,
@@ -129,8 +129,8 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
         image = np.where(inside, around.block.image_points.image[np.where(inside, placed, 0)], 0)
         finite = np.isfinite(xy).all(axis=1) & np.isfinite(v).all(axis=1)
         for camera in np.unique(around.block.images.camera[image[finite]])[:MOST_CAMERAS]:
-            of = finite & (around.block.images.camera[image] == camera)
-            pictures += present(image_vectors(str(around.block.cameras.id[camera]), xy[of], v[of]))
+            usable = finite & (around.block.images.camera[image] == camera)
+            pictures += present(image_vectors(str(around.block.cameras.id[camera]), xy[usable], v[usable]))
     weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
     share = solution.redundancy / solution.observations if solution.observations else 0.0
     if weighted.any() and share > 0:
@@ -147,8 +147,8 @@ def position_pictures(solution: Solution) -> list[Picture]:
     ids = residuals.image[rows]
     order = np.argsort(images.id, kind="stable")
     xyz = images.position_m[order[np.searchsorted(images.id[order], ids)]]
-    of = {"position": (xyz, residuals.residual[rows], ids.tolist())}
-    return both("positions", of, "Residuals of observed positions", "adjusted minus observed")
+    by_kind = {"position": (xyz, residuals.residual[rows], ids.tolist())}
+    return both("positions", by_kind, "Residuals of observed positions", "adjusted minus observed")
 
 
 def tie_residuals(solution: Solution) -> list[Picture]:
@@ -161,8 +161,8 @@ def tie_residuals(solution: Solution) -> list[Picture]:
     order = np.argsort(ids, kind="stable")
     xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
     strips = np.unique(r.image[rows])
-    of = {str(s): np.flatnonzero(r.image[rows] == s) for s in strips[natural_order(strips)]}
-    return tie_pictures({s: (xyz[k], r.residual[rows[k]], r.point[rows[k]].tolist()) for s, k in of.items()})
+    by_strip = {str(s): np.flatnonzero(r.image[rows] == s) for s in strips[natural_order(strips)]}
+    return tie_pictures({s: (xyz[k], r.residual[rows[k]], r.point[rows[k]].tolist()) for s, k in by_strip.items()})
 
 
 def _orderings(solution: Solution) -> PageTable | None:

@@ -123,9 +123,12 @@ def test_an_applanix_list_is_recognised_and_observed_whatever_its_line_ends_and_
 
 @pytest.mark.parametrize(
     ("below", "kappa"),
-    [("---- --- --- === --- --- --- --- --- --- ---", 90), ("- - (s) (m) [m] m (deg) deg deg deg deg", 90),
-     ("- - s m m m gon gon gon - -", 100)],
-)  # fmt: skip
+    [
+        ("---- --- --- === --- --- --- --- --- --- ---", 90),
+        ("- - (s) (m) [m] m (deg) deg deg deg deg", 90),
+        ("- - s m m m gon gon gon - -", 100),
+    ],
+)
 def test_a_rule_and_a_row_of_units_below_a_header_are_no_rows(tmp_path: Path, below: str, kappa: int) -> None:
     text = HEADERS["applanix"].replace("(position in Meters, orientation in Degrees, lat, long in Deg)\n", "")
     text = text.replace("a.jpg", f"\n{below}\n\na.jpg").replace(" 90 36", f" {kappa} 36")
