@@ -7,7 +7,8 @@ distance of the ground. What is left is of the order f (V t / D)^2: at 10 m/s, 3
 the camera within a readout are not in it: they are not seen by the attitudes of neighbouring images.
 
 s is 1 where the row times are known; weighted or free it is the readout of a camera, as a share of what its row times
-say. V is that of the steps to the images before and after, without the step from one strip to the next.
+say. V is that of the steps to the images before and after, without the step from one strip to the next; what the camera
+did otherwise at an image, dV, may be unknown: -(dx/dX0) dV t. Turns of omega and phi look much the same, and go there.
 
 Source: Ait-Aider et al., ECCV 2006 (linear motion within an image); Vautherin et al., ISPRS Annals III-3 (2016) 139
 (drones: the motion along the flight is what matters).
@@ -22,27 +23,25 @@ from aatri.geometry.collinearity import collinearity
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
-ROLLING = "rolling shutter"
-"""Group of unknowns."""
+ROLLING, VELOCITY = "rolling shutter", "velocity"
+"""Groups of unknowns: readouts of cameras; velocities of images beside those of the steps, m/s."""
 ALONG = 0.7
 """Cosine of the angle between steps that are one strip's."""
 
 
-def row_time_basis(rays: ImagePointRows, poses: Poses, xyz_m: Float, velocity_m_s: Float, row_time_s: Float) -> Float:
-    """Corrections of image points (n, 2, 1), mm, where s is 1.
+def by_velocity(rays: ImagePointRows, poses: Poses, xyz_m: Float, row_time_s: Float) -> Float:
+    """Corrections of image points (n, 2, 3), mm, by the velocity of their camera, m/s.
 
     Parameters
     ----------
     xyz_m : (n_points, 3) float64, m
-    velocity_m_s : (n_images, 3) float64, m/s
     row_time_s : (n,) float64, s
         NaN where it is not known: there is no correction there, nor where the point or the pose is not known.
     """
     by_point = collinearity(  # the negative of dx/dX0
         poses.position_m[rays.image], poses.ground_from_image[rays.image], xyz_m[rays.point], rays.c_mm
     )[2]
-    moved_m = velocity_m_s[rays.image] * row_time_s[:, None]
-    return np.asarray(np.nan_to_num(np.einsum("nij,nj->ni", by_point, moved_m))[:, :, None])
+    return np.asarray(np.nan_to_num(by_point * row_time_s[:, None, None]))
 
 
 def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:

@@ -71,7 +71,7 @@ def adjusted_bundle(
         check_frame(information, block)
     tangent = None if information is None else information.tangent_m
     source = observation_source(block, image_points, initial, parameters, tangent)
-    source = with_row_times(source, options.readout_sigma)
+    source = with_row_times(source, options.readout_sigma, options.velocity_sigma)
     stated = bundle_input(source, options, suspects, searched=searched)
     inputs, share = _with_information(source, stated, information, context)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]

@@ -78,6 +78,12 @@ class BundleOptions(AdjustmentOptions):
         description="standard deviation of the readout of a rolling shutter, as a share of what row_time says: 0 as it "
         "says, null free",
     )
+    velocity_sigma: float | None = Field(
+        0.0,
+        ge=0,
+        description="rolling shutter: standard deviation of the velocity of an image by the images before and after, "
+        "m/s: 0 as they say, null free for each image",
+    )
     self_calibration: SelfCalibration | None = Field(
         None, description="set of additional parameters: a name, or a mapping with set, per, sigma_um"
     )

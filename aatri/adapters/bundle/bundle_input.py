@@ -9,7 +9,7 @@ from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.film_errors import film_errors
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
-from aatri.arrays import Float
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -24,7 +24,7 @@ from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
-from aatri.observations.rolling_shutter import ROLLING, flown_velocities, row_time_basis
+from aatri.observations.rolling_shutter import ROLLING, VELOCITY, by_velocity, flown_velocities
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
@@ -216,13 +216,17 @@ def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | 
     )
 
 
-def with_row_times(source: ObservationSource, sigma: float | None) -> ObservationSource:
+def with_row_times(
+    source: ObservationSource, sigma: float | None, velocity_sigma_m_s: float | None = 0.0
+) -> ObservationSource:
     """The block with the motion of its cameras while rows are read out, where image points say when they were.
 
     Parameters
     ----------
     sigma : float, optional
         Standard deviation of the readout of a camera as a share of that of the row times: 0 as they say, None free.
+    velocity_sigma_m_s : float, optional
+        Standard deviation of the velocities that neighbours say: 0 as they say, None free for each image.
 
     Raises
     ------
@@ -246,20 +250,27 @@ def with_row_times(source: ObservationSource, sigma: float | None) -> Observatio
             where="images.csv",
             remedy="give `time` in images.csv, or leave out row_time in image_points.csv",
         )
-    n = len(block.cameras)
-    rows = ParameterRows(
-        ROLLING,
-        block.cameras.id,
-        ("readout",),
-        np.ones((n, 1)),
-        np.full((n, 1), sigma != 0),
-        np.ones((n, 1)),
-        np.full((n, 1, 1), (sigma or 1.0) ** 2),
-        np.full((n, 1), bool(sigma)),
-        images.camera[rays.image],
-        row_time_basis(rays, poses, source.start[POINT], velocity, row_time_s),
+    basis = by_velocity(rays, poses, source.start[POINT], row_time_s)
+    along = np.einsum("nij,nj->ni", basis, np.nan_to_num(velocity)[rays.image])[:, :, None]
+    camera = images.camera[rays.image]
+    rows = [_weighted(ROLLING, block.cameras.id, ("readout",), 1.0, sigma, camera, along)]
+    if velocity_sigma_m_s != 0:
+        further = _weighted(VELOCITY, images.id, ("vx", "vy", "vz"), 0.0, velocity_sigma_m_s, rays.image, basis)
+        rows.append(replace(further, per_image=True))
+    return replace(source, parameters=(*source.parameters, *rows))
+
+
+def _weighted(
+    group: str, ids: Text, labels: tuple[str, ...], value: float, sigma: float | None, block: Int, basis: Float
+) -> ParameterRows:
+    """Parameters of one observed value, all of one standard deviation: 0 known, None free."""
+    n, k = len(ids), len(labels)
+    values = np.full((n, k), value)
+    covariance = np.tile((sigma or 1.0) ** 2 * np.eye(k), (n, 1, 1))
+    weighted = np.full((n, k), bool(sigma))
+    return ParameterRows(
+        group, ids, labels, values, np.full((n, k), sigma != 0), values, covariance, weighted, block, basis
     )
-    return replace(source, parameters=(*source.parameters, rows))
 
 
 def _start_points(block: Block, initial: Solution | None) -> Float:

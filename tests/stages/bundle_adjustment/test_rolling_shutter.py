@@ -21,9 +21,12 @@ EVERY_S = 2.0
 
 
 @lru_cache
-def _flown() -> tuple[Block, np.ndarray]:
-    """Two strips to and fro, their true positions; x to the right, y up in the image, flown along y."""
-    rng = np.random.default_rng(11)
+def _flown(gusts_m_s: float = 0.0, seed: int = 11) -> tuple[Block, np.ndarray]:
+    """Two strips to and fro, their true positions; x to the right, y up in the image, flown along y.
+
+    Velocities at the images differ from those of the steps by gusts.
+    """
+    rng = np.random.default_rng(seed)
     ground = np.array(
         [[x, y, 6 * np.sin(x / 20) + 4 * np.cos(y / 15)] for x in range(-30, 90, 9) for y in range(-30, 150, 9)]
     )
@@ -40,7 +43,7 @@ def _flown() -> tuple[Block, np.ndarray]:
                 np.linalg.qr(tilt)[0] @ np.diag(np.sign(np.diag(np.linalg.qr(tilt)[1]))) @ np.diag([sign, sign, 1.0])
             )
             time.append(EVERY_S * (k + 20 * strip))
-            flown.append([0.0, sign * SPEED_M_S, 0.0])
+            flown.append(np.array([0.0, sign * SPEED_M_S, 0.0]) + (rng.normal(0, gusts_m_s, 3) if gusts_m_s else 0.0))
     for i, (X0, R, V) in enumerate(zip(np.array(at), turn, np.array(flown))):
         for p, X in enumerate(ground):
             t = 0.0
@@ -114,6 +117,17 @@ def test_a_readout_that_is_not_known_is_found() -> None:
         assert abs(value - 0.8) < max(within * sigma_found, 0.005)
         assert sigma_found < 0.05
         assert found.sigma0 < 1.1
+
+
+@pytest.mark.slow
+def test_velocities_that_neighbours_do_not_tell_are_weighted_unknowns() -> None:
+    block, _ = _flown(gusts_m_s=1.0)
+    as_steps, weighted = (_adjusted(block, readout_sigma=None, velocity_sigma=sigma) for sigma in (0.0, 1.0))
+    assert as_steps.sigma0 > 1.1
+    assert 0.95 < weighted.sigma0 < 1.05
+    value, sigma = (getattr(weighted.parameters, n)[weighted.parameters.group == "rolling shutter"] for n in ("value", "sigma"))
+    assert abs(value[0] - 1) < 3 * sigma[0]
+    assert sigma[0] < 0.05
 
 
 def test_images_without_a_time_are_named() -> None:
