@@ -125,9 +125,9 @@ def test_velocities_that_neighbours_do_not_tell_are_weighted_unknowns() -> None:
     as_steps, weighted = (_adjusted(block, readout_sigma=None, velocity_sigma=sigma) for sigma in (0.0, 1.0))
     assert as_steps.sigma0 > 1.1
     assert 0.95 < weighted.sigma0 < 1.05
-    value, sigma = (getattr(weighted.parameters, n)[weighted.parameters.group == "rolling shutter"] for n in ("value", "sigma"))
-    assert abs(value[0] - 1) < 3 * sigma[0]
-    assert sigma[0] < 0.05
+    row = np.flatnonzero(weighted.parameters.group == "rolling shutter")[0]
+    assert abs(weighted.parameters.value[row] - 1) < 3 * weighted.parameters.sigma[row]
+    assert weighted.parameters.sigma[row] < 0.05
 
 
 def test_images_without_a_time_are_named() -> None:
