@@ -26,7 +26,7 @@ from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.control import KIND as CONTROL
@@ -36,11 +36,22 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause
+from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
 from aatri.orientation.bundle.image_groups import ImageGroups
+from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
 
 DISTANCE = "distance"
+
+CAUSES = (
+    Cause("principal distance", (0,)),
+    Cause("principal point", (1, 2)),
+    Cause("radial distortion", (3,)),
+    Cause("affinity", (4, 5)),
+)
+
+OF_CALIBRATION = ((CAUSES[0], {"c"}), (CAUSES[1], {"x0", "y0"}))
+"""Causes that parameters of a calibration stand for, and their names."""
 
 FEWEST = 3
 """Observations of a unit: fewer are single ones."""
@@ -61,11 +72,11 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             yield from _of_attitudes(block.images, result, place, adjusted, rows)
         elif o.kind == IMAGE_POINT and block.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
-            carried = any(p.group != FILM and p.free.any() for p in block.parameters)
             image, residuals_mm = block.rays.image[rows], v / o.records.whitener[rows]
             corner_mm = _corner_mm(block.images, block.rays)[block.images.camera[image]]
             H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm)
-            yield from _of_image_points(block.images, place, rows, image, H, cameras=not carried)
+            units = _of_image_points(block.images, place, rows, image, H, _causes_of_cameras(block))
+            yield from _with_rejected(block.images, block.rays, ~adjusted.used, units)
             yield from _of_images(block.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
             yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
@@ -144,24 +155,45 @@ def _units(
     yield Candidates(place, per, ids[enough], rows, new[number], H, causes, removable)
 
 
+def _causes_of_cameras(block: BundleInput) -> tuple[Cause, ...]:
+    """What cameras may have in common: all that the block does not estimate, and what it estimates with a weight, which
+    may be that of a wrong calibration."""
+    estimated = [p for p in block.parameters if p.group != FILM and p.free.any()]
+    if not estimated:
+        return CAUSES
+    free, weighted, measured = set[str](), set[str](), set[str]()
+    for p in estimated:
+        for unit, of_unit in ((unit, np.array(parameter_names(p, unit))) for unit in range(len(p.ids))):
+            free |= set(of_unit[p.free[unit] & ~p.weighted[unit]].tolist())
+            weighted |= (in_unit := set(of_unit[p.free[unit] & p.weighted[unit]].tolist()))
+            measured |= in_unit if p.calibrated else set()
+    return tuple(replace(cause, loosens=not of & measured) for cause, of in OF_CALIBRATION if of <= weighted - free)
+
+
 def _of_image_points(
-    images: ImageGroups, place: int, rows: Int, image: Int, H: Float, *, cameras: bool
+    images: ImageGroups, place: int, rows: Int, image: Int, H: Float, of_cameras: tuple[Cause, ...]
 ) -> Iterator[Candidates]:
     """Interior orientation of cameras, where the block carries none of its own, and of what strips have of them."""
-    causes = (
-        Cause("principal distance", (0,)),
-        Cause("principal point", (1, 2)),
-        Cause("radial distortion", (3,)),
-        Cause("affinity", (4, 5)),
-    )
-    strip = images.strip
-    if cameras:
-        yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, causes)
-    else:
-        strip = strips_with_part_of_a_camera(images, image)
-    of_strips = (*causes, Cause("camera", tuple(range(6))))
+    if of_cameras:
+        yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, of_cameras)
+    strip = images.strip if of_cameras == CAUSES else strips_with_part_of_a_camera(images, image)
+    of_strips = (*CAUSES, Cause("camera", tuple(range(6))))
     for units in _units(place, "strip", strip, image, rows, H, of_strips):
         yield replace(units, typical=np.ones(len(units.units), dtype=bool))
+
+
+def _with_rejected(
+    images: ImageGroups, rays: ImagePointRows, rejected: Bool, candidates: Iterator[Candidates]
+) -> Iterator[Candidates]:
+    """Candidates with the image points that are not in use: an earlier stage may have rejected them for the camera."""
+    rows = np.flatnonzero(rejected & np.isfinite(rays.xy_mm).all(axis=1))
+    camera = images.camera[rays.image[rows]]
+    H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], _corner_mm(images, rays)[camera])
+    for units in candidates:
+        names = images.cameras[camera] if units.per == "camera" else images.strip[rays.image[rows]]
+        unit = np.minimum(np.searchsorted(units.units, names), len(units.units) - 1)
+        of_units = units.units[unit] == names
+        yield replace(units, rejected=UnitMembers(rows[of_units], unit[of_units], H[of_units]))
 
 
 def strips_with_part_of_a_camera(images: ImageGroups, image: Int) -> Text:

@@ -139,7 +139,7 @@ def _ask(g: Group) -> str:
 def _lens(g: Group) -> str:
     if g.per == "strip":
         return "was the strip flown with another camera? give its images that one"
-    return "check it, or estimate it (`self_calibration`)"
+    return "check it, or estimate it (`self_calibration`; with a larger standard deviation where it has one)"
 
 
 def _principal_point(g: Group) -> tuple[str, str]:

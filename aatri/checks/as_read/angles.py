@@ -126,7 +126,7 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
             return Contradiction(text, cause.remedy, cause.of, certain, images)
         if as_given > NOTHING_FITS and rays.observed and (two := exchanged_points(rays, pairs, limit)):
             return _exchanged(text, images, two)
-        if as_given > NOTHING_FITS and rays.observed and _is_of_one_or_two(rays, pairs, limit):
+        if as_given > NOTHING_FITS and rays.observed and 0 < len(points_off(rays, pairs, limit)) <= EXCHANGED:
             text += ": one control point may be wrong, or two have each other's coordinates"
             return Contradiction(text, "the adjustment tells which, if it can", "control", False, images)
         if as_given > NOTHING_FITS:
@@ -169,13 +169,6 @@ def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int
         if all(misfit_of_images(exchanged, each).max() < FIT_OBSERVED for each in (of_off, pairs)):
             fits.append(two)
     return fits[0] if len(fits) == 1 else ()
-
-
-def _is_of_one_or_two(rays: ControlRays, pairs: Pairs, limit: float) -> bool:
-    """Whether the angles agree without one control point, or two with each other's coordinates."""
-    points = points_off(rays, pairs, limit)
-    rest = ~(np.isin(rays.point[pairs.first], points) | np.isin(rays.point[pairs.second], points))
-    return 0 < len(points) <= EXCHANGED and int(np.count_nonzero(rest)) >= FEWEST_ANGLES
 
 
 def points_off(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:

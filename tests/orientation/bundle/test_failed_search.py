@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.statistics.class_scales import ClassScales
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders import tested_block
+from aatri.orientation.bundle.blunders import robust_start, tested_block
 from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
+from aatri.orientation.bundle.blunders.robust_start import RobustStart
+from aatri.orientation.bundle.blunders.scaling import Classes
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, settings
+
+
+@dataclass(frozen=True)
+class Observing:
+    """A block of which only the observations matter."""
+
+    observed: tuple[bool, ...]
+
 
 FAILURE = ConvergenceError("no convergence in 60 iterations")
 
@@ -84,3 +96,31 @@ def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one()
     covariance = np.where(np.arange(len(observed)) == 0, 4.0, 1e4)[:, None, None] * np.eye(2)
     out = AdjustedObservations(observed, np.arange(2), np.zeros(len(observed), dtype=bool), covariance)
     assert np.isfinite(tested_block.tests_of(out, result.adjusted.state)[:2]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("off", "begins_anew"), [(3.0, False), (200.0, True)])
+def test_covariances_beside_a_robust_adjustment_are_without_what_is_very_far_off(
+    off: float, begins_anew: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two control points with each other's coordinates had led least squares astray, and right positions went."""
+    test = np.array([off, 1.0, 0.5])
+    monkeypatch.setattr(robust_start, "from_result", lambda block, _: block)
+    search = SimpleNamespace(
+        options=SearchOptions(limit=4.0),
+        block=Observing(()),
+        all=SimpleNamespace(without=lambda _, used: tuple(used.tolist())),
+        adjust=lambda block, _: block.observed,
+        _robust_tests=lambda *_: test,
+    )
+    tested = SimpleNamespace(result="with everything")
+    beside = RobustStart._least_squares_beside(search, None, tested, np.ones(3, dtype=bool))  # type: ignore[arg-type]
+    assert beside == ((False, True, True) if begins_anew else "with everything")
+
+
+def test_plan_and_height_of_few_control_points_tell_their_scale_together() -> None:
+    """Plan with a redundancy of 3.5 has a scale of its own that nobody would believe; that of both is asked for."""
+    classes = Classes(("image_point", "control plan", "control height", "position"), np.array([0, 1, 1, 2]), ())
+    scales = ClassScales(
+        np.array([1.0, 2.6, 1.0, 1.0]), np.array([190.0, 3.5, 1.3, 14.0]), np.array([True, True, False, True])
+    )
+    assert classes.in_small_kinds(scales).tolist() == [False, True, True, False]

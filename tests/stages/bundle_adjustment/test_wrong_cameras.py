@@ -18,6 +18,7 @@ from tests.campaigns.groups import judged
 from tests.campaigns.wrong_groups import Spoilt, image_affinity, strip_affinity
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
+from tests.stages.hand_block import suspected
 
 FLIGHT = {"strips": 3, "images_per_strip": 5, "cross_strips": 0}
 
@@ -44,6 +45,23 @@ def test_a_principal_distance_wrong_by_a_quarter_is_named_and_no_other_group(flo
     )
     assert outcome.bad == ()
     assert len(_groups_named(outcome.told)) == 1
+
+
+def test_a_weight_does_not_hide_that_a_principal_distance_is_wrong_and_rays_come_back_with_it(flown: Chain) -> None:
+    """An earlier stage has rejected rays as the lens is wrong; self-calibration gives c 20 um, and it is 440 um off.
+
+    Heights of the positions off by a constant explain as much; but the weight of c is no measurement.
+    """
+    cameras, m = flown.block.cameras, flown.refined.measurements
+    block = replace(flown.block, cameras=replace(cameras, principal_distance_mm=cameras.principal_distance_mm * 1.05))
+    rows = np.flatnonzero(m.active & (np.linalg.norm(m.xy_mm, axis=1) > 6.5))
+    assert len(rows) > 50
+    initial = replace(flown.strip_block, suspects=suspected("image_point", rows.tolist()))
+    options, told = BundleOptions(self_calibration={"set": "brown_conrady", "sigma_um": 20}), Told()
+    suspects = bundle(block, flown.refined, initial, options=options, context=told).suspects
+    (text,) = _groups_named(tuple(told.warnings))
+    assert "a principal distance of 8.79" in text or "a principal distance of 8.80" in text
+    assert np.isin(suspects.row[staying_out(suspects)], rows).sum() == 0
 
 
 @pytest.mark.parametrize("way", [strip_affinity, image_affinity])

@@ -59,7 +59,8 @@ class FittedSigmas(Rejections):
             scales = self.scaling.classes.scales(tested.result)
             scaling, factor = self.scaling.after(scales)
             small = (factor == 1.0).all()  # after the others: their errors would be taken for those of small kinds too
-            if small and not (tested.low_redundancy or self._is_harmful(tested, tested.active)):
+            others = tested.active & ~self._in_classes(self.scaling.classes.in_small_kinds(scales))
+            if small and not (tested.low_redundancy or self._is_harmful(tested, others)):
                 scaling, factor = self.scaling.after(self.scaling.classes.of_small_kinds(scales, tested.result))
             self.smeared = self._is_harmful(tested, tested.active, self._smallest_factors(factor))
             if self.smeared:
@@ -122,7 +123,7 @@ class FittedSigmas(Rejections):
         for k, (name, tail) in enumerate(zip(self.scaling.classes.names, self.tails)):
             if tail.limit <= limit:
                 continue
-            between = use & (test > limit) & self._in_class(k)
+            between = use & (test > limit) & self._in_classes(np.arange(len(self.tails)) == k)
             names = [
                 f"{label} ({w:.1f})"
                 for o, above_rows, kind_values in zip(self.all.observed, self.all.split(between), self.all.split(test))
@@ -132,9 +133,9 @@ class FittedSigmas(Rejections):
             notes.append(Note("note", text.format(name, tail.freedom, tail.limit, limit) + suffix, tuple(names)))
         return notes
 
-    def _in_class(self, number: int) -> Bool:
-        """Records with a component of a class, (n,)."""
-        parts = ((kind_values == number).any(axis=1) for kind_values in self.scaling.classes.number)
+    def _in_classes(self, classes: Bool) -> Bool:
+        """Records with a component of one of the classes, (n,)."""
+        parts = (np.append(classes, False)[number].any(axis=1) for number in self.scaling.classes.number)
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def _is_harmful(self, tested: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:

@@ -105,12 +105,13 @@ class RobustStart(FittedSigmas):
     ) -> BundleResult | None:
         """The least squares whose covariances tell how well a robust adjustment fits; None where they fail.
 
-        Where they fail with everything they begin at the robust result, without what is very far off there.
+        Where they fail with everything, or something is very far off that may have led them astray, they begin at the
+        robust result, without that.
         """
-        if tested is not None:
+        near = active & ~(self._robust_tests(result, None) > ASTRAY * self.options.limit)
+        if tested is not None and (near == active).all():
             return tested.result
         block = from_result(self.block, result)
-        near = active & ~(self._robust_tests(result, None) > ASTRAY * self.options.limit)
         block = replace(block, observed=self.all.without(block.observed, near))
         with contextlib.suppress(ConvergenceError, GeometryError):
             return self.adjust(block, AdjustOptions(coarse=True))

@@ -77,13 +77,15 @@ class Classes:
         v, r, group = self._residuals(result, least_squares)
         return self._pooled_by_kind(class_scales(v, r, group, len(self.names)), v, r, group)
 
+    def in_small_kinds(self, scales: ClassScales) -> Bool:
+        """Classes of kinds of too little redundancy, (g,)."""
+        return np.asarray(np.bincount(self.kind, scales.redundancy)[self.kind] < ESTIMABLE)
+
     def of_small_kinds(self, scales: ClassScales, result: BundleResult) -> ClassScales:
         """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together."""
         scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
-        for kind in np.unique(self.kind):
+        for kind in np.unique(self.kind[self.in_small_kinds(scales)]) if result.adjusted.has_factor else ():
             kind_classes = np.flatnonzero(self.kind == kind)
-            if estimable[kind_classes].any() or not result.adjusted.has_factor:
-                continue
             parts = [(i, number) for i, number in enumerate(self.number) if np.isin(number, kind_classes).any()]
             if len(parts) == 1 and np.isfinite(result.observations[parts[0][0]].covariance).any():
                 s, r = _scale_together(result, *parts[0])

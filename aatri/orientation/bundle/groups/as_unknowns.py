@@ -58,6 +58,8 @@ def _with_group(block: BundleInput, group: Group, name: str) -> BundleInput:
     o, k = observed[group.place], len(group.value)
     H = np.zeros((len(o), o.records.rows, k))
     H[group.rows] = group.H
+    if group.H_of_rejected is not None:
+        H[group.rejected] = group.H_of_rejected
     labels = tuple(f"{name} {j + 1}" for j in range(k))
     start, free = np.array([group.value, np.zeros(k)]), np.array([group.sigma > 0, [False] * k])
     if o.kind != IMAGE_POINT or block.rays is None:
@@ -65,7 +67,7 @@ def _with_group(block: BundleInput, group: Group, name: str) -> BundleInput:
         observed[group.place] = _carrying(o, unknowns, H, start)
         return replace(block, observed=tuple(observed))
     unit_of_row = np.ones(len(o), dtype=np.int64)
-    unit_of_row[group.rows] = 0
+    unit_of_row[np.concatenate([group.rows, group.rejected])] = 0
     group_parameters = ParameterRows(
         name, [name, ""], labels, start, free, start, np.tile(np.eye(k), (2, 1, 1)), free & False, unit_of_row, -H
     )

@@ -32,6 +32,19 @@ class Cause:
 
     name: str
     columns: tuple[int, ...]
+    loosens: bool = False
+    """The block estimates it with a weight that is no measurement: of what explains as much this is the least."""
+
+
+@dataclass(frozen=True)
+class UnitMembers:
+    """Observations of units."""
+
+    rows: Int
+    unit: Int
+    """(n,). The unit of each."""
+    H: Float
+    """(n, m, k)."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +75,8 @@ class Candidates:
     the model does not know, one is wrong that has more."""
     dispersion: Float | None = None
     """(u,). The same where it is known: how many times the squares of units like these are those of chance."""
+    rejected: UnitMembers | None = None
+    """Observations of the units that are not in use: with what is wrong carried they may come back."""
 
 
 def dispersion_of(gains: Float, degrees: int, variance: float = 1.0) -> float:

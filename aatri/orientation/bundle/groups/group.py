@@ -46,12 +46,20 @@ class Group:
     """(j,). Rows of other units of the same kind that explain as much."""
     c_mm: float = float("nan")
     """Principal distance of its image points."""
+    loosens: bool = False
+    """See `Cause`."""
     removable: bool = False
     """It may be left out."""
+    rejected: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(r,). Rows of the unit that are not in use."""
+    H_of_rejected: Float | None = None
+    """(r, m, k)."""
 
     @property
     def complexity(self) -> tuple[bool, bool, int]:
         """Of what explains as much the least is taken: cameras of a strip are rare; a camera; the fewest parameters."""
+        if self.loosens:
+            return False, False, 0
         of_image = self.kind == IMAGE_POINT
         return of_image and self.per == "strip", of_image, len(self.value)
 

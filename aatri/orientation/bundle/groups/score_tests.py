@@ -120,8 +120,17 @@ def at_result(block: BundleInput, candidates_of: CandidatesOf, group: Group, res
             rows = np.flatnonzero(c.unit == unit)
             columns = next((cause.columns for cause in c.causes if cause.name == group.cause), None)
             if columns is not None and np.array_equal(c.rows[rows], group.rows):
-                return replace(group, H=c.H[rows][:, :, list(columns)])
+                H = c.H[rows][:, :, list(columns)]
+                return _with_rejected(replace(group, H=H), c, int(unit), columns)
     return group
+
+
+def _with_rejected(group: Group, candidates: Candidates, unit: int, columns: tuple[int, ...]) -> Group:
+    """The group with what is not in use of its unit."""
+    if (members := candidates.rejected) is None:
+        return group
+    of_unit = members.unit == unit
+    return replace(group, rejected=members.rows[of_unit], H_of_rejected=members.H[of_unit][:, :, list(columns)])
 
 
 def _significant(
@@ -162,7 +171,7 @@ def _group(block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Sig
     H, c_mm = c.H[unit_rows][:, :, list(t.cause.columns)], float("nan")
     if kind == IMAGE_POINT and block.rays is not None:
         c_mm = float(np.median(block.rays.c_mm[t.rows]))
-    return Group(
+    group = Group(
         c.place,
         kind,
         c.per,
@@ -175,8 +184,10 @@ def _group(block: BundleInput, adjusted: Adjusted, result: BundleResult, t: _Sig
         t.gain,
         float(np.sqrt(variance)),
         c_mm=c_mm,
+        loosens=t.cause.loosens,
         removable=c.removable,
     )
+    return _with_rejected(group, c, t.unit, t.cause.columns)
 
 
 def _confirmed(

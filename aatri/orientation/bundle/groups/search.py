@@ -3,7 +3,8 @@
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
    does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that halves
    the squares of what is above the limit; of several the one that leaves the least v'v, or a simpler one that leaves
-   no more than `SEPARABLE` above it. Positions that an earlier stage has rejected take part: they may be a group.
+   no more than `SEPARABLE` above it. Positions that an earlier stage has rejected take part: they may be a group, or
+   agree with all else where self-calibration estimates what that stage lacked.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
@@ -26,7 +27,7 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, gains_of, misfit, tests_in_use
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, gains_of, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
@@ -83,7 +84,7 @@ def search_with_groups(
         with_earlier = _with_earlier_rejections(block)
         if with_earlier is not None:
             groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options)
-        if with_earlier is not None and groups:
+        if with_earlier is not None and (groups or _agree(block, least_squares, options.limit)):
             block = with_earlier
         else:
             groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options)
@@ -119,15 +120,28 @@ def _with_earlier_rejections(block: BundleInput) -> BundleInput | None:
 
     One by one they are rejected, too, where something else is wrong with a strip: the principal distance of its camera.
     """
-
-    def several(o: Observed) -> bool:
-        groups = {group for group, _ in o.records.touches}
-        of_images = POSE in groups and POINT not in groups and not o.exact
-        return o.rejected is not None and of_images and int(o.rejected.sum()) >= SEVERAL
-
-    if not any(map(several, block.observed)):
+    if not any(map(_several_of_images, block.observed)):
         return None
-    return replace(block, observed=tuple(o.again() if several(o) else o for o in block.observed))
+    return replace(block, observed=tuple(o.again() if _several_of_images(o) else o for o in block.observed))
+
+
+def _several_of_images(o: Observed) -> bool:
+    """Whether several positions or attitudes have been rejected."""
+    groups = {group for group, _ in o.records.touches}
+    of_images = POSE in groups and POINT not in groups and not o.exact
+    return o.rejected is not None and of_images and int(o.rejected.sum()) >= SEVERAL
+
+
+def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float) -> bool:
+    """Whether what an earlier stage has rejected of a block agrees with all else in least squares with it.
+
+    Heights of positions contradict the height that a wrong principal distance gives; where it is estimated they agree.
+    """
+    if least_squares is None:
+        return False
+    state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
+    rejected = [(o, i) for o, i in zip(least_squares.observations, block.observed) if _several_of_images(i)]
+    return all(not (tests_of(o, state)[i.rejected] > limit).any() for o, i in rejected)
 
 
 def _carried(
