@@ -167,7 +167,7 @@ def _causes_of_cameras(block: BundleInput) -> tuple[Cause, ...]:
             free |= set(of_unit[p.free[unit] & ~p.weighted[unit]].tolist())
             weighted |= (in_unit := set(of_unit[p.free[unit] & p.weighted[unit]].tolist()))
             measured |= in_unit if p.calibrated else set()
-    return tuple(replace(cause, loosens=not of & measured) for cause, of in OF_CALIBRATION if of <= weighted - free)
+    return tuple(replace(cause, loosens=not names & measured) for cause, names in OF_CALIBRATION if names <= weighted - free)
 
 
 def _of_image_points(
