@@ -156,18 +156,20 @@ def _units(
 
 
 def _causes_of_cameras(block: BundleInput) -> tuple[Cause, ...]:
-    """What cameras may have in common: all that the block does not estimate, and what it estimates with a weight, which
-    may be that of a wrong calibration."""
+    """What cameras may have in common: all if the block estimates none of it, else what it estimates with a weight."""
     estimated = [p for p in block.parameters if p.group != FILM and p.free.any()]
     if not estimated:
         return CAUSES
     free, weighted, measured = set[str](), set[str](), set[str]()
-    for p in estimated:
-        for unit, of_unit in ((unit, np.array(parameter_names(p, unit))) for unit in range(len(p.ids))):
-            free |= set(of_unit[p.free[unit] & ~p.weighted[unit]].tolist())
-            weighted |= (in_unit := set(of_unit[p.free[unit] & p.weighted[unit]].tolist()))
-            measured |= in_unit if p.calibrated else set()
-    return tuple(replace(cause, loosens=not names & measured) for cause, names in OF_CALIBRATION if names <= weighted - free)
+    for p, unit in ((p, unit) for p in estimated for unit in range(len(p.ids))):
+        names = np.array(parameter_names(p, unit))
+        with_weight = set(names[p.free[unit] & p.weighted[unit]].tolist())
+        free |= set(names[p.free[unit] & ~p.weighted[unit]].tolist())
+        weighted |= with_weight
+        measured |= with_weight if p.calibrated else set()
+    return tuple(
+        replace(cause, loosens=not names & measured) for cause, names in OF_CALIBRATION if names <= weighted - free
+    )
 
 
 def _of_image_points(
