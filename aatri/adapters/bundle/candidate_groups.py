@@ -161,7 +161,7 @@ def _causes_of_cameras(block: BundleInput) -> tuple[Cause, ...]:
     if not estimated:
         return CAUSES
     free, weighted, measured = set[str](), set[str](), set[str]()
-    for p, unit in ((p, unit) for p in estimated for unit in range(len(p.ids))):
+    for p, unit in [(rows, unit) for rows in estimated for unit in range(len(rows.ids))]:
         names = np.array(parameter_names(p, unit))
         with_weight = set(names[p.free[unit] & p.weighted[unit]].tolist())
         free |= set(names[p.free[unit] & ~p.weighted[unit]].tolist())
