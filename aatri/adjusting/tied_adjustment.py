@@ -131,13 +131,15 @@ def adjust_tied(
         return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
-    searched = search(solve, begin, snooping, pool, wrong, added=deformed)
+    searched = search(solve, begin, snooping, pool, wrong, added=deformed, lean=TiedSolution.lean)
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
     crowded, back = overfull(snooping, full, searched.above & ~pool.carrier, searched.active, begin)
     if room and back.any():
         room[0][crowded] = 0
-        searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=searched.first)
+        again = searched.first
+        del searched
+        searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
     return _result(searched)
 
 

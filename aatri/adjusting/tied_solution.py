@@ -8,6 +8,8 @@ Rejected observations stay in the index and are predicted by the others. Points 
 part: what is observed of them counts for nothing, and has no test.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,6 +21,7 @@ from aatri.adjusting.added_variance import typical_variance
 from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
+from aatri.adjustment.kernels.spectra import is_steady
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.adjustment.statistics.variance_components import common_sigma
@@ -66,6 +69,10 @@ class TiedSolution:
     def state(self) -> State:
         """All unknowns."""
         return self.solved.state
+
+    def lean(self) -> TiedSolution:
+        """The same without its tests and covariances, which are made again where they are asked for."""
+        return replace(self, solved=replace(self.solved))
 
     @cached_property
     def tests(self) -> tuple[RecordTests, ...]:
@@ -222,9 +229,10 @@ def _is_steady(before: Spread, after: Spread, tau_m: float) -> bool:
     """Whether the covariances of no tie have changed with its body."""
     if before.values is after.values:
         return True
-    first, second = (np.einsum("nij,nj,nkj->nik", s.vectors, s.values + tau_m**2, s.vectors) for s in (before, after))
-    off, size = (np.linalg.norm(C, axis=(1, 2)) for C in (second - first, first))
-    return bool((off <= STEADY * size).all())
+    spectra = before.values, before.vectors, after.values, after.vectors
+    values, vectors, values_after, vectors_after = (np.ascontiguousarray(column) for column in spectra)
+    arrays = values, vectors, values_after, vectors_after
+    return bool(is_steady(0, len(values), *arrays, tau_m**2, STEADY))
 
 
 def _step(

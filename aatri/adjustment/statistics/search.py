@@ -60,8 +60,9 @@ class Searched(Generic[A]):
     above: Bool
     """(n,). Active records above the limit that the rules do not let reject, that nothing controls well, or that are
     needed."""
-    first: SearchState[A]
-    """Before the first rejection, or at the end without any: another search with less room goes the same way so far."""
+    first: SearchState[A] | None
+    """Before the first rejection, or at the end without any: another search with less room goes the same way so far.
+    None where nothing is to be kept of it."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ def search(
     *,
     added: bool = True,
     first: SearchState[A] | None = None,
+    lean: Callable[[A], A] | None = None,
 ) -> Searched[A]:
     """Search for gross errors.
 
@@ -126,13 +128,21 @@ def search(
         Estimate the added standard deviation; else it is zero.
     first : SearchState, optional
         Where to begin: that of a search with the same records and at least as much room.
+    lean : callable, optional
+        Adjustment -> the same without tests and covariances, which it makes again where it is asked for them: what is
+        kept of it while the next is made, and of the first. Without it nothing is kept of the first.
     """
     if rejections is None:
         rejections = partial(clearest_controlled, snooping, pool)
     use, readmitted, needed = active.copy(), np.zeros(len(active), dtype=bool), np.zeros(len(active), dtype=bool)
-    first = first or SearchState(solve(None, use, 0.0))
-    solved, tau, robust, steps, rounds = first.solved, first.tau, first.robust, first.steps, first.rounds
+    begin = first or SearchState(solve(None, use, 0.0))
+    solved, tau, robust, steps, rounds = begin.solved, begin.tau, begin.robust, begin.steps, begin.rounds
     first, settled = None, False
+    del begin
+
+    def reached() -> SearchState[A] | None:
+        return None if lean is None else SearchState(lean(solved), tau, robust, steps, rounds)
+
     while rounds < ROUNDS:
         new = solved.added_sigma(robust=robust) if added else 0.0
         before = use
@@ -142,22 +152,23 @@ def search(
         elif (wrong := rejections(solved, use & ~needed) & ~needed).any() and not (
             robust and new > 0 and _negligible(snooping, solved.test, use)
         ):
-            first = first or SearchState(solved, tau, robust, steps, rounds)
+            first = first or reached()
             use, steps = use & ~wrong, Steps()
         elif robust and new > 0:
             robust, steps = False, Steps()
             continue
         elif (back := ~readmitted & (fitting(snooping, solved.test, use) | stranded(pool, solved.test, use))).any():
-            first = first or SearchState(solved, tau, robust, steps, rounds)
+            first = first or reached()
             use, readmitted, steps = use | back, readmitted | back, Steps()
         else:
             settled = True
             break
         rounds += 1
+        solved = solved if lean is None else lean(solved)
         solved, use, stays = _next(solve, solved, before, use, tau, pool)
         needed |= stays
     above = use & (solved.test > snooping.limit)
-    return Searched(solved, use, tau, rounds, settled, above, first or SearchState(solved, tau, robust, steps, rounds))
+    return Searched(solved, use, tau, rounds, settled, above, first or reached())
 
 
 def _next(

@@ -17,6 +17,9 @@ from aatri.codes import OBSERVED_VALUE
 from aatri.observations.control import control_of
 from aatri.units import length
 
+CHUNK = 100_000
+"""Image points at a time: a rotation for each of them would fill the memory."""
+
 
 def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Float, xyz_m: Float) -> list[Finding]:
     """A line of the flying height of each camera, and what no flight has.
@@ -33,8 +36,12 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
     usable = points.active & block.images.active[points.image]
     usable &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
     image, point = points.image[usable], points.point[usable]
-    u = np.einsum("kji,kj->ki", ground_from_image[image], xyz_m[point] - position_m[image])
-    depth, height, camera = -u[:, 2], position_m[image, 2] - xyz_m[point, 2], block.images.camera[image]
+    depth, height, camera = np.empty(len(image)), np.empty(len(image)), block.images.camera[image]
+    for first in range(0, len(image), CHUNK):
+        rows = slice(first, first + CHUNK)
+        away = xyz_m[point[rows]] - position_m[image[rows]]
+        depth[rows] = -np.einsum("kj,kj->k", ground_from_image[image[rows], :, 2], away)
+        height[rows] = -away[:, 2]
     for k in np.unique(camera).tolist():
         of_camera, where = camera == k, f"camera {block.cameras.id[k]}"
         behind = float(np.mean(depth[of_camera] <= 0))

@@ -25,7 +25,7 @@ from aatri.geometry.similarity import motions
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
-from aatri.orientation.bodies.similarity_ties import LABELS, Similarities, moved
+from aatri.orientation.bodies.similarity_ties import LABELS, Similarities, moved, turned_spectrum
 
 LATENT = 5
 LATENT_LABELS = tuple(f"error of the relative orientation {k + 1}" for k in range(LATENT))
@@ -91,8 +91,7 @@ def model_ties(rows: ModelRows, *, names: Sequence[str] | Text, latent: bool, gr
         return np.concatenate([motions(arms(state, chosen)), sR @ rows.by_latent[chosen]], axis=2)
 
     def spectrum(state: ModelPoses) -> tuple[Float, Float]:
-        scale, R = state.similarity.scale[model], state.similarity.rotation[model]
-        return scale[:, None] ** 2 * values, R @ vectors
+        return turned_spectrum(model, state.similarity, values, vectors)
 
     one = np.repeat([True, latent], [7, LATENT])
     unknowns = Unknowns(BODY, np.tile(one, (m, 1)), LABELS + LATENT_LABELS, list(map(str, names)), moved_models)

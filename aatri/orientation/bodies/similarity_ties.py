@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.kernels.spectra import turn
 from aatri.adjustment.records import Bind, Fill, Weigh
+from aatri.adjustment.threads import in_threads
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError
@@ -128,12 +130,20 @@ def similarity_ties(
         return weigh
 
     def spectrum(state: Similarities) -> tuple[Float, Float]:
-        return state.scale[strip][:, None] ** 2 * values, state.rotation[strip] @ vectors
+        return turned_spectrum(strip, state, values, vectors)
 
     moving = np.ones(len(names), dtype=bool) if free is None else free
     unknowns = Unknowns(BODY, np.repeat(moving[:, None], 7, axis=1), LABELS, list(map(str, names)), moved)
     lane = compiled if group == POINT else None
     return Ties(strip, point, on_ground, derivatives, spectrum, unknowns, compiled=lane, group=group)
+
+
+def turned_spectrum(body: Int, state: Similarities, values: Float, vectors: Float) -> tuple[Float, Float]:
+    """Eigenvalues (n, 3) and eigenvectors (n, 3, 3) of covariances after the similarity of their body, (n,) int32."""
+    turned = np.empty_like(values), np.empty_like(vectors)
+    pose = np.ascontiguousarray(state.scale), np.ascontiguousarray(state.rotation)
+    in_threads(len(body), lambda first, last: turn(first, last, body, *pose, values, vectors, *turned))
+    return turned
 
 
 def spectrum_of(covariance: Float) -> tuple[Float, Float]:

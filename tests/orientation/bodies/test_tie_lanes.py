@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adjustment.kernels.spectra import is_steady
 from aatri.adjustment.records import whitened
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.strip_bases import strip_axes
@@ -62,3 +63,19 @@ def test_derivatives_equal_differences_of_the_ground_coordinates(made) -> None:
         ahead = ties.on_ground(ties.unknowns.retract(of_strips, step), ties.rows)
         behind = ties.on_ground(ties.unknowns.retract(of_strips, -step), ties.rows)
         np.testing.assert_allclose((ahead - behind) / (2 * h), J[:, :, k], rtol=1e-7, atol=1e-5)
+
+
+def test_covariances_turn_with_their_body_and_are_steady_below_a_thousandth() -> None:
+    """s^2 R C R', and the norm of its change against `STEADY` of its own, with the deformation added."""
+    ties, state = _similarities()
+    values, vectors = ties.spectrum(state)
+    s, R = state.scale[STRIP_OF], state.rotation[STRIP_OF]
+    turned = s[:, None, None] ** 2 * (R @ COVARIANCE @ R.swapaxes(1, 2))
+    np.testing.assert_allclose((vectors * values[:, None, :]) @ vectors.swapaxes(1, 2), turned, rtol=1e-12, atol=1e-16)
+    a, limit = np.linalg.norm(turned, axis=(1, 2)).min(), 1e-3
+    for change, steady in ((0.999 * limit * a, True), (1.001 * limit * np.linalg.norm(turned[7]), False)):
+        C = turned.copy()
+        C[7] += change / np.sqrt(3) * np.eye(3)
+        assert is_steady(0, N, values, vectors, *map(np.ascontiguousarray, np.linalg.eigh(C)), 0.0, limit) is steady
+    l, V = map(np.ascontiguousarray, np.linalg.eigh(C))  # noqa: E741
+    assert is_steady(0, N, values, vectors, l, V, 100.0, limit), "beside a large deformation nothing changes"
