@@ -57,7 +57,9 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
     of_adjusted_kind = np.isin(suspects.kind, [o.kind for o in stated.observed]) & (suspects.row >= 0)
     used = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not, though nothing rejects it
     for adjusted in done.result.observations:
-        used |= (suspects.kind == adjusted.observed.kind) & np.isin(suspects.row, adjusted.observed.row[adjusted.used])
+        o = adjusted.observed
+        rows_used = o.row[adjusted.used] if o.set_rows is None else o.set_rows[adjusted.used]
+        used |= (suspects.kind == o.kind) & np.isin(suspects.row, rows_used)
     rejected = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
     back = of_adjusted_kind & used & ~rejected & staying_out(suspects)
     restated, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []

@@ -156,9 +156,11 @@ def _joined(
     components = tuple(name for names_of in labels for name in names_of) if mixed or m > 3 else ()
     units = tuple(part.unit for part in parts for _ in range(part.records.rows)) if mixed else ()
     sees = np.any([np.broadcast_to(part.sees, (len(part), 3))[rows[:, j]] for j, part in enumerate(parts)], axis=0)
-    row = np.array([part.row[rows[:, j]] for j, part in enumerate(parts)]).min(axis=0)
+    table_rows = np.array([part.row[rows[:, j]] for j, part in enumerate(parts)]).T
+    row = table_rows.min(axis=1)
     unit = " or ".join(dict.fromkeys(units)) if mixed else parts[0].unit
-    return Observed(records, row, named(point=names), unit, components, sees=sees, units=units)
+    set_rows = np.sort(table_rows, axis=1)
+    return Observed(records, row, named(point=names), unit, components, sees=sees, units=units, set_rows=set_rows)
 
 
 def _own_covariances(C: Float, parts: list[Observed], rows: Int, first: Int) -> None:

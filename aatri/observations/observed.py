@@ -161,6 +161,8 @@ class Observed:
     """All observations -> the same without the unknowns that they and it do not determine together."""
     spread: Spread | None = None
     """Covariances, where they are not those of the records."""
+    set_rows: Int | None = None
+    """(n, k). Rows of the table that each record joins, of which `row` is the first; else `row` is all."""
 
     @property
     def kind(self) -> str:
@@ -182,9 +184,10 @@ class Observed:
             return self.names(rows[chosen])
 
         sees: tuple[bool, bool, bool] | Bool = self.sees[rows] if isinstance(self.sees, np.ndarray) else self.sees
-        h = self.holds
+        h, joins = self.holds, self.set_rows
         holds = None if h is None else replace(h, block=h.block[rows], scalar=h.scalar[rows], value=h.value[rows])
-        return replace(self, records=self.records.take(rows), row=self.row[rows], names=names, sees=sees, holds=holds)
+        taken = replace(self, records=self.records.take(rows), row=self.row[rows], names=names, sees=sees, holds=holds)
+        return taken if joins is None else replace(taken, set_rows=joins[rows])
 
     def demanded(self) -> Bool:
         """Components that are exact, (n, m)."""

@@ -20,7 +20,7 @@ from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again
+from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again, with_sets_again
 from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
@@ -89,7 +89,7 @@ def _searched(
     else:
         inputs = inputs if searching.method == "none" else without_exchanged(inputs)
         try:
-            done, groups = with_datum_again(inputs, in_groups)
+            done, groups = with_datum_again(with_sets_again(inputs), in_groups)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
                 raise

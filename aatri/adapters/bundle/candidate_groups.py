@@ -11,6 +11,7 @@
     of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
     control         a common scale of the relief, dv/ds = mean Z - Z
+    portable frame  a mark (`frame_marks`)
 
 c, x0, y0 are added to those of the block; p, a and b correct the measured points: they are mm at r0, the corner of the
 format. x and y are adjusted coordinates: measured ones have the errors of the residuals, and to make all coordinates
@@ -22,6 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.bundle.frame_marks import marks_of_frames
 from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
@@ -63,6 +65,8 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
         return
     for place, adjusted in enumerate(result.observations):
         rows, o = np.flatnonzero(adjusted.used), adjusted.observed
+        if o.kind == DISTANCE and o.components:
+            yield from marks_of_frames(block, result, place, rows)
         if not len(rows) or o.exact or o.components:
             continue
         groups = [group for group, _ in o.records.touches]

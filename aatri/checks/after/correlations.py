@@ -18,6 +18,7 @@ from aatri.checks.finding import Finding
 from aatri.checks.limits import CORRELATION_LISTED, MOST_PAIRS
 from aatri.ids import shown
 from aatri.observations.poses import CAMERA, FILM, POINT, POSE, is_additional
+from aatri.orientation.bundle.groups.candidates import MARK
 from aatri.orientation.bundle.result import BundleResult
 
 
@@ -26,6 +27,7 @@ def high_correlations(result: BundleResult, kinds: Mapping[str, str]) -> list[Fi
     if not result.adjusted.has_factor or result.adjusted.down_weighted or result.free is not None:
         return []
     shared = [u for u in result.adjusted.problem.unknowns if u.name not in (POSE, POINT, FILM) and not u.joins]
+    shared = [u for u in shared if not u.name.startswith(f"{MARK} ")]  # what is left out of its frame is no parameter
     with_covariance = {name for name, c in result.covariances.items() if np.isfinite(c).any()}
     shared = [
         u

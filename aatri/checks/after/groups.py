@@ -14,7 +14,7 @@ import numpy as np
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
-from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, NEIGHBOURHOOD
+from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import about
@@ -32,11 +32,11 @@ RADIAL = (
 def contradicts(accepted: AcceptedGroup) -> bool:
     """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas.
 
-    Points of a neighbourhood or of one image are wrong measurements, like single ones that are kept: no error of the
-    model, which is what images have in common.
+    Points of a neighbourhood or of one image, and marks of a frame, are wrong measurements, like single ones that are
+    kept: no error of the model, which is what images have in common.
     """
     g = accepted.group
-    if g.per in (NEIGHBOURHOOD, IMAGE):
+    if g.per in (NEIGHBOURHOOD, IMAGE, MARK):
         return False
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
@@ -53,7 +53,9 @@ def _finding(accepted: AcceptedGroup) -> Finding:
     if g.moved:
         text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
-    if not accepted.left_out:
+    if accepted.left_out and g.per == MARK:
+        text += "; its frame is used without it"
+    elif not accepted.left_out:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
     else:
         text += f"; all {len(g.rows) + len(g.undecided)} are left out"
@@ -184,6 +186,13 @@ def _scale(g: Group) -> tuple[str, str]:
     )
 
 
+def _mark(g: Group) -> tuple[str, str]:
+    off, size = float(np.abs(g.effect).max()), float(np.sqrt(g.gain))
+    text = f"distances of mark {g.unit} in its portable frame are wrong, by up to {about(off)}"
+    text += f" ({size:.3g} standard deviations together)"
+    return text, "measure the mark again in the frame; or is it another point in the images?"
+
+
 def _relief(g: Group) -> tuple[str, str]:
     times = f"{1 + g.value[0]:.3g} (+- {g.sigma[0]:.2g}) times"
     return (
@@ -208,5 +217,6 @@ _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("image_point", "camera"): _camera,
     ("image_point", "shift"): _neighbourhood,
     ("distance", "scale"): _scale,
+    ("distance", "place in its frame"): _mark,
     ("control", "relief"): _relief,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.errors import AatriError
 from aatri.formats.tables.writer import write_block
 from aatri.tables.digest import content_digest
@@ -95,16 +98,39 @@ def test_they_give_the_scale_of_a_block_and_fit(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_mark_that_contradicts_its_frame_is_named_with_both_that_may_be_wrong(tmp_path: Path) -> None:
-    """The rays of the mark go, which agree among themselves: that the frame may be wrong must be told."""
+@pytest.mark.parametrize(
+    ("mark", "off_m", "free"), [("a0", [0.5, 0, 0], False), ("a3", [3.0, 4.0, 0], True), ("b1", [0, 0.5, 0], True)]
+)
+def test_a_wrong_mark_is_left_out_of_its_frame_and_takes_no_ray_with_it(
+    tmp_path: Path, mark: str, off_m: list[float], free: bool
+) -> None:
+    """The result is that of the frame measured without the mark."""
     small = made()
-    folder, true = written(small, tmp_path / "block"), small.xyz_m["a0"]
-    small.xyz_m["a0"] = true + np.array([0.0, 0.5, 0.5])
-    written(small, tmp_path / "wrong")
-    (folder / "ground_points.csv").write_text((tmp_path / "wrong" / "ground_points.csv").read_text())
-    done = adjusted_by("graph", folder)
-    named = [text for text in done.warnings if "or what is given is wrong" in text]
-    assert [text.split(": ")[-1] for text in named] == ["a0"]
+    if free:
+        small.control, small.observed = {}, {}
+    small.rays["103", "a2"] += np.array([0.0, 0.2])
+    folder, without, true = written(small, tmp_path / "block"), tmp_path / "without", small.xyz_m[mark]
+    small.xyz_m[mark] = true + np.array(off_m)
+    rows = (written(small, tmp_path / "wrong") / "ground_points.csv").read_text().splitlines()
+    shutil.copytree(folder, without)
+    (folder / "ground_points.csv").write_text("\n".join([*rows, ""]))
+    (without / "ground_points.csv").write_text("\n".join([r for r in rows if not r.startswith(f"{mark},")] + [""]))
+    options = {"datum": "free"} if free else {}
+    done, expected = (adjusted_by("graph", one, **options) for one in (folder, without))
+    assert [text for text in done.warnings if f"distances of mark {mark} in its portable frame are wrong" in text]
+    assert rejected_rays(done.bundle) == rejected_rays(expected.bundle)
+    assert len(rejected_rays(done.bundle)) == 1
+    assert not (staying_out(done.bundle.suspects) & (done.bundle.suspects.kind == "distance")).any()
+    lengths = [np.linalg.norm(one.bundle.points.xyz_m - one.bundle.points.xyz_m[0], axis=1) for one in (done, expected)]
+    sigma = np.sqrt(np.einsum("nii->n", expected.bundle.points.covariance_m2))
+    assert np.nanmax(np.abs(lengths[0] - lengths[1]) / sigma) < 0.2
+    np.testing.assert_allclose(done.bundle.redundancy, expected.bundle.redundancy)
+
+
+def rejected_rays(solution: Solution) -> set[tuple[str, str]]:
+    s = solution.suspects
+    rays = np.flatnonzero((s.kind == "image_point") & staying_out(s))
+    return set(zip(s.image[rays].tolist(), s.point[rays].tolist()))
 
 
 def test_what_is_wrong_with_a_frame_is_an_error_with_its_line(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ stage has rejected, it is made once more with all of these in use; it counts if 
 Positions whose shift and drift they neglect outvote the one control point that is right. Where a block is open without
 what earlier stages have rejected, what is observed of points comes back, and, where that is not enough, all else that
 is no ray.
+
+Correlated sets of which they have rejected a row, by neglecting the covariances, are asked again at once.
 """
 
 from collections.abc import Callable
@@ -54,6 +56,11 @@ def with_datum_again(block: BundleInput, adjust: Callable[[BundleInput], T]) -> 
                 except GeometryError:
                     continue
         raise error
+
+
+def with_sets_again(block: BundleInput) -> BundleInput:
+    """The block with correlated sets in use of which an earlier stage has rejected a row: it tests them row by row."""
+    return replace(block, observed=tuple(o.again() if o.components else o for o in block.observed))
 
 
 def search_anew(

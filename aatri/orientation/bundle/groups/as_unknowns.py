@@ -20,10 +20,10 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.group import Group
 
 
-def with_groups(block: BundleInput, groups: Sequence[Group]) -> BundleInput:
-    """The block with what is wrong with some groups as unknowns."""
+def with_groups(block: BundleInput, groups: Sequence[Group], names: Sequence[str] = ()) -> BundleInput:
+    """The block with what is wrong with some groups as unknowns; `names` of these, if not `name_of` their numbers."""
     for number, group in enumerate(groups):
-        block = _with_group(block, group, name_of(number))
+        block = _with_group(block, group, names[number] if names else name_of(number))
     return block
 
 

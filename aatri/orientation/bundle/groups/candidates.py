@@ -25,6 +25,9 @@ MOST_TYPICAL = 24
 NEIGHBOURHOOD = "neighbourhood"
 """What units of image points near each other are."""
 
+MARK = "mark"
+"""What units of a portable frame are: a mark is a part of the one record of its frame, which is used without it."""
+
 
 @dataclass(frozen=True)
 class Cause:

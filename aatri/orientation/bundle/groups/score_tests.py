@@ -10,6 +10,7 @@ one that gains no more than `SEPARABLE` beyond it; others that explain as much c
 named too. Where single observations are tested as well, the group must gain more than the largest of them alone, and
 most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip. Nor is one
 that carries neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of other members.
+Marks are parts of a single record, the distances of their frame, and of these rules the first alone is theirs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +29,7 @@ from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
+from aatri.orientation.bundle.groups.candidates import MARK, NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
 
@@ -207,7 +208,11 @@ def _confirmed(
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
-    if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm) or share_without_largest(before, after) < EXPLAINS:
+    if t.gain / scale**2 <= chdtri(t.joint.rank, t.alarm):
+        return None
+    if group.per == MARK:
+        return group
+    if share_without_largest(before, after) < EXPLAINS:
         return None
     if single and not _most_fit_better(before, after):
         return None
@@ -285,7 +290,7 @@ def _with_alternatives(group: Group, equivalent: list[_Significant]) -> Group:
     rows, alternatives = group.rows, list[tuple[str, str, str]]()
     for t in sorted(equivalent, key=lambda t: -t.gain):
         same_kind = (t.candidates.place, t.candidates.per) == (group.place, group.per)
-        if same_kind and len(np.intersect1d(t.rows, rows)):
+        if same_kind and group.per != MARK and len(np.intersect1d(t.rows, rows)):
             continue
         alternatives.append((t.candidates.per, str(t.candidates.units[t.unit]), t.cause.name))
         rows = np.union1d(rows, t.rows) if same_kind else rows

@@ -9,7 +9,8 @@
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
 4. Adjust once more without the unknowns of the groups. Positions and attitudes of a group whose shift is beyond the
-   limit are left out, all of them, where the block is determined without; every other group is kept, all of it.
+   limit are left out, all of them, where the block is determined without; a mark stays free of its frame, which is
+   used without it; every other group is kept, all of it.
 """
 
 from collections.abc import Callable
@@ -29,7 +30,7 @@ from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, gains_of, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
-from aatri.orientation.bundle.groups.candidates import CandidatesOf
+from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -191,7 +192,8 @@ def _adjusted_with(
 ) -> tuple[Group, BundleResult | None]:
     """Least squares with one more group, whose effect is taken where the adjustment with it leads, until it stays."""
     result = _squares(with_groups(block, [*groups, group]), adjust)
-    for _ in range(MOST_LINEARISED if group.kind == IMAGE_POINT and not group.removable else 0):
+    depends_on_result = group.per == MARK or (group.kind == IMAGE_POINT and not group.removable)
+    for _ in range(MOST_LINEARISED if depends_on_result else 0):
         if result is None:
             break
         value, sigma = result.adjusted.state[name_of(len(groups))][0], block.observed[group.place].sigmas()[group.rows]
@@ -226,8 +228,9 @@ def _without_group_unknowns(
     left_out = options.method != "none"
     limit = options.limit * max(1.0, done.result.adjusted.sigma0)
     removable = [g for g in groups if left_out and g.removable and _exceeds_limit(g, block, limit)]
+    marks = [g for g in groups if left_out and g.per == MARK]
     for left_out_groups in (removable, []):
-        inputs = _without(without_unknowns, left_out_groups)
+        inputs = with_groups(_without(without_unknowns, left_out_groups), marks, [f"{MARK} {g.unit}" for g in marks])
         try:
             result = adjust(inputs, AdjustOptions())
         except GeometryError:
@@ -236,7 +239,7 @@ def _without_group_unknowns(
             continue
         break
     accepted = [
-        AcceptedGroup(_with_estimate(g, k, done.result), any(g is o for o in left_out_groups))
+        AcceptedGroup(_with_estimate(g, k, done.result), any(g is o for o in (*left_out_groups, *marks)))
         for k, g in enumerate(groups)
     ]
     return replace(done, inputs=inputs, result=result), tuple(accepted)
