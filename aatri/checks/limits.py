@@ -212,3 +212,6 @@ SMALL_TEST = 2.0
 
 CONTROL_SHARE = 1.0 / 3.0
 """Of control, of what the block gives without its errors: then it adds 5.4 % (lecture notes on close range, 5.1)."""
+
+MOST_MIRRORED = 30
+"""Models of which an axis is reversed on trial: each costs two adjustments, and more are joined by points in relief."""

@@ -69,9 +69,12 @@ def edit(
     chosen = [made[k] for k in _chosen(apply, len(made))]
     target = into or block.edits
     old = read_edits(target) if target.exists() else ()
-    write_edits(target, [*old, *chosen])
+    new = [edit for edit in chosen if not any(one.same_as(edit) for one in old)]
+    write_edits(target, [*old, *new])
     after = f", after {len(old)} that it had" if old else ""
-    say(f"{len(chosen)} edit{'s' * (len(chosen) != 1)} written to {target}{after}")
+    say(f"{len(new)} edit{'s' * (len(new) != 1)} written to {target}{after}")
+    if len(new) < len(chosen):
+        say(f"{len(chosen) - len(new)} of the chosen stood in it already")
     if target.resolve() != block.edits.resolve() or not block.reads_edits:
         say(f"the block reads it with `edits: {target}` among the options of stage {block.name}")
     say("next: aatri run")

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.errors import GeometryError
 from aatri.geometry.rotations import exp_rotation, nearest_rotation, skew
 
 UNKNOWNS = 7
@@ -23,6 +24,9 @@ UNKNOWNS = 7
 
 ITERATIONS = 50
 """At most; they end before where nothing changes."""
+
+COLLAPSED = 1e-6
+"""Scale, of that at the start, of points that fit no similarity: no start by two of them is as far off."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,11 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
     start : Similarity
         Rotation and scale to begin with.
     weight : (n,) float64, optional
+
+    Raises
+    ------
+    GeometryError
+        If the scale falls to nothing, as that of mirrored points does.
     """
     w = np.ones(len(x)) if weight is None else weight
     x0, X0 = w @ x / w.sum(), w @ X / w.sum()
@@ -181,6 +190,8 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
         turn = np.linalg.solve(N[3:6, 3:6], (w[:, None] * np.cross(a, v)).sum(axis=0))
         grown = float((w * (a * v).sum(axis=1)).sum() / N[6, 6])
         now = updated(now, np.concatenate([np.zeros(3), turn, [grown]]))
+        if not now.scale > COLLAPSED * start.scale:
+            raise GeometryError("the points fit no similarity: its scale falls to nothing", remedy="are they mirrored?")
         if max(float(np.abs(turn).max()), abs(grown)) < 1e-15:
             break
     return Similarity(X0 - now.scale * now.rotation @ x0, now.scale, now.rotation)

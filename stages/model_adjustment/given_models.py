@@ -17,8 +17,10 @@ from aatri.adapters.strips.model_adjustment import ModelSettings
 from aatri.artifacts.block import Block
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
+from aatri.checks.after.mirrored_models import mirrored_models
 from aatri.checks.after.model_units import models_of_another_unit
 from aatri.checks.finding import report
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.plugin import SILENT, Context, stage
 
 from ._options import ModelAdjustmentOptions
@@ -39,6 +41,12 @@ def given_models(
     settings = ModelSettings(
         None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
     )
-    solution, notes = adjusted_given_models(block, settings)
-    report([*notes, *models_of_another_unit(block, solution)], context)
+    try:
+        solution, notes = adjusted_given_models(block, settings)
+    except (ConvergenceError, GeometryError) as failure:
+        for finding in mirrored_models(block, settings, None):
+            raise GeometryError(finding.what, remedy=finding.remedy) from failure
+        raise
+    mirrored = mirrored_models(block, settings, solution)
+    report([*notes, *mirrored, *models_of_another_unit(block, solution)], context)
     return solution

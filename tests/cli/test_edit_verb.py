@@ -85,6 +85,7 @@ def test_a_block_with_ten_mistakes_edited_is_the_clean_one_without_them(
     assert shown.count("exchange image_point") == 1
     assert shown.count("switch_off control point") == shown.count("switch_off position image") == 1
     _aatri("edit", "--apply", "2-3")
+    assert "0 edits written to block/edits.yaml, after 2 that it had" in _aatri("edit", "--apply", "2-3")
     _aatri("run", "--quiet")
     assert "7 edits written to block/edits.yaml, after 2 that it had" in _aatri("edit", "--apply", "all")
     _aatri("run", "--quiet")

@@ -158,7 +158,7 @@ def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed
     """Without what is rejected, by kind and row of its table; a set of correlated rows goes with one of them."""
     rows = [row for kind, row in rejected if kind == observed.kind and row >= 0]
     of_record = observed.row[:, None] if observed.set_rows is None else observed.set_rows
-    return observed.without(np.isin(of_record, rows).any(axis=1))
+    return observed.without(np.asarray(np.isin(of_record, rows).any(axis=1)))
 
 
 def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:

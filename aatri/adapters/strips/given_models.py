@@ -32,8 +32,15 @@ from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, m
 from aatri.orientation.bodies.similarity_ties import similarities_of
 
 
-def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Solution, list[Note]]:
+def adjusted_given_models(
+    block: Block, settings: ModelSettings, *, exchanged: bool = True
+) -> tuple[Solution, list[Note]]:
     """Adjust the models that a block gives by coordinates.
+
+    Parameters
+    ----------
+    exchanged : bool
+        Control points with each other's number are searched for where a model does not fit its control.
 
     Raises
     ------
@@ -51,7 +58,7 @@ def adjusted_given_models(block: Block, settings: ModelSettings) -> tuple[Soluti
     covariance = variance[:, None, None] * np.eye(3)
     body_points = BodyPoints(model.astype(np.int64), coordinates.point.astype(np.int64), x, covariance)
     origin = pieces.origin_of(control, positions_of(block))
-    start, notes = models_on_ground(block, control, body_points, names, origin)
+    start, notes = models_on_ground(block, control, body_points, names, origin, exchanged=exchanged)
     chosen = np.flatnonzero([s is not None for s in start])
     place = np.full(len(names), -1)
     place[chosen] = np.arange(len(chosen))

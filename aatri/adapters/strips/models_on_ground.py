@@ -18,7 +18,7 @@ from aatri.notes import Note
 from aatri.observations.control import Control, observed_control
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
-from aatri.orientation.bodies.absolute import OrientationSettings, orient_body
+from aatri.orientation.bodies.absolute import OrientationSettings, Start, orient_body
 from aatri.orientation.bodies.common_datum import PlacedBody, undetermined_bodies
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock, join_strips, strip_names
@@ -38,6 +38,8 @@ class _OnGround:
     what: list[str]
     """What messages call each component."""
     origin: Float
+    exchanged: bool
+    """Control points with each other's number are searched for."""
     oriented: dict[int, Similarity] = field(default_factory=dict)
     failed: dict[int, GeometryError] = field(default_factory=dict)
     """The first cause of each."""
@@ -48,7 +50,7 @@ class _OnGround:
 
 
 def models_on_ground(
-    block: Block, control: Control, points: BodyPoints, names: Text, origin: Float
+    block: Block, control: Control, points: BodyPoints, names: Text, origin: Float, *, exchanged: bool = True
 ) -> tuple[list[Similarity | None], list[Note]]:
     """Every model on the ground, reduced to the origin, about; None where its component is not determined.
 
@@ -59,7 +61,7 @@ def models_on_ground(
     """
     free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
     what = [strip_names(c, names.tolist(), "model") for c in free.components]  # the largest first
-    ground = _OnGround(block, control, free, what, origin)
+    ground = _OnGround(block, control, free, what, origin, exchanged)
     _orient(ground, level=False)
     if len(ground.oriented) < len(what):
         _orient(ground, level=True)
@@ -138,7 +140,8 @@ def _oriented(ground: _OnGround, places: Control, component: Component, what: st
     def seen(_: Similarity) -> tuple[Observed, ...]:
         return (*concerning(observed, body), *upright)
 
-    settings = OrientationSettings(START_LIMIT, start="centroids" if level else "closed")
+    start: Start = "centroids" if level else "closed"
+    settings = OrientationSettings(START_LIMIT, start=start, exchanged=ground.exchanged)
     return orient_body(seen, body, settings, what=what, image_ids=np.array([what]), point_ids=ids).ground_from_body
 
 

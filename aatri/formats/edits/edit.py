@@ -9,7 +9,7 @@
 `value` is what was measured when the edit was proposed: an edit whose observation has another value by now is refused.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 ACTIONS = ("switch_off", "renumber", "exchange", "reweight")
 
@@ -72,6 +72,10 @@ class Edit:
     def family(self) -> str:
         """The kind, or `geodetic`."""
         return self.kind if self.kind in NAMED_BY else "geodetic"
+
+    def same_as(self, other: "Edit") -> bool:
+        """Whether both change the same observation in the same way, whatever the reason; weights may change again."""
+        return self.do != "reweight" and replace(self, reason="", where="") == replace(other, reason="", where="")
 
     def __str__(self) -> str:
         words = [self.do, self.kind, *(word for name in self.ids.items() for word in name)]

@@ -138,7 +138,7 @@ def _switch_off(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:
     else:
         use = _set(table.angle_use, rows, None, APPROXIMATE_VALUE)
         table = replace(table, angles_rad=_set(table.angles_rad, rows, np.arange(3), np.nan), angle_use=use)
-    return _listed(replace(block, **{_TABLES[edit.family]: table}), edit)
+    return _listed(replace(block, **{_TABLES[edit.family]: table}), edit, len(rows))
 
 
 def _axes(edit: Edit) -> Int:
@@ -153,10 +153,11 @@ def _set(values: Any, rows: Int, axes: Int | None, value: float) -> Any:
     return changed
 
 
-def _listed(block: Block, edit: Edit) -> Block:
-    """What is switched off stands among the rejects."""
+def _listed(block: Block, edit: Edit, count: int) -> Block:
+    """What is switched off stands among the rejects, with the number of observations where the edit names several."""
     old, ids = block.rejects, [edit.ids[key] for key in ("image", "point", "from", "to") if key in edit.ids]
-    reason = f"{BY_EDIT}: {edit.reason}" if edit.reason else BY_EDIT
+    by = BY_EDIT if count == 1 else f"{BY_EDIT}, all {count} that are called so"
+    reason = f"{by}: {edit.reason}" if edit.reason else by
     return replace(
         block,
         rejects=Rejects(

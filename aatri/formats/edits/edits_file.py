@@ -40,9 +40,14 @@ def read_edits(path: Path) -> tuple[Edit, ...]:
         raise InputError(
             "is no list of edits", where=document.where(), remedy="begin with `edits:`, one `- {do: ` each"
         )
-    edits = [_edit(document, k, faults) for k in range(len(entries))]
+    entries_read = (_edit(document, k, faults) for k in range(len(entries)))
+    edits = [edit for edit in entries_read if edit is not None]
+    for k, edit in enumerate(edits):
+        first = next((one for one in edits[:k] if one.same_as(edit)), None)
+        if first is not None:
+            faults.add(f"{edit}: is written twice (first: {first.where})", edit.where, "delete one of the two lines")
     raise_all(faults)
-    return tuple(edit for edit in edits if edit is not None)
+    return tuple(edits)
 
 
 def write_edits(path: Path, edits: Iterable[Edit]) -> None:
@@ -86,7 +91,8 @@ def _edit(document: Document, k: int, faults: Faults) -> Edit | None:
     do, kind = texts.pop("do", ""), texts.pop("kind", "")
     coordinates, reason = texts.pop("coordinates", "XYZ"), texts.pop("reason", "")
     if do not in ACTIONS:
-        faults.add(f"do is {clipped(do)}", where, f"one of {', '.join(ACTIONS)}")
+        what = f"the edit has `do: {clipped(do)}`, which is no action" if do else "the edit lacks `do`, its action"
+        faults.add(what, where, f"write one of {', '.join(ACTIONS)}")
         return None
     family = kind if kind in NAMED_BY else "geodetic"
     if not kind or family not in TAKES[do]:

@@ -80,6 +80,8 @@ class OrientationSettings:
     from a deformation, which a few wrong points would otherwise be taken for."""
     free: bool = False
     """What is not determined is held where it is."""
+    exchanged: bool = True
+    """Control points with each other's number are searched for where the start does not fit."""
     rejects: bool = True
     """What does not fit is left out."""
 
@@ -184,9 +186,12 @@ def _start(
     try:
         start, failure = begin(), None
     except ConvergenceError as error:
+        if not settings.exchanged:
+            raise
         start, failure = level, error
     places = all_places.take(use[all_places.row])
-    if not len(exchanged) and (failure is not None or not _fits(places, places.xyz @ level.rotation, body, start)):
+    searched = settings.exchanged and not len(exchanged)
+    if searched and (failure is not None or not _fits(places, places.xyz @ level.rotation, body, start)):
         exchanged = exchanged_by_all(observed, observe, body, use, level)
         use[exchanged] = False
         if not len(exchanged) and failure is None:

@@ -61,6 +61,11 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("edits: []\nmore: 1", "no list of edits"),
         ("edits: [x]", "edits.yaml:1:9: is no edit"),
         ("edits: [{do: delete, kind: control, point: A}]", "one of switch_off"),
+        ("edits: [{kind: control, point: A}]", "the edit lacks `do`, its action; write one of switch_off"),
+        (
+            "edits:\n- {do: exchange, kind: control, point: A, to: B}\n- {do: exchange, kind: control, point: A, to: B}",
+            "edits.yaml:3:3: exchange control point A to B: is written twice (first: ",
+        ),
         ("edits: [{do: renumber, kind: control, point: A, to: B}]", "renumber of control; it takes image_point"),
         ("edits: [{do: switch_off, kind: image_point, image: A}]", "lacks point"),
         ("edits: [{do: switch_off, kind: control, piont: A, point: B}]", "did you mean 'point'"),
@@ -121,6 +126,9 @@ def test_what_is_switched_off_has_no_part_and_stands_among_the_rejects(block) ->
     (of_image,) = np.flatnonzero(off.exterior.image == 2)
     assert np.isfinite(off.exterior.position_m[of_image]).tolist() == [False, False, True]
     assert off.rejects.kind.tolist()[-3:] == ["image_point", "control", "position"]
+    rows = np.append(np.arange(len(block.image_points)), 7)
+    twice = with_edits(replace(block, image_points=block.image_points.take(rows)), edits[:1])
+    assert twice.rejects.reason[-1] == "switched off by an edit, all 2 that are called so: blunder"
 
 
 def test_a_number_and_a_weight_are_changed(block) -> None:

@@ -29,7 +29,14 @@ from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.groups.candidates import MARK, NEIGHBOURHOOD, Candidates, CandidatesOf, Cause, dispersion_of
+from aatri.orientation.bundle.groups.candidates import (
+    MARK,
+    NEIGHBOURHOOD,
+    Candidates,
+    CandidatesOf,
+    Cause,
+    dispersion_of,
+)
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
 
