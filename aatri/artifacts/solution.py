@@ -45,11 +45,7 @@ class SolvedCameras(Table):
     id: Text = column("str", doc="id of the camera")
     principal_distance_mm: Float = column("f8", unit="mm", doc="as adjusted; as given where it is not")
     principal_point_mm: Float = column(
-        "f8",
-        2,
-        unit="mm",
-        doc="principal point as adjusted, from the origin of the block's: the "
-        "fiducial centre (film) or the image centre, x right, y up",
+        "f8", 2, unit="mm", doc="as adjusted, from the fiducial centre (film) or the image centre, x right, y up"
     )
 
 
@@ -89,6 +85,9 @@ class CalibratedSets(Table):
     principal_point_mm: Float = column("f8", 2, unit="mm", doc="nominal, as subtracted")
     half_format_mm: Float = column("f8", 2, unit="mm", doc="half width and height of the format")
     base_mm: Float = column("f8", unit="mm", doc="photo base b")
+    distortion: Text = column(
+        "str", absent=True, doc="known distortion that the parameters come on top of, with values"
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@
 Parameters of a camera correlate, c with the heights and x0 with p1, so that a difference of each over its own standard
 deviation says little: `congruence` asks of each parameter whether it alone explains the differences of all. Of two that
 correlate nearly to 1 one is named, the other one as what explains them as well. Parameters of a set are corrections of
-nominal values, which must be the same in both.
+nominal values and of the known distortion, which must be the same in both.
 """
 
 from collections.abc import Sequence
@@ -106,6 +106,22 @@ def _check_nominal(earlier: Solution, later: Solution) -> None:
                 where="ports earlier and solution",
                 remedy="additional parameters correct the nominal camera: give both blocks the same one",
             )
+    first, second = (_distortions(solution.calibrated_sets) for solution in (earlier, later))
+    for name in sorted(first.keys() & second.keys()):
+        if first[name] != second[name]:
+            raise InputError(
+                f"{printable(name)} has another known distortion than in the earlier calibration: {second[name]}, "
+                f"earlier {first[name]}",
+                where="ports earlier and solution",
+                remedy="additional parameters come on top of it: give both blocks the same distortion, or none",
+            )
+
+
+def _distortions(sets: CalibratedSets | None) -> dict[str, str]:
+    """The known distortion of what has a set of its own; nothing of solutions that do not say it."""
+    if sets is None or sets.distortion is None:
+        return {}
+    return dict(zip(sets.object.tolist(), sets.distortion.tolist()))
 
 
 def _nominal_mm(sets: CalibratedSets | None) -> dict[str, Float]:

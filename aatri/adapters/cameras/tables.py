@@ -217,6 +217,7 @@ def calibration_tables(
                 principal_point_mm=block.cameras.principal_point_mm[units.camera],
                 half_format_mm=np.array([s.half_format_mm for s in scales]).reshape(n, 2),
                 base_mm=np.array([s.base_mm for s in scales]),
+                distortion=np.array([known_distortion(block, k) for k in units.camera.tolist()], dtype=np.str_),
             )
         )
         for k in range(n) if part.per != "image" else ():
@@ -224,3 +225,15 @@ def calibration_tables(
             unit_id = np.full(len(f.xy_mm), units.id[k])
             fields.append(ErrorFields(unit_id, f.xy_mm, 1e3 * f.error_mm, 1e3 * f.sigma_mm, 1e3 * f.shape_mm))
     return stacked(sets), stacked(fields)
+
+
+def known_distortion(block: Block, camera: int) -> str:
+    """Distortion of a camera that is not estimated: `brown k1=-1.2e-08`, `table 20:0.001 40:0.004`, `none`."""
+    model, own, table = block.cameras.distortion[camera], block.camera_parameters, block.distortion_table
+    fixed = np.flatnonzero((own.camera == camera) & np.isfinite(own.value) & ~own.free & ~(own.sigma > 0))
+    of_table = np.flatnonzero(table.camera == camera)
+    values = [f"{own.name[k]}={own.value[k]:.9g}" for k in fixed.tolist() if not own.name[k].startswith("principal")]
+    values += [f"{table.radius_mm[k]:.9g}:{table.correction_mm[k]:.9g}" for k in of_table.tolist()]
+    if model != "none" and block.cameras.symmetry_point_mm[camera].any():
+        values.append("symmetry point " + ", ".join(f"{v:.9g}" for v in block.cameras.symmetry_point_mm[camera]))
+    return " ".join([str(model), *values])

@@ -63,7 +63,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("edits: [{do: delete, kind: control, point: A}]", "one of switch_off"),
         ("edits: [{kind: control, point: A}]", "the edit lacks `do`, its action; write one of switch_off"),
         (
-            "edits:\n- {do: exchange, kind: control, point: A, to: B}\n- {do: exchange, kind: control, point: A, to: B}",
+            "edits:" + 2 * "\n- {do: exchange, kind: control, point: A, to: B}",
             "edits.yaml:3:3: exchange control point A to B: is written twice (first: ",
         ),
         ("edits: [{do: renumber, kind: control, point: A, to: B}]", "renumber of control; it takes image_point"),

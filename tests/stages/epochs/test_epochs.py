@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import Block
+from aatri.adapters.cameras.tables import known_distortion
+from aatri.artifacts.block import Block, CameraParameters
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.evaluation.epochs import EpochPoints, compared
@@ -87,6 +88,19 @@ def test_calibrations_that_correct_other_nominal_cameras_are_refused(epochs) -> 
     other = replace(later, calibrated_sets=replace(sets, principal_distance_mm=sets.principal_distance_mm + 0.05))
     with pytest.raises(InputError, match=r"other nominal values than in the earlier calibration: c, x0"):
         cameras(other, earlier)
+
+
+def test_calibrations_on_top_of_another_known_distortion_are_refused(epochs) -> None:
+    """Else the difference of the distortions is taken for a change of k1."""
+    (_, earlier), (block, later) = epochs
+    assert later.calibrated_sets.distortion.tolist() == ["none"]
+    cameras_of = replace(block.cameras, distortion=np.array(["brown"]))
+    known = CameraParameters.of(camera=[0], name=["k1"], value=[-1.2e-8], sigma=0.0, free=False)
+    distorted = replace(block, cameras=cameras_of, camera_parameters=known)
+    assert known_distortion(distorted, 0) == "brown k1=-1.2e-08"
+    on_top = replace(later.calibrated_sets, distortion=np.array([known_distortion(distorted, 0)]))
+    with pytest.raises(InputError, match=r"another known distortion than .*: brown k1=-1.2e-08, earlier none"):
+        cameras(replace(later, calibrated_sets=on_top), earlier)
 
 
 def test_a_control_point_that_sinks_is_named_by_its_survey(epochs) -> None:
