@@ -292,33 +292,3 @@ def test_two_models_that_turn_together_about_parallel_lines_are_refused(tmp_path
         solved(tmp_path, lines, control, sigma=SIGMA)
     assert "model b: not determined: rotation about the line through point B0 and point B1" in str(no.value)
     assert "model a and model b have 2 common points, 3 are needed" in str(no.value)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("model", "axis"), [("a", 0), ("b", 2)])
-def test_a_mirrored_model_that_is_joined_by_points_in_a_plane_is_named(tmp_path: Path, model: str, axis: int) -> None:
-    """Common points in a plane fit a mirrored model as well; the control above it does not."""
-    rng = np.random.default_rng(5)
-    truth = {f"T{k}": np.array([rng.uniform(800, 1000), rng.uniform(0, 600), 100.0]) for k in range(6)}
-    for k, name in enumerate("ab"):
-        truth |= {f"{name}{j}": rng.uniform([900 * k, 0, 90], [900 * k + 800, 600, 140]) for j in range(8)}
-    lines = []
-    for name in "ab":
-        turned = Rotation.from_rotvec(rng.normal(0, 0.05, 3)).as_matrix()
-        for point in (p for p in truth if p[0] in ("T", name)):
-            xyz = turned @ (truth[point] - [450, 300, 100]) / 1e4
-            xyz[axis] *= -1.0 if name == model else 1.0
-            lines.append(" ".join([name, point, *map(repr, (xyz + rng.normal(0, SIGMA, 3)).tolist())]))
-    control = [f"{name}{j}" for name in "ab" for j in range(3)]
-    (tmp_path / "models.txt").write_text("\n".join(lines) + "\n")
-    (tmp_path / "control.txt").write_text(
-        "\n".join(" ".join([p, *map(repr, truth[p].tolist())]) for p in control) + "\n"
-    )
-    options = ModelsOptions(path=tmp_path / "models.txt", control=tmp_path / "control.txt", sigma=SIGMA)
-    told, text = Told(), f"the models fit with an axis of model {model} reversed"
-    if model == "a":  # the first is laid onto its control, upside down
-        with pytest.raises(GeometryError, match=text):
-            given_models(models(options=options), context=told)
-    else:
-        given_models(models(options=options), context=told)
-        assert any(line.startswith(text) for line in told.warnings)
