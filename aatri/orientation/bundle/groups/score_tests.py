@@ -219,9 +219,7 @@ def _confirmed(
         return None
     if group.per == MARK:
         return group
-    if share_without_largest(before, after) < EXPLAINS:
-        return None
-    if single and not _most_fit_better(before, after):
+    if share_without_largest(before, after) < EXPLAINS or (single and not _most_fit_better(before, after)):
         return None
     return _without_strangers(group, before, after) if group.per == NEIGHBOURHOOD else group
 
@@ -244,11 +242,8 @@ def _residuals(
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
     w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
     in_group = np.isin(rows, group.rows)
-    return (
-        v[in_group],
-        after[in_group],
-        float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0))),
-    )
+    scale = float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0)))
+    return v[in_group], after[in_group], scale
 
 
 def share_without_largest(before: Float, after: Float) -> float:
