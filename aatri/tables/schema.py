@@ -270,7 +270,7 @@ def _checked(table_name: str, name: str, declared: Column, values: Any) -> npt.N
     where = f"{table_name}.{name}"
     array = np.asarray(values)
     if declared.dtype == "str":
-        array = array.astype(np.str_) if array.size else np.zeros(array.shape, "U1")
+        array = array.astype(np.str_, copy=False) if array.size else np.zeros(array.shape, "U1")
     else:
         expected = np.dtype(DTYPES[declared.dtype])
         if array.dtype != expected:

@@ -50,8 +50,9 @@ def places_in_images(block: Block, rows: Int | slice = slice(None)) -> Float:
     cameras, of_image = block.cameras, block.images.camera[block.image_points.image[rows]]
     xy = block.image_points.xy[rows]
     share = np.zeros((len(xy), 2))
-    for camera in np.unique(of_image).tolist():
-        of_format = of_image == camera
+    in_use = np.unique(of_image).tolist()
+    for camera in in_use:
+        of_format = of_image == camera if len(in_use) > 1 else slice(None)
         if cameras.image_coordinates[camera] == "pixel":
             film = cameras.kind[camera] == "film"  # of scans the format is in mm
             size_px = cameras.format[camera] / (cameras.pixel_size_mm[camera] if film else 1.0)

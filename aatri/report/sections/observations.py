@@ -30,9 +30,10 @@ def listed(solution: Solution, chosen: Bool, names: str, caption: str) -> PageTa
     """Some observations, the largest residuals first; `names` is the head of the column of ids."""
     residuals, tests = solution.residuals, solution.tests
     rows = np.flatnonzero(chosen & ~np.isin(residuals.kind, OF_POINTS) & np.isfinite(residuals.residual).any(axis=1))
+    sigma = residuals.sigma[rows]
     with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.abs(residuals.residual) / np.where(residuals.sigma > 0, residuals.sigma, np.nan)
-    rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size[rows], axis=1)), kind="stable")]
+        size = np.abs(residuals.residual[rows]) / np.where(sigma > 0, sigma, np.nan)
+    rows = rows[np.argsort(-np.nan_to_num(np.fmax.reduce(size, axis=1)), kind="stable")]
     units = [in_trade_unit(unit) for unit in residuals.unit[rows].tolist()]
     factor = np.array([f for f, _ in units])[:, None]
     columns: Columns = {

@@ -4,13 +4,12 @@ from collections.abc import Callable
 from typing import Any
 
 from aatri.artifacts.block import Block
-from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError
-from aatri.report.sections import block, evaluation, image_points, models, solution, strips, tables
+from aatri.report.sections import block, image_points, models, solution, strips, tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.suspects import suspects_tables
 from aatri.report.view.run_view import RunView, StageView
@@ -21,7 +20,6 @@ _SHOW: dict[type, Callable[[PageSection, Any, Surroundings], None]] = {
     Models: models.show,
     Strips: strips.show,
     Solution: solution.show,
-    Evaluation: evaluation.show,
 }
 
 
@@ -40,7 +38,7 @@ def section(run: RunView, stage: StageView, around: Surroundings) -> PageSection
     except AatriError as error:
         made.notes.append(f"The artifact cannot be shown: {error}")
         return made
-    if type(artifact) in _SHOW:  # an Information is told by its metrics
+    if type(artifact) in _SHOW:  # an Information is told by its metrics, an Evaluation by the answer to accuracy
         _SHOW[type(artifact)](made, artifact, around)
     if hasattr(artifact, "suspects") and artifact is not around.solution:
         made.tables.extend(suspects_tables(artifact.suspects))

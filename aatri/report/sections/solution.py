@@ -131,7 +131,7 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
         for camera in np.unique(around.block.images.camera[image[finite]])[:MOST_CAMERAS]:
             usable = finite & (around.block.images.camera[image] == camera)
             pictures += present(image_vectors(str(around.block.cameras.id[camera]), xy[usable], v[usable]))
-    weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
+    weighted = np.isfinite(v) & (sigma > 0)
     share = solution.redundancy / solution.observations if solution.observations else 0.0
     if weighted.any() and share > 0:
         pictures += present(residual_histogram(v[weighted] / sigma[weighted] / share**0.5))

@@ -165,11 +165,12 @@ def observation_classes(solution: Solution) -> PageTable | None:
     out = solution.suspects.kind[staying_out(solution.suspects)]  # also of points that have no other ray any more
     rows = []
     for kind in np.unique(residuals.kind):
-        used = np.flatnonzero((residuals.kind == kind) & residuals.active)
+        of_kind = residuals.kind == kind
+        used = np.flatnonzero(of_kind & residuals.active)
         if not len(used):
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
-        weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0)
+        weighted = np.isfinite(v) & (sigma > 0)
         factor, unit = in_trade_unit(str(residuals.unit[used[0]]))
         if not unit and weighted.any():  # of several units, as film corrections: in standard deviations
             v = np.divide(v, sigma, out=np.full_like(v, np.nan), where=weighted)
@@ -191,7 +192,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
                 unit,
                 where or DASH,
                 number(len(used)),
-                number(max(int((residuals.kind == kind).sum() - len(used)), int((out == kind).sum()))),
+                number(max(int(of_kind.sum()) - len(used), int((out == kind).sum()))),
                 *(form(factor * float(value)) for value in (given, after, rms, size.max())),
             )
         )

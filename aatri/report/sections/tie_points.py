@@ -55,8 +55,7 @@ def _chosen(block: Block, used: Bool, pairs: tuple[Int, Int, Int]) -> list[tuple
             ("pair_median", "The median of the strongest ties of the images", best[len(best) // 2]),
         )
     ]
-    everything = _common(block, np.ones(len(used), dtype=bool))
-    out = sparse.coo_matrix(everything - _common(block, used))
+    out = _left_out(block, used)
     if out.data.max(initial=0) > 0:
         k = int(np.argmax(out.data))
         chosen.append(("pair_left_out", "The pair with most points left out", (out.row[k], out.col[k])))
@@ -64,12 +63,19 @@ def _chosen(block: Block, used: Bool, pairs: tuple[Int, Int, Int]) -> list[tuple
     return [(name, title, images) for name, title, images in chosen if first[images][0] == name]
 
 
-def _common(block: Block, which: Bool) -> sparse.csr_matrix:
-    """How many points two images both have, the first before the second."""
-    at = block.image_points
-    ones = np.ones(int(which.sum()), dtype=np.int32)
-    seen = sparse.csr_matrix((ones, (at.image[which], at.point[which])), shape=(len(block.images), len(block.points)))
-    return sparse.csr_matrix(sparse.triu(seen @ seen.T, k=1))
+def _left_out(block: Block, used: Bool) -> sparse.coo_matrix:
+    """How many points that two images both have are left out in one of them, the first image before the second.
+
+    With S = U + L, used and left out: S S' - U U' = L S' + U L', products with the few of L.
+    """
+    at, shape = block.image_points, (len(block.images), len(block.points))
+    left_out, in_use = (
+        sparse.csr_matrix((np.ones(len(rows), dtype=np.int32), (at.image[rows], at.point[rows])), shape=shape)
+        for rows in (np.flatnonzero(~used), np.flatnonzero(used))
+    )
+    if not left_out.nnz:
+        return sparse.coo_matrix((shape[0], shape[0]), dtype=np.int32)
+    return sparse.triu(left_out @ (left_out + in_use).T + in_use @ left_out.T, k=1).tocoo()
 
 
 def _pair(block: Block, used: Bool, images: tuple[int, int]) -> ImagePair:
