@@ -19,6 +19,9 @@ LENGTH_M = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "km": 1e3}
 LENGTH_MM = {"mm": 1.0, "um": 1e-3}
 TIME_S = {"s": 1.0, "ms": 1e-3}
 
+ROUNDING_M = 1e-9
+"""Lengths below are what arithmetic leaves of 0, at coordinates of some thousand kilometres."""
+
 NEGLIGIBLE = 1e-3
 """Beside the largest of several lengths: it has no digits of its own."""
 
@@ -77,8 +80,10 @@ def alike(lengths_m: Iterable[float], last_m: float = 0.0) -> tuple[list[str], s
     """
     lengths = list(lengths_m)
     largest = max((abs(value) for value in lengths if value == value), default=0.0)
+    if largest < ROUNDING_M:
+        return [digits(0)(0.0 * value) for value in lengths], "mm"
     factor, unit = next(((f, u) for f, u in ((1.0, "m"), (1e3, "mm")) if largest * f >= 1.0), (1e6, "um"))
-    places = decimals(last_m * factor, 1) if last_m > 0 else decimals(largest * factor, 3) if largest else 0
+    places = decimals(last_m * factor, 1) if last_m > 0 else decimals(largest * factor, 3)
     return [digits(places)(value * factor) for value in lengths], unit
 
 

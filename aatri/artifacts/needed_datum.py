@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from aatri.artifacts.offers import WITHOUT_SHIFT
+from aatri.artifacts.offers import SIMILARITY, WITHOUT_SHIFT
 from aatri.tables.offers import Need
 
 
@@ -26,4 +26,8 @@ def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all
         text = "no control and no observed position outside drift groups" if shift == "group" else "no control"
         remedy = "give control (ground_points.csv), or take the positions as they are: `positions: {drift: none}`"
     remedy += "; or `datum: free` in a bundle, after initial_orientation/graph if there are images"
-    return (Need("block", names, f"the block has {text}", remedy),)
+    enough = "the block has neither three control points nor anything else that says how it lies"
+    return (
+        Need("block", names, f"the block has {text}", remedy),
+        Need("block", (SIMILARITY, "exterior.position_m"), enough, f"three control points; or {remedy}"),
+    )

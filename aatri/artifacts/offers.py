@@ -45,6 +45,13 @@ WITHOUT_SHIFT = "exterior.position_m:in_no_group"
 """Positions that say where the block lies: those of drift groups have an unknown shift."""
 
 
+SIMILARITY = "ground_points.xyz_m:similarity"
+"""Control that leaves no similarity open: three points, or fewer beside what else says how the block lies.
+
+Two points have six coordinates; a similarity, which image points leave open, takes seven.
+"""
+
+
 def _observed_positions(block: Block) -> Bool:
     e = block.exterior
     return np.asarray((e.position_use == OBSERVED_VALUE) & np.isfinite(e.position_m).any(axis=1))
@@ -62,6 +69,13 @@ def _approximate_in_part(use: Int, values: Float) -> Bool:
 
 def _control(block: Block) -> Bool:
     return np.asarray((block.ground_points.role == CONTROL).any(axis=1))
+
+
+def _similarity(block: Block) -> Bool:
+    control = _control(block)
+    of_images = _observed_positions(block).any() or _observed_attitudes(block).any()
+    between_points = block.geodetic.active.any() or len(block.relative_control) > 0
+    return control & bool(control.sum() > 2 or of_images or between_points)
 
 
 def _weighted(covariance: Float) -> Bool:
@@ -152,6 +166,8 @@ _DECLARED = (
               lambda b: _mounts(b) & ~_of_carrier(b)),
     _Declared("ground_points.xyz_m", "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
               _control),
+    _Declared(SIMILARITY, "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points", _similarity,
+              bears_on=""),
     _Declared("ground_points.covariance_m2", "standard deviation",
               "standard deviations of {control point} (ground_points.csv: sX, sY, sZ)", "ground_points",
               lambda b: _control(b) & _weighted(b.ground_points.covariance_m2)),

@@ -16,8 +16,8 @@ import typer
 from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.options import AsJson, Into, LocalPlugins, Methods, Settings, Variant
 from aatri.cli.terminal.console import report_error, reports_errors, say, say_json, say_table
-from aatri.errors import AatriError, Errors, GeometryError, ResourceError
-from aatri.ids import amounts, several
+from aatri.errors import AatriError, Errors, ResourceError
+from aatri.ids import amounts
 
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Request
@@ -113,7 +113,6 @@ def _checks(request: Request) -> Iterator[_Check]:
     if wired is not None:
         block, made = _read(wired[0], wired[1], frozenset(sources), local)
         block.warnings += _without_start(wired[1], {record["stage"]: record["metrics"] for record in made})
-        block.error = block.error or _without_datum(wired[1], {record["stage"]: record for record in made})
         yield block
     done = wired is not None and pipeline.error is None and _is_done(*wired)
     disk = _Check("disk", "nothing to write: all stages are up to date")
@@ -197,20 +196,6 @@ def _without_start(nodes: tuple[StageNode, ...], figures: Mapping[str, Mapping[s
         and "image_points" in node.inputs
         and "initial" not in node.inputs
     ]
-
-
-def _without_datum(nodes: tuple[StageNode, ...], made: Mapping[str, Mapping[str, Any]]) -> GeometryError | None:
-    """Two control points have six coordinates; a similarity, which image points leave open, takes seven."""
-    needs = ((node, need) for node in nodes for need in node.needs if "ground_points.xyz_m" in need.one_of)
-    for taker, need in needs:
-        record = made.get(taker.inputs.get(need.port, ""), {})
-        names = [offer["name"] for offer in record.get("offers") or ()]
-        count = int(record.get("metrics", {}).get("control_points") or 0)
-        others = [name for name in names if name.startswith(("exterior.", "geodetic:", "relative_control:"))]
-        if 0 < count < 3 and not others:
-            what = f"not determined: {several(count, 'control point')} and image points leave open how the block lies"
-            return GeometryError(what, where=f"stage {taker.name}", remedy=f"three control points; or {need.remedy}")
-    return None
 
 
 class _Listener:

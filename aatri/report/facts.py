@@ -12,6 +12,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.codes import CONTROL, OBSERVED_VALUE
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
@@ -24,6 +25,8 @@ COORDINATES = ("dX", "dY", "dZ")
 """Types of geodetic observations that are those of one: a baseline."""
 DOWNWARDS = -0.9
 """Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
+UNITS_OF_MODEL = "units of the model"
+"""What lengths of a block without a scale are in."""
 PARALLEL = 0.9
 """Cosine between strips that are flown beside each other."""
 LEAST_SIDEWAYS = 0.1
@@ -52,11 +55,24 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
         made["cameras" if len(c) > 1 else "camera"] = shown(cameras, MOST_CAMERAS)
     if solution is not None and solution.images.oriented.any():
         made |= _flight(block, solution) | _overlaps(block, solution)
+    if not has_scale(block):
+        made["m and mm"] = f"{UNITS_OF_MODEL}: no observation gives the scale"
     frame = block.frames.crs[0] if len(block.frames) else ""
     if frame:
         vertical = str(block.frames.vertical[0])
         made["coordinates"] = f"{frame}{f', heights {vertical}' if vertical else ''}"
     return made
+
+
+def has_scale(block: Block | None) -> bool:
+    """Whether metres are metres: something observed gives the scale, or start values in a system of the earth."""
+    if block is None:
+        return True
+    of_the_earth = len(block.frames) > 0 and block.frames.crs[0] != "local" and len(block.exterior) > 1
+    control, positions = block.ground_points.role == CONTROL, block.exterior.position_use == OBSERVED_VALUE
+    at_places = max(int(control.any(axis=1).sum()), int(positions.sum())) > 1
+    between = block.geodetic.active.any() or len(block.relative_control) or (block.images.rig != "").any()
+    return bool(of_the_earth or at_places or between)
 
 
 def _flight(block: Block, solution: Solution) -> dict[str, str]:

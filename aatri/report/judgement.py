@@ -9,11 +9,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
+from aatri.report.facts import UNITS_OF_MODEL, has_scale
 from aatri.report.verdict import far_off, with_check_counts
 from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
@@ -44,7 +46,7 @@ def judgement(run: RunView) -> str:
     sentences = [
         left,
         _contradiction(solution),
-        purpose or _accuracy(figures),
+        purpose or _accuracy(figures, has_scale(run.last(Block))),
         _far_off(run.last(Evaluation)),
         not_oriented(solution),
         "" if to_follow else _sigma0(solutions[-1].metrics),
@@ -89,7 +91,7 @@ def _contradiction(solution: Solution) -> str:
     )
 
 
-def _accuracy(figures: Mapping[str, float]) -> str:
+def _accuracy(figures: Mapping[str, float], metric: bool) -> str:
     """How far off check points are, else control predicted without itself, else the truth of a simulation."""
     for what, count, text in (
         ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {})"),
@@ -108,7 +110,8 @@ def _accuracy(figures: Mapping[str, float]) -> str:
     if not figures:
         return "The accuracy was not evaluated."
     theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
-    known = f"; by their standard deviations new points are known to {together(theory)}" if theory else ""
+    size = together(theory) if metric else f"{listed([f'{s:.3g}' for s in theory], UNITS_OF_MODEL)}" if theory else ""
+    known = f"; by their standard deviations new points are known to {size}" if theory else ""
     return f"Nothing independent is known of the accuracy: there is no check point{known}."
 
 

@@ -25,6 +25,8 @@ class ReportedProblem:
     section: str = ""
 
 
+KINDS = r"\b(image_point|ground_point|model_tie|strip_tie)(?=[ ,):])"
+FIRST_WORD = r"(rejected|doubtful)\b|[a-z]+[ ,]"
 LACKS = "The result of {} cannot be read, and what this page would say from it is missing"
 OF_OBSERVATIONS = {
     "control": "compare numbers and coordinates with their source, then measure again in the images",
@@ -53,15 +55,22 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
         for refusal in run.overview.get("refused") or ()
     ]
     failures += _unreadable(run)
-    warnings = [ReportedProblem(str(w["message"]), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()]
-    warnings += _of_stages(run)
-    contradictions = [warning for warning in warnings if CONTRADICTION in warning.text]
-    of_lights = [
-        ReportedProblem(f"{light.title}: {light.words}", *_remedy(light.title))
-        for light in sorted(lights, key=lambda light: light.state != BAD)
-        if light.state in (BAD, LOOK) and light.title in REMEDIES  # of the others failures and observations tell
+    warnings = [
+        ReportedProblem(_in_words(str(w["message"])), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()
     ]
-    others = [warning for warning in warnings if warning not in contradictions]
+    warnings += _of_stages(run)
+    contradictions = [warning for warning in warnings if CONTRADICTION in warning.text.lower()]
+    dull = [  # of the others failures and observations tell
+        light
+        for light in sorted(lights, key=lambda light: light.state != BAD)
+        if light.state in (BAD, LOOK) and light.title in REMEDIES
+    ]
+    causes = {light.title: w for light in dull for w in warnings if w.text.startswith(f"{light.title} ")}
+    of_lights = [
+        ReportedProblem(causes[title].text if title in causes else f"{title}: {words}", *_remedy(title))
+        for title, words in ((light.title, light.words) for light in dull)
+    ]
+    others = [w for w in warnings if w not in contradictions and w not in causes.values()]
     return [*failures, *contradictions, *_of_solution(run), *of_lights, *others]
 
 
@@ -83,11 +92,15 @@ def _of_stages(run: RunView) -> list[ReportedProblem]:
 
 
 def _in_words(warning: str) -> str:
-    """A warning with the names of kinds of observations: `image_point: 3 of 9 ...`."""
+    """A warning as a sentence: kinds of observations have names (`image_point: 3 of 9 ...`), a first word is capital.
+
+    A word with a colon behind it may be an id, and ids stay as they are.
+    """
     kind, colon, rest = warning.partition(": ")
     named = colon and (kind in NOUNS or (kind.isidentifier() and "_" in kind))
     text = f"{spoken(kind).capitalize()}s: {rest}" if named else warning
-    return re.sub(r"\b(image_point|model_tie|strip_tie)(?=[ ,)])", lambda match: spoken(match[1]), text)
+    text = re.sub(KINDS, lambda match: spoken(match[1]), text)
+    return f"{text[0].upper()}{text[1:]}" if re.match(FIRST_WORD, text) else text
 
 
 def _unreadable(run: RunView) -> list[ReportedProblem]:

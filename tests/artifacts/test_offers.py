@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
-from aatri.artifacts.offers import WITHOUT_SHIFT, offers_of
+from aatri.artifacts.offers import SIMILARITY, WITHOUT_SHIFT, offers_of
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle_needs
 from aatri.tables.schema import columns_of, tables_of
@@ -162,7 +162,7 @@ def test_the_stages_of_the_demo_use_all_that_the_demo_offers() -> None:
     ):
         card = registry.card(name)
         used |= set(card.used_with(card.options() if card.options else None) or ())
-    assert set(offers) - {WITHOUT_SHIFT} <= used
+    assert set(offers) - {WITHOUT_SHIFT, SIMILARITY} <= used
 
 
 def test_every_built_in_stage_says_what_it_uses() -> None:
@@ -184,5 +184,5 @@ def test_positions_in_no_drift_group_say_where_a_block_lies_and_are_not_told_as_
         (without, {}, True),
         (without, {"per": "block"}, False),
     ):
-        (need,) = bundle_needs(BundleOptions.model_validate({"positions": positions}))
+        need, _ = bundle_needs(BundleOptions.model_validate({"positions": positions}))
         assert bool(set(need.one_of) & {o.name for o in offers_of(given)}) == found

@@ -72,6 +72,16 @@ def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> 
     assert "warning: bundle: no start values: block has neither orientations nor positions" in result.stdout
 
 
+@pytest.mark.parametrize("use", ["", "approximate", "observed"])
+def test_a_sigma_of_positions_that_are_start_values_for_want_of_a_word_is_told(project: Path, use: str) -> None:
+    path = project / "quarry" / "exterior.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("approximate", use), encoding="utf-8")
+    result = check(project)
+    assert result.exit_code == 0, result.output
+    told = "block.yaml:11:13: sigma.position has no effect: exterior.csv does not say that its positions are observed"
+    assert (told in result.stdout) == (not use)
+
+
 @pytest.mark.parametrize(("positions", "exit_code"), [(False, 4), (True, 0)])
 def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
     project: Path, positions: bool, exit_code: int
@@ -82,14 +92,16 @@ def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
     text = "\n".join(line for line in lines if line not in control[2:])
     table.write_text(f"{text}\n", encoding="utf-8")
     if positions:
-        head, *rows = (project / "quarry" / "exterior.csv").read_text(encoding="utf-8").splitlines()
-        text = "\n".join([f"{head},use", *(f"{row},observed" for row in rows)])
-        (project / "quarry" / "exterior.csv").write_text(f"{text}\n", encoding="utf-8")
+        path = project / "quarry" / "exterior.csv"
+        path.write_text(path.read_text(encoding="utf-8").replace("approximate", "observed"), encoding="utf-8")
     result = check(project)
     assert result.exit_code == exit_code, result.output
-    told = "stage bundle: not determined: 2 control points and image points leave open how the block lies"
+    told = "stage bundle: the block has neither three control points nor anything else that says how it lies"
     assert (told in result.stderr) == (exit_code == 4)
     if exit_code:
+        run = CliRunner().invoke(app, ["run", "-q", str(project / "pipeline.yaml")])
+        assert (run.exit_code, told in run.stderr) == (exit_code, True)
+        assert not list(project.glob("run/objects/start/*"))
         assert check(project, "--set", "bundle.datum=free").exit_code == 0
 
 

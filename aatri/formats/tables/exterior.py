@@ -47,14 +47,20 @@ def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
 
 def _use(source: Source, table: CsvTable, use: Sequence[str], values: Float, sigma: Float, key: str) -> Int:
     """1 where the values are observed: said so, or with a standard deviation in the row."""
-    has_position = np.isfinite(values).any(axis=1)
+    has_values = np.isfinite(values).any(axis=1)
     stated_use = np.array(use, dtype=np.str_).reshape(-1)
-    observed = has_position & ((stated_use == "observed") | ((stated_use == "") & np.isfinite(sigma).any(axis=1)))
+    observed = has_values & ((stated_use == "observed") | ((stated_use == "") & np.isfinite(sigma).any(axis=1)))
     lacking = observed[:, None] & np.isfinite(values) & np.isnan(sigma)
     default = getattr(source.settings.sigma, key)
     unit = "ground" if key == "position" else "angle"
     if default is None:
         ask_for_sigma(source, table, lacking, key, unit)
+    elif has_values.any() and not observed.any() and not (stated_use != "").any():
+        where = source.document.where("sigma", key)
+        source.reporter.warn(
+            f"{where}: sigma.{key} has no effect: {table.path.name} does not say that its {key}s are observed, so they "
+            "are start values; add a column `use` with `observed`, or take the sigma out"
+        )
     for name in SIGMAS if key == "position" else ("s1", "s2", "s3"):
         not_negative(table, name, zero=True)
     return np.asarray(observed, dtype=np.int32)

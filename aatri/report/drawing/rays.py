@@ -61,7 +61,8 @@ def ray_scales(block: Block, solution: Solution) -> tuple[Int, Float, Float]:
     depth_m, scale_number : (n,) float64
     """
     m, images, points = block.image_points, solution.images, solution.points
-    rows = np.flatnonzero(m.active & images.oriented[m.image] & np.isfinite(points.xyz_m).all(axis=1)[m.point])
+    located: Bool = np.asarray(np.isfinite(points.xyz_m).all(axis=1))
+    rows = np.flatnonzero(m.active & images.oriented[m.image] & located[m.point])
     rows = rows[thinned(len(rows))]
     view = -images.ground_from_image[m.image[rows], :, 2]
     depth_m = np.einsum("ni,ni->n", view, points.xyz_m[m.point[rows]] - images.position_m[m.image[rows]])

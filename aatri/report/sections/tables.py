@@ -26,7 +26,10 @@ LEAST_REDUNDANCY = 1.0
 """Of a class of observations, from which on its standard deviation a posteriori is told."""
 
 MOST_PRINTED = 40
-"""Tables of more rows are not printed, but for those of a result that must be whole."""
+"""Tables of more rows are not printed, but for check points, orientations and the like."""
+
+MOST_KEPT = 300
+"""Those are printed up to this many rows, four pages; a block of thousands would fill fifty."""
 
 MOST_FOLDED = 500
 """More rows are left to the export, and the caption says so."""
@@ -45,7 +48,7 @@ Columns = dict[str, Column]
 class PageTable:
     """A table: `text_columns` leading columns are text, the others numbers; `folded` shows only its caption.
 
-    On paper there are no folds: what is `kept` is printed whole, other long tables are left to the page.
+    On paper there are no folds: what is `kept` is printed up to four pages, other long tables are left to the page.
     """
 
     caption: str
@@ -57,8 +60,8 @@ class PageTable:
 
     @property
     def printed(self) -> bool:
-        """Whether it is open on paper: short ones, and those that are kept whole."""
-        return self.kept or len(self.rows) <= MOST_PRINTED
+        """Whether it is open on paper."""
+        return len(self.rows) <= (MOST_KEPT if self.kept else MOST_PRINTED)
 
 
 def pairs(caption: str, values: Mapping[str, Any]) -> PageTable | None:
