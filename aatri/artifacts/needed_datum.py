@@ -1,9 +1,27 @@
 """What of a Block an adjustment cannot do without: something that says where the block lies."""
 
-from typing import Literal
+from __future__ import annotations
 
-from aatri.artifacts.offers import SIMILARITY, WITHOUT_SHIFT
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from aatri.arrays import Bool
+from aatri.codes import CONTROL, OBSERVED_VALUE
 from aatri.tables.offers import Need
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
+WITHOUT_SHIFT = "exterior.position_m:in_no_group"
+"""Positions that say where the block lies: those of drift groups have an unknown shift."""
+
+
+SIMILARITY = "ground_points.xyz_m:similarity"
+"""Control that leaves no similarity open: three points, or fewer beside what else says how the block lies.
+
+Two points have six coordinates; a similarity, which image points leave open, takes seven.
+"""
 
 
 def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all"] = "none") -> tuple[Need, ...]:
@@ -27,7 +45,34 @@ def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all
         remedy = "give control (ground_points.csv), or take the positions as they are: `positions: {drift: none}`"
     remedy += "; or `datum: free` in a bundle, after initial_orientation/graph if there are images"
     enough = "the block has neither three control points nor anything else that says how it lies"
+    further = "give a third control point off the line of the others (ground_points.csv), or observed positions "
+    further += "(exterior.csv); or `datum: free` in a bundle, after initial_orientation/graph if there are images"
     return (
         Need("block", names, f"the block has {text}", remedy),
-        Need("block", (SIMILARITY, "exterior.position_m"), enough, f"three control points; or {remedy}"),
+        Need("block", (SIMILARITY, "exterior.position_m"), enough, further),
     )
+
+
+def observed_positions(block: Block) -> Bool:
+    """Which rows of the exterior are observed positions."""
+    e = block.exterior
+    return np.asarray((e.position_use == OBSERVED_VALUE) & np.isfinite(e.position_m).any(axis=1))
+
+
+def observed_attitudes(block: Block) -> Bool:
+    """Which rows of the exterior are observed attitudes."""
+    e = block.exterior
+    return np.asarray((e.angle_use == OBSERVED_VALUE) & np.isfinite(e.angles_rad).any(axis=1))
+
+
+def controls(block: Block) -> Bool:
+    """Which ground points are control."""
+    return np.asarray((block.ground_points.role == CONTROL).any(axis=1))
+
+
+def no_similarity_open(block: Block) -> Bool:
+    """Control where it leaves no similarity open, alone or with what else the block has; else none."""
+    control = controls(block)
+    of_images = observed_positions(block).any() or observed_attitudes(block).any()
+    between_points = block.geodetic.active.any() or len(block.relative_control) > 0
+    return control & bool(control.sum() > 2 or of_images or between_points)

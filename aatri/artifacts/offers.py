@@ -18,7 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.artifacts.needed_datum import (
+    SIMILARITY,
+    WITHOUT_SHIFT,
+    controls,
+    no_similarity_open,
+    observed_attitudes,
+    observed_positions,
+)
+from aatri.codes import ANTENNA, CHECK, OBSERVED_VALUE
 from aatri.ids import several
 from aatri.tables.offers import Nature, Offer
 
@@ -41,41 +49,9 @@ class _Declared:
     bears_on: str = "Solution"
 
 
-WITHOUT_SHIFT = "exterior.position_m:in_no_group"
-"""Positions that say where the block lies: those of drift groups have an unknown shift."""
-
-
-SIMILARITY = "ground_points.xyz_m:similarity"
-"""Control that leaves no similarity open: three points, or fewer beside what else says how the block lies.
-
-Two points have six coordinates; a similarity, which image points leave open, takes seven.
-"""
-
-
-def _observed_positions(block: Block) -> Bool:
-    e = block.exterior
-    return np.asarray((e.position_use == OBSERVED_VALUE) & np.isfinite(e.position_m).any(axis=1))
-
-
-def _observed_attitudes(block: Block) -> Bool:
-    e = block.exterior
-    return np.asarray((e.angle_use == OBSERVED_VALUE) & np.isfinite(e.angles_rad).any(axis=1))
-
-
 def _approximate_in_part(use: Int, values: Float) -> Bool:
     finite = np.isfinite(values)
     return np.asarray((use != OBSERVED_VALUE) & finite.any(axis=1) & ~finite.all(axis=1))
-
-
-def _control(block: Block) -> Bool:
-    return np.asarray((block.ground_points.role == CONTROL).any(axis=1))
-
-
-def _similarity(block: Block) -> Bool:
-    control = _control(block)
-    of_images = _observed_positions(block).any() or _observed_attitudes(block).any()
-    between_points = block.geodetic.active.any() or len(block.relative_control) > 0
-    return control & bool(control.sum() > 2 or of_images or between_points)
 
 
 def _weighted(covariance: Float) -> Bool:
@@ -165,12 +141,12 @@ _DECLARED = (
               "mounts of {camera} (block.yaml: mount) whose images have no roll, pitch, heading", "cameras",
               lambda b: _mounts(b) & ~_of_carrier(b)),
     _Declared("ground_points.xyz_m", "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
-              _control),
-    _Declared(SIMILARITY, "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points", _similarity,
-              bears_on=""),
+              controls),
+    _Declared(SIMILARITY, "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
+              no_similarity_open, bears_on=""),
     _Declared("ground_points.covariance_m2", "standard deviation",
               "standard deviations of {control point} (ground_points.csv: sX, sY, sZ)", "ground_points",
-              lambda b: _control(b) & _weighted(b.ground_points.covariance_m2)),
+              lambda b: controls(b) & _weighted(b.ground_points.covariance_m2)),
     _Declared("ground_points:check", "check", "{check point} (ground_points.csv: role)", "ground_points",
               lambda b: (b.ground_points.role == CHECK).any(axis=1), "Evaluation"),
     _Declared("ground_points.datum", "grouping", "datum marks of {point} (ground_points.csv: datum)",
@@ -179,12 +155,12 @@ _DECLARED = (
               "{covariance} between control coordinates (covariances.csv)", "ground_point_covariances",
               lambda b: b.ground_point_covariances.value != 0),
     _Declared("exterior.position_m", "observation", "{observed position} (exterior.csv: X, Y, Z)", "exterior",
-              _observed_positions),
+              observed_positions),
     _Declared(WITHOUT_SHIFT, "observation",
               "{observed position} in no drift group (exterior.csv: X, Y, Z)", "exterior",
-              lambda b: _observed_positions(b) & (b.exterior.drift_group == ""), bears_on=""),
+              lambda b: observed_positions(b) & (b.exterior.drift_group == ""), bears_on=""),
     _Declared("exterior.angles_rad", "observation", "{observed attitude} (exterior.csv: a1, a2, a3)", "exterior",
-              _observed_attitudes),
+              observed_attitudes),
     _Declared("exterior.position_m:approximate_in_part", "grouping",
               "{approximate position} without all coordinates (exterior.csv: X, Y, Z), too little to start an image",
               "exterior", lambda b: _approximate_in_part(b.exterior.position_use, b.exterior.position_m)),
@@ -192,10 +168,10 @@ _DECLARED = (
               "{approximate attitude} without all angles (exterior.csv: a1, a2, a3), too little to start an image",
               "exterior", lambda b: _approximate_in_part(b.exterior.angle_use, b.exterior.angles_rad)),
     _Declared("exterior.drift_group", "constraint", "drift groups of {observed position} (exterior.csv: drift_group)",
-              "exterior", lambda b: (b.exterior.drift_group != "") & _observed_positions(b)),
+              "exterior", lambda b: (b.exterior.drift_group != "") & observed_positions(b)),
     _Declared("exterior.drift_group:without_positions", "grouping",
               "drift groups of {image} without observed position (exterior.csv: drift_group)", "exterior",
-              lambda b: (b.exterior.drift_group != "") & ~_observed_positions(b)),
+              lambda b: (b.exterior.drift_group != "") & ~observed_positions(b)),
     _Declared("geodetic.group", "constraint", "groups of {distance} (geodetic.csv: group)", "geodetic",
               lambda b: b.geodetic.active & (b.geodetic.group != "") & _distances(b)),
     _Declared("geodetic.group:other", "constraint",

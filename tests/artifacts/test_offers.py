@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
-from aatri.artifacts.offers import SIMILARITY, WITHOUT_SHIFT, offers_of
+from aatri.artifacts.needed_datum import SIMILARITY, WITHOUT_SHIFT
+from aatri.artifacts.offers import offers_of
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle_needs
 from aatri.tables.schema import columns_of, tables_of

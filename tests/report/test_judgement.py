@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,17 +10,13 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK
-from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
 from aatri.notes import REJECTED
 from aatri.report.facts import accuracy_statement
 from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
-from aatri.report.problems import problems
-from aatri.report.verdict import internal_lights
 from aatri.report.view.numbers import angles_in, small_angle
-from aatri.report.view.run_view import view
 from aatri.units import together
 from tests.made_solutions import made_block, made_solution
 from tests.report.test_page import made_artifacts, make_run
@@ -241,27 +236,6 @@ def test_warnings_of_the_result_stand_on_the_first_page_but_for_what_is_named_th
     first = "Hardly determined: the heights; give `control`"
     assert [p["text"] for p in problems if p["stage"] == "bundle"] == [first, told[2]]
     assert "give <code>control</code>" in page
-
-
-def test_a_light_of_sigma0_and_its_warning_are_one_problem_with_the_cause(tmp_path: Path) -> None:
-    cause = "sigma0 2.000, expected 0.9 to 1.1 (95 %): gross errors"
-    artifacts = made_artifacts()
-    artifacts["bundle"] = replace(artifacts["bundle"], sigma0=2.0)
-    run = view(make_run(tmp_path / "run", artifacts))
-    next(stage for stage in run.stages if stage.name == "bundle").record["warnings"] = [cause]
-    lights = internal_lights(run, run.last(Solution))
-    assert [(p.text, p.section) for p in problems(run, lights) if "sigma0" in p.text] == [(cause, "residuals")]
-
-
-def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -> None:
-    block = made_block(check=False, truth=False)
-    block = replace(block, ground_points=block.ground_points.take(np.zeros(0, int)))
-    solution = made_solution(block)
-    run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
-    write_report(run)
-    page = json.loads((run / "report.json").read_text())
-    assert re.search(r"new points are known to [\d.]+, [\d.]+ and [\d.]+ units of the model\.", page["judgement"])
-    assert page["facts"]["m and mm"] == "units of the model: no observation gives the scale"
 
 
 def test_an_adjusted_principal_distance_is_that_of_the_scale(tmp_path: Path) -> None:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.judgement import judgement
+from aatri.report.page import write_report
 from aatri.report.problems import problems
 from aatri.report.verdict import Light, _check, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView, view
 from tests.made_solutions import made_block, made_solution
-from tests.report.test_page import STAGES, make_run
+from tests.report.test_page import STAGES, made_artifacts, make_run
 
 
 @pytest.mark.parametrize(
@@ -116,3 +122,24 @@ def test_what_the_evaluation_of_a_start_warns_of_is_no_problem_of_the_result(tmp
         stage.record["warnings"] = [f"{warning} in {stage.name}"]
     texts = [problem.text for problem in problems(run, [])]
     assert [text for text in texts if warning in text.lower() and "accuracy" in text] == ["Heights bend in accuracy"]
+
+
+def test_a_light_of_sigma0_and_its_warning_are_one_problem_with_the_cause(tmp_path: Path) -> None:
+    cause = "sigma0 2.000, expected 0.9 to 1.1 (95 %): gross errors"
+    artifacts = made_artifacts()
+    artifacts["bundle"] = replace(artifacts["bundle"], sigma0=2.0)
+    run = view(make_run(tmp_path / "run", artifacts))
+    next(stage for stage in run.stages if stage.name == "bundle").record["warnings"] = [cause]
+    lights = internal_lights(run, run.last(Solution))
+    assert [(p.text, p.section) for p in problems(run, lights) if "sigma0" in p.text] == [(cause, "residuals")]
+
+
+def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -> None:
+    block = made_block(check=False, truth=False)
+    block = replace(block, ground_points=block.ground_points.take(np.zeros(0, int)))
+    solution = made_solution(block)
+    run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
+    write_report(run)
+    page = json.loads((run / "report.json").read_text())
+    assert re.search(r"new points are known to [\d.]+, [\d.]+ and [\d.]+ units of the model\.", page["judgement"])
+    assert page["facts"]["m and mm"] == "units of the model: no observation gives the scale"
