@@ -25,6 +25,9 @@ ROUNDING_M = 1e-9
 NEGLIGIBLE = 1e-3
 """Beside the largest of several lengths: it has no digits of its own."""
 
+UNITS_OF_MODEL = "units of the model"
+"""What lengths of a block without a scale are in."""
+
 DASH = "–"
 """For what is not determined."""
 
@@ -98,6 +101,11 @@ def rms_alike(lengths_m: Iterable[float], n: float) -> tuple[list[str], str]:
     largest = max(sizes, default=0.0)
     smallest = min((size for size in sizes if size > NEGLIGIBLE * largest), default=0.0)
     return alike(lengths, min(largest / math.sqrt(2 * n), smallest) if n else 0.0)
+
+
+def of_model(lengths: Iterable[float]) -> tuple[list[str], str]:
+    """Lengths of a block without a scale, to three digits each."""
+    return [DASH if value != value else f"{value:.3g}" for value in lengths], UNITS_OF_MODEL
 
 
 def digits(count: int) -> Callable[[float], str]:

@@ -13,12 +13,14 @@ if TYPE_CHECKING:
     from aatri.artifacts.solution import Parameters, Solution
 
 MOST_ROWS = 40
+OF_IMAGES = ("film", "velocity")
+"""Groups whose parameters are those of single images: hundreds, which are counted."""
 STRONG = 0.9
 """Correlations from here on are told."""
 
 
 def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
-    """Print the parameters of cameras and sets of the last Solution that has any; those of film images are counted."""
+    """Print what the last Solution estimated of cameras and sets; parameters of single images are counted."""
     solutions = [r for r in records if r.get("output", {}).get("kind") == "Solution"]
     if not solutions or not solutions[-1]["output"].get("rows", {}).get("parameters", 1):
         return
@@ -44,7 +46,8 @@ def say_parameters(stage: str, solution: Solution) -> None:
     from aatri.report.view.numbers import estimate
 
     p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
-    rows = [k for k in range(len(p)) if p.group[k] != "film" and (removed[k] or p.sigma[k] != 0)]
+    estimated = [k for k in range(len(p)) if removed[k] or p.sigma[k] != 0]
+    rows = [k for k in estimated if p.group[k] not in OF_IMAGES]
     if not rows:
         return
     cells = [
@@ -56,8 +59,9 @@ def say_parameters(stage: str, solution: Solution) -> None:
     ]
     say()
     say_table((f"{stage}: parameters", "value", "sigma", "unit"), cells, ("value", "sigma"))
-    if len(rows) > MOST_ROWS:
-        say(f"{len(rows) - MOST_ROWS} more: aatri show RUN:{stage} parameters --all")
+    left_off = [(len(rows[MOST_ROWS:]), "more"), (len(estimated) - len(rows), "of single images")]
+    if counts := [f"{count} {which}" for count, which in left_off if count]:
+        say(f"{', '.join(counts)}: aatri show RUN:{stage} parameters --all")
     for text in _strong(solution):
         say(text)
 

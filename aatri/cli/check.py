@@ -72,7 +72,7 @@ def check(
     from aatri.pipeline.run.workers import share_cores
 
     share_cores(1)
-    path = in_folder(project) if project != Path() else DEFAULT
+    path = in_folder(project if project != Path() else DEFAULT)
     request = Request(str(path), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     checks = list(_checks(request))
     errors = [one.error for one in checks if one.error is not None]

@@ -27,11 +27,12 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
     """
     from aatri.cli.calibration import say_calibration
     from aatri.cli.terminal.figures import say_result
+    from aatri.report.facts import METRES_OF_MODEL
 
-    say_result(records)
+    page = _first_page(report.with_suffix(".json")) if report is not None else {}
+    say_result(records, metric=METRES_OF_MODEL not in page.get("facts", {}))
     say_calibration(folder, records)
     say()
-    page = _first_page(report.with_suffix(".json")) if report is not None else {}
     text = page.get("judgement", "")
     _say_problems(page.get("problems", ()), text, refused=not all(gate.passed for gate in gates))
     if gates:

@@ -18,15 +18,15 @@ from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.drawing.rays import principal_distances, ray_scales
 from aatri.report.view.numbers import counted, number
-from aatri.units import listed, rms_alike, together
+from aatri.units import UNITS_OF_MODEL, listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
 COORDINATES = ("dX", "dY", "dZ")
 """Types of geodetic observations that are those of one: a baseline."""
 DOWNWARDS = -0.9
 """Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
-UNITS_OF_MODEL = "units of the model"
-"""What lengths of a block without a scale are in."""
+METRES_OF_MODEL = "m and mm"
+"""The fact of such a block alone."""
 PARALLEL = 0.9
 """Cosine between strips that are flown beside each other."""
 LEAST_SIDEWAYS = 0.1
@@ -56,7 +56,7 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     if solution is not None and solution.images.oriented.any():
         made |= _flight(block, solution) | _overlaps(block, solution)
     if not has_scale(block):
-        made["m and mm"] = f"{UNITS_OF_MODEL}: no observation gives the scale"
+        made[METRES_OF_MODEL] = f"{UNITS_OF_MODEL}: no observation gives the scale"
     frame = block.frames.crs[0] if len(block.frames) else ""
     if frame:
         vertical = str(block.frames.vertical[0])

@@ -15,11 +15,11 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
-from aatri.report.facts import UNITS_OF_MODEL, has_scale
+from aatri.report.facts import has_scale
 from aatri.report.verdict import far_off, with_check_counts
 from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
-from aatri.units import listed, rms_alike, together
+from aatri.units import listed, of_model, rms_alike, together
 
 MOST_NAMED = 3
 """Of one kind in a sentence."""
@@ -110,7 +110,7 @@ def _accuracy(figures: Mapping[str, float], metric: bool) -> str:
     if not figures:
         return "The accuracy was not evaluated."
     theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
-    size = together(theory) if metric else f"{listed([f'{s:.3g}' for s in theory], UNITS_OF_MODEL)}" if theory else ""
+    size = (together(theory) if metric else listed(*of_model(theory))) if theory else ""
     known = f"; by their standard deviations new points are known to {size}" if theory else ""
     return f"Nothing independent is known of the accuracy: there is no check point{known}."
 

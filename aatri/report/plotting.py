@@ -142,7 +142,7 @@ def _lengths(axes: Any, picture: Picture) -> None:
     bars = []
     if picture.ground:
         length = round_below(0.25 * max(east - west, 0.2 * extent))
-        bars.append((west, length, length_text(length)))
+        bars.append((west, length, length_text(length, picture.metric)))
     if picture.key is not None:
         bars.append((0.5 * (west + east), *picture.key))
     for start, length, text in bars:

@@ -24,6 +24,7 @@ from aatri.report.drawing.ties import (
     ties_picture,
 )
 from aatri.report.drawing.vectors import error_field_pictures
+from aatri.report.facts import has_scale
 from aatri.report.sections import calibration, evaluation, network, observations, reliability, solution
 from aatri.report.sections.block import camera_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
@@ -49,7 +50,8 @@ def questions(run: RunView, around: Surroundings) -> list[PageSection]:
         elif not observed.empty:  # a network alone: its picture is the plan
             made[0] = observed
         made += [_residuals(last, around), _tests(last), _parameters(last), _convergence(run, last)]
-    return [section for section in made if not section.empty]
+    metric = has_scale(block)
+    return [section.in_metres(metric) for section in made if not section.empty]
 
 
 class NoPicture(SpecError, KeyError):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from aatri.cli.calibration import say_parameters
+from aatri.formats.results.parameter_units import parameter_units
 from aatri.tables.hdf5 import read, write
 from tests.formats.results.test_readable import full_solution
 
@@ -18,6 +19,18 @@ def test_values_sigmas_and_units_are_printed_and_film_is_not(capsys: pytest.Capt
     assert ["cam", "k1", "3.00e-08", "2.0e-09", "mm^-2"] in lines
     assert ["cam", "k2", "removed", "mm^-4"] in lines
     assert not any("film" in line for line in lines)
+
+
+def test_parameters_of_single_images_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    solution = full_solution()
+    groups, names = ["film", "velocity", "rolling shutter", "additional"], ["d0", "vx", "readout", "p1"]
+    of_images = replace(solution.parameters, group=groups, name=names, sigma=[1e-3, 0.1, 0.01, 1e-6])
+    of_images = replace(solution, parameters=of_images, parameter_covariances=None)
+    say_parameters("bundle", of_images)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in lines if line.startswith("cam ")] == ["readout", "p1"]
+    assert lines[-1] == "2 of single images: aatri show RUN:bundle parameters --all"
+    assert parameter_units(of_images)[1:3] == ["m/s", "1"]
 
 
 def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> None:

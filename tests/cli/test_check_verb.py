@@ -96,7 +96,8 @@ def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
         path.write_text(path.read_text(encoding="utf-8").replace("approximate", "observed"), encoding="utf-8")
     result = check(project)
     assert result.exit_code == exit_code, result.output
-    told = "stage bundle: the block has neither three control points nor anything else that says how it lies"
+    told = "stage bundle: the block has neither three control points nor anything else that says how it lies, "
+    told += "without which the stage cannot work: it has 2 control points (ground_points.csv: X, Y, Z)\n"
     assert (told in result.stderr) == (exit_code == 4)
     if exit_code:
         run = CliRunner().invoke(app, ["run", "-q", str(project / "pipeline.yaml")])

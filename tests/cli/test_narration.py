@@ -20,6 +20,7 @@ from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
 from aatri.notes import CONTRADICTION
 from aatri.progress import SILENT, tell_iteration
+from aatri.report.facts import METRES_OF_MODEL
 
 
 def _live(width: int = 100) -> tuple[Live, io.StringIO]:
@@ -214,3 +215,14 @@ def test_the_end_names_once_what_bears_on_the_result(tmp_path: Path, capsys: pyt
         say_end(tmp_path, [record], tmp_path / "report.html", [SimpleNamespace(passed=passed)])
         lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
         assert lines == [f"warning: bundle: {text}" for text in told]
+
+
+def test_lengths_of_a_block_without_a_scale_are_units_of_the_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lengths = {f"theory_rmse_{axis}_m": size for axis, size in zip("xyz", (0.000764, 0.5, 20.0))}
+    record = {"stage": "accuracy", "plugin": "x", "seconds": 1.0, "metrics": lengths, "inputs": {}}
+    (tmp_path / "report.json").write_text(json.dumps({"judgement": "", "facts": {METRES_OF_MODEL: "no scale"}}))
+    say_end(tmp_path, [record], tmp_path / "report.html", [])
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("RMS"))
+    assert line.split()[-7:] == ["units", "of", "the", "model", "0.000764", "0.5", "20"]

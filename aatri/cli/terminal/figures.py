@@ -1,10 +1,11 @@
 """How figures of stages are shown: one line while running, a table and the accuracy at the end."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
-from aatri.units import rms_alike
+from aatri.units import of_model, rms_alike
 
 _HIGHLIGHTS = (
     "images",
@@ -44,8 +45,8 @@ def number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else f"{value}"
 
 
-def say_result(records: Sequence[Mapping[str, Any]]) -> None:
-    """The table of stages, and the accuracy of every evaluation."""
+def say_result(records: Sequence[Mapping[str, Any]], *, metric: bool = True) -> None:
+    """The table of stages, and the accuracy of every evaluation; `metric`: something gives the scale."""
     rows = []
     for record in records:
         metrics = record["metrics"]
@@ -56,17 +57,18 @@ def say_result(records: Sequence[Mapping[str, Any]]) -> None:
         ("stage", "method", "images", "points", "sigma0", "seconds"), rows, ("images", "points", "sigma0", "seconds")
     )
     for record in records:
-        _say_accuracy(record)
+        _say_accuracy(record, metric)
 
 
-def _say_accuracy(record: Mapping[str, Any]) -> None:
+def _say_accuracy(record: Mapping[str, Any], metric: bool) -> None:
     metrics = record["metrics"]
     rows = []
     for group, meaning in _ACCURACY.items():
         values = [metrics.get(f"{group}_rmse_{axis}_m") for axis in "xyz"]
         if any(value is not None for value in values):
             count = int(metrics.get(f"{'truth' if group == 'theory' else group}_points") or 0)
-            texts, unit = rms_alike([float("nan") if value is None else float(value) for value in values], count)
+            lengths = [math.nan if value is None else float(value) for value in values]
+            texts, unit = rms_alike(lengths, count) if metric else of_model(lengths)
             rows.append([meaning + (f" ({count})" if count else ""), unit, *texts])
     if rows:
         say()

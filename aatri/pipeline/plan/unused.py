@@ -14,7 +14,7 @@ from typing import Any
 
 from aatri.errors import AatriError, GeometryError, InputError
 from aatri.pipeline.plan.graph import StageNode, downstream
-from aatri.tables.offers import Offer, covers, offer_from_plain
+from aatri.tables.offers import Need, Offer, covers, offer_from_plain
 
 MILD = ("check", "grouping", "reduction")
 """Natures that are told and do not stop a run: what a frame asks for may be left out knowingly."""
@@ -64,7 +64,7 @@ def unused(
                 (source, _of_nothing(name)) for name in ignore if not any(covers(name, o.name) for o in offers)
             ]
         if record.get("offers") is not None:
-            errors += _missing(takers, source, {offer.name for offer in offers})[:1]
+            errors += _missing(takers, source, {offer.name: offer.what for offer in offers})[:1]
         for offer in offers:
             if offer.name in used or offer.bears_on not in kinds:
                 continue
@@ -76,18 +76,26 @@ def unused(
     return Unused(tuple(errors), tuple(warnings))
 
 
-def _missing(takers: list[StageNode], source: str, offered: set[str]) -> list[GeometryError]:
-    """What stages need of a result that does not offer it."""
+def _missing(takers: list[StageNode], source: str, offered: Mapping[str, str]) -> list[GeometryError]:
+    """What stages need of a result that does not offer it, with what it offers of that, in words by name."""
     return [
         GeometryError(
-            f"{need.what}, without which the stage cannot work",
+            f"{need.what}, without which the stage cannot work{_too_little(need, offered)}",
             where=f"pipeline.yaml, stage {node.name}",
             remedy=need.remedy,
         )
         for node in takers
         for need in node.needs
-        if node.inputs.get(need.port) == source and not offered & set(need.one_of) and need.or_port not in node.inputs
+        if node.inputs.get(need.port) == source
+        and offered.keys().isdisjoint(need.one_of)
+        and need.or_port not in node.inputs
     ]
+
+
+def _too_little(need: Need, offered: Mapping[str, str]) -> str:
+    """Of `table.column:kind` that is needed the `table.column` that is there."""
+    there = [offered[part] for name in need.one_of if (part := name.partition(":")[0]) in offered]
+    return f": it has {' and '.join(there)}" if there else ""
 
 
 def _error(offer: Offer) -> InputError:

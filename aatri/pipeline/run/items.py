@@ -35,6 +35,8 @@ from aatri.tables import hdf5
 KEY_DIGITS = 32
 AHEAD = 2
 """Items handed out for each process: one under way, one that waits."""
+GUARD = 'in a script of your own, call aatri below `if __name__ == "__main__":`, for every process imports the script'
+"""Remedy where processes end before they begin: Python spawns them by importing the script that runs."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,8 @@ class ItemStore:
                     advance(future.result())
         except BrokenProcessPool as error:
             died = f"a process of {self._stage} was ended from outside, perhaps for lack of memory"
-            raise ResourceError(died, remedy="aatri run again goes on; else a machine with more memory") from error
+            remedy = f"aatri run again goes on; else a machine with more memory; {GUARD}"
+            raise ResourceError(died, remedy=remedy) from error
         finally:
             executor.shutdown(wait=True, cancel_futures=True)
 

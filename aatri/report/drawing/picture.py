@@ -122,6 +122,8 @@ class Picture:
         Of a chart; a plan has none.
     ground : bool
         A plan is of the ground, in m: it has a bar of its scale and an arrow to the north.
+    metric : bool
+        Something gives the scale of the ground; else the bar is in units of the model.
     backdrops : sequence of Backdrop
         Of a plan.
     width, height : float, px
@@ -136,6 +138,7 @@ class Picture:
     up: ChartAxis | None = None
     key: tuple[float, str] | None = None
     ground: bool = True
+    metric: bool = True
     backdrops: Sequence[Backdrop] = ()
     width: float = 540.0
     height: float = 240.0

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int
+from aatri.units import listed, of_model
 
 MOST_MARKS = 20000
 """At most this many marks of one kind are drawn."""
@@ -47,8 +48,10 @@ def near(xy_m: Float) -> Bool:
     return np.asarray(((xy_m[:, :2] >= low - reach) & (xy_m[:, :2] <= high + reach)).all(axis=1))
 
 
-def length_text(length_m: float) -> str:
-    """A length in the unit that suits it."""
+def length_text(length_m: float, metric: bool = True) -> str:
+    """A length in the unit that suits it; of a block without a scale in units of the model."""
+    if not metric:
+        return listed(*of_model([length_m]))
     for factor, unit in ((1e3, "km"), (1.0, "m"), (1e-3, "mm"), (1e-6, "um")):
         if length_m >= 0.9999 * factor:
             return f"{length_m / factor:.3g} {unit}"

@@ -151,7 +151,7 @@ def _ground_plan(picture: Picture) -> GroundPlan:
 def _plan(picture: Picture, marks: list[Marks], tells: bool) -> tuple[list[Markup], list[Markup], float]:
     plan = _ground_plan(picture)
     px = [plan.px(m.xy.reshape(-1, 2)).reshape(m.xy.shape) for m in marks]
-    furniture = [*(_bar_and_north(plan) if picture.ground else []), *_key(picture, plan)]
+    furniture = [*(_bar_and_north(plan, picture.metric) if picture.ground else []), *_key(picture, plan)]
     height = plan.height_px + (34.0 if furniture else 0.0)
     behind = [_photograph(backdrop, plan) for backdrop in picture.backdrops]
     labels = _labels(marks, px, plan.width_px, plan.height_px)
@@ -174,7 +174,7 @@ def _photograph(backdrop: Backdrop, plan: GroundPlan) -> Markup:
     )
 
 
-def _bar_and_north(plan: GroundPlan) -> list[Markup]:
+def _bar_and_north(plan: GroundPlan, metric: bool) -> list[Markup]:
     length = round_below(0.25 * plan.width_px / plan.px_per_m)
     x, y = 30.0, plan.height_px + 12
     end = x + length * plan.px_per_m
@@ -182,7 +182,7 @@ def _bar_and_north(plan: GroundPlan) -> list[Markup]:
     head = north[1] + np.array([[0.0, -4.0], [4.0, 6.0], [-4.0, 6.0]])
     return [
         _path(Marks("line", np.zeros((0, 2)), "soft"), np.array([[x, y - 5], [x, y], [end, y], [end, y - 5]])),
-        text((x + end) / 2, y + 14, length_text(length), "scale", "middle", data_length=length),
+        text((x + end) / 2, y + 14, length_text(length, metric), "scale", "middle", data_length=length),
         _path(Marks("line", np.zeros((0, 2)), "soft"), north),
         _path(Marks("areas", np.zeros((0, 2)), "ink", fill=1.0), head[None]),
         text(plan.width_px - 34, y + 4, "N", "", "end"),

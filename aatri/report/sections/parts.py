@@ -43,6 +43,10 @@ class PageSection:
             pictures=[replace(p, name=f"{p.name}_{self.name}", title=f"{p.title}, {self.name}") for p in self.pictures],
         )
 
+    def in_metres(self, metric: bool) -> "PageSection":
+        """The section with pictures that know whether metres are metres."""
+        return replace(self, pictures=[replace(picture, metric=metric) for picture in self.pictures])
+
     def in_short(self) -> "PageSection":
         """The section with its first two pictures, without tables."""
         return replace(self, tables=[], pictures=self.pictures[:2])

@@ -161,7 +161,7 @@
       for (const label of group.querySelectorAll("text")) label.style.fontSize = `${11 / scale}px`;
       for (const label of svg.querySelectorAll(".scale, .key")) {
         label.dataset.text ??= label.textContent;
-        const [number, unit] = label.dataset.text.split(" "), length = parseFloat(number) / scale;
+        const [, number, unit] = label.dataset.text.match(/(\S+) (.*)/), length = parseFloat(number) / scale;
         const smaller = length < 1 && { km: "m", m: "mm", mm: "um" }[unit];
         label.textContent = smaller ? `${+(1000 * length).toPrecision(3)} ${smaller}` : `${+length.toPrecision(3)} ${unit}`;
       }

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import datetime
 import os
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from aatri.artifacts.features import MatchedKeypoints, Matches
-from aatri.errors import InputError
+from aatri.errors import InputError, ResourceError
+from aatri.pipeline.run import items
 from aatri.pipeline.run.items import ItemStore
 from aatri.pipeline.store.gc import garbage, remove
 from aatri.progress import SILENT, Item
@@ -60,6 +63,21 @@ def test_a_damaged_item_is_made_again_and_an_error_names_its_item(tmp_path: Path
     with pytest.raises(InputError, match="below zero") as caught:
         store.results(squares, _items(log, [-1]), Matches, "numbers", SILENT)
     assert "number -1" in str(caught.value)
+
+
+def test_where_processes_end_at_once_the_guard_of_a_script_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def submit(*_: object) -> None:
+        raise BrokenProcessPool
+
+    executor = SimpleNamespace(submit=submit, shutdown=lambda **_: None)
+    monkeypatch.setattr(items, "ProcessPoolExecutor", lambda *_: executor)
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    store = ItemStore(tmp_path / "run", "block")
+    with pytest.raises(ResourceError, match="a process of block was ended") as caught:
+        store.results(squares, _items(tmp_path / MADE, [3, 4]), Matches, "numbers", SILENT)
+    assert 'if __name__ == "__main__":' in caught.value.remedy
 
 
 def test_items_that_no_kept_result_has_used_are_garbage(tmp_path: Path) -> None:
