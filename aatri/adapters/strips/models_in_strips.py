@@ -1,7 +1,8 @@
 """Free strips in metres: their scale by control, scale numbers of images, and models in their strip, kept apart.
 
     m = sqrt( sum |X - X0|^2 / sum |x - x0|^2 )        metres of a first base, over the control points of a strip
-    scale number of an image = m z / c,                 z the median distance of its points along its axis
+    scale number of an image = m z / c,                 z the median distance of its points along its axis,
+                                                        each point of its two models once
 
 Source: lecture notes, free strips: X_S2 = X_S1 + m B_x, m the denominator of the photo scale (A404).
 """
@@ -40,9 +41,10 @@ def with_models_apart(
     c = block.cameras.principal_distance_mm[block.images.camera[images.image]]
     ends = models.orientations.left[model[rows]], models.orientations.right[model[rows]]
     for k, (s, image) in enumerate(zip(images.strip.tolist(), images.image.tolist())):
-        seen = (strip == s) & ((ends[0] == image) | (ends[1] == image))
-        away = -(x[seen] - images.position[k]) @ images.strip_from_image[k][:, 2]
-        number[k] = metres[s] * float(np.median(away)) / (1e-3 * c[k]) if seen.any() else np.nan
+        seen = np.flatnonzero((strip == s) & ((ends[0] == image) | (ends[1] == image)))
+        once = seen[np.unique(point[seen], return_index=True)[1]]  # most points of an image are in both its models
+        away = -(x[once] - images.position[k]) @ images.strip_from_image[k][:, 2]
+        number[k] = metres[s] * float(np.median(away)) / (1e-3 * c[k]) if len(once) else np.nan
     per_strip = [number[(images.strip == s) & np.isfinite(number)] for s in range(len(metres))]
     return replace(
         strips,
