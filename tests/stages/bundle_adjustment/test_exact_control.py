@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.codes import CONTROL
+from aatri.stages.bundle_adjustment.bundle import bundle
+from tests.campaigns.pair_of_the_notes import C_MM, SIGMA_MM, pair
 from tests.stages.chain import run_chain, simulated
+from tests.stages.hand_block import read, start
 
 
 def _block(*, survey_m: float, wrong_m: float = 0.0) -> Block:
@@ -51,3 +55,21 @@ def test_the_wrong_one_goes_and_no_other(wrong_m: float, factor: float) -> None:
 def test_points_that_are_nearly_exact_stay() -> None:
     """Errors of the survey of half of what the images see."""
     assert _left_out(run_chain(_block(survey_m=0.01)).bundle) == []
+
+
+def test_a_wrong_point_of_two_images_whose_points_are_all_exact_goes_and_all_others_stay(tmp_path: Path) -> None:
+    """No new point says how well one is predicted: all sixty were kept, the wrong one too, at a sigma0 above 2."""
+    of = pair(np.random.default_rng(2))
+    n = 60
+    few = of.point < n
+    of = replace(of, xyz_m=of.xyz_m[:n], image=of.image[few], point=of.point[few], xy_mm=of.xy_mm[few])
+    xyz = of.xyz_m + np.where(np.arange(n)[:, None] == 6, [2.0, 0.0, 0.0], 0.0)
+    rows = "\n".join(f"p{k:02},{x!r},{y!r},{z!r},0,0,0" for k, (x, y, z) in enumerate(xyz.tolist()))
+    noisy = of.xy_mm + SIGMA_MM * np.random.default_rng(3).standard_normal(of.xy_mm.shape)
+    camera = {"principal_distance": C_MM, "format": [260, 260]}
+    more = {"sigma": {"image": 1e3 * SIGMA_MM, "control": [0.02, 0.02, 0.03]}}
+    block, points = read(tmp_path, of, ground=f"point,X,Y,Z,sX,sY,sZ\n{rows}\n", xy_mm=noisy, camera=camera, more=more)
+    solution = bundle(block, points, start(of, block))
+    assert _left_out(solution) == ["p06"]
+    assert set(solution.suspects.point[solution.suspects.verdict != "readmitted"].tolist()) == {"p06"}
+    assert 0.85 < solution.sigma0 < 1.15

@@ -124,8 +124,11 @@ class _Attribution:
         )
         use[rows] = self.tested.active[rows]
         use[row] = True
+        soft_m = self._soft(*self._place(places, row))
+        if np.isnan(soft_m):
+            return
         try:
-            with_record = self._adjusted(use, {p: self._soft(*self._place(places, row)) for p in places})
+            with_record = self._adjusted(use, dict.fromkeys(places, soft_m))
         except (GeometryError, ConvergenceError):
             return
         gain = np.concatenate([_gains(with_record, p, self.records) for p in places])
@@ -206,14 +209,16 @@ class _Attribution:
         return place, row - self.records.parts[place].start
 
     def _soft(self, place: int, k: int) -> float:
-        """Standard deviation of exact coordinates for the trial, m; 0 where there are none."""
+        """Standard deviation of exact coordinates for the trial, m; 0 where there are none, NaN where nothing tells."""
         observations = self.tested.result.observations[place]
         if self.records.observed[place].holds is None:
             return 0.0
         exact = observations.observed.again().demanded()[k]
         variance = np.diag(observations.covariance[k])[exact] * NEARLY_EXACT**2
-        if not np.isfinite(variance).all():  # its point is lost with it: as good as the others
-            variance = np.nanmedian(np.diagonal(self.tested.result.point_covariance_m2, axis1=1, axis2=2), axis=0)
+        if not np.isfinite(variance).all():  # its point is lost with it: as good as the others that are not exact
+            others = np.diagonal(self.tested.result.point_covariance_m2, axis1=1, axis2=2)
+            others = others[(others > 0).all(axis=1)]
+            variance = np.median(others, axis=0) if len(others) else np.full(3, np.nan)
         return SOFT * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
 
 
