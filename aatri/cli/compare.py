@@ -154,7 +154,7 @@ def _parting_text(split: Parting | None, first: Compared) -> str:
     reason_text = reasons_text(split.reasons) or (
         "the environment" if changed else "the same stage gave another result"
     )
-    size = "only the last bits" if split.only_last_bits else "more than the last bits"
+    size = "results differ by rounding alone" if split.only_last_bits else "results differ by more than rounding"
     scale = f", largest relative difference {split.largest:.1e}" if split.largest < float("inf") else ""
     more = f"; environment: {', '.join(changed)}" if changed else ""
     return f"parts from {first.name} at stage {split.stage}: {reason_text} ({size}{scale}){more}"

@@ -49,7 +49,7 @@ def edit(
     """Show what an adjustment proposes: switch off, renumber, exchange, reweight; with --apply, write it down.
 
     The measured files stay as they are: the block is read with the file of edits, and `aatri run` makes what depends on
-    it. Remove a line, or the file, to undo it. Examples: aatri edit; aatri edit --apply 1,3-5
+    it. Remove a line, or the file, to undo it.
     """
     from aatri.artifacts.block import Block
     from aatri.artifacts.solution import Solution

@@ -276,7 +276,7 @@ def _stages(block: Block, options: list[str]) -> str:
 
 
 def _of_network(has_datum: bool) -> str:
-    return _with(NETWORK, [] if has_datum else ["datum: free, datum_over: marked"])
+    return _with(NETWORK + ACCURACY, [] if has_datum else ["datum: free, datum_over: marked"])
 
 
 def _with(stages: str, options: Sequence[str]) -> str:

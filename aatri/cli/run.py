@@ -40,7 +40,8 @@ TERMINATED = 143
 PipelineArgument: TypeAlias = Annotated[
     Path,
     typer.Argument(
-        autocompletion=complete_run, help="The pipeline file; or the folder of a run, which is made again as it was."
+        autocompletion=complete_run,
+        help="The pipeline file, or the folder that it is in; or the folder of a run, which is made again as it was.",
     ),
 ]
 AllVariants: TypeAlias = Annotated[

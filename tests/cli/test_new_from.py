@@ -116,6 +116,7 @@ def test_formats_with_a_stage_of_their_own_are_read_by_it(tmp_path: Path, name: 
     assert result.exit_code == 0, result.stderr
     path = tmp_path / "mine" / "pipeline.yaml"
     assert f"use: block/{name}" in path.read_text()
+    assert "use: accuracy/evaluation" in path.read_text()
     assert ("m and mm of the results are units of the model" in result.stderr) == (name == "bal")
     wire(load_spec(path), Catalogue())
 

@@ -27,7 +27,7 @@ def of_the_network(solution: Solution) -> PageTable | None:
 
 
 def listed(solution: Solution, chosen: Bool, names: str, caption: str) -> PageTable | None:
-    """Some observations, the largest residuals first; `names` is the head of the column of ids."""
+    """Some observations, the largest residuals in sigmas first; `names` is the head of the column of ids."""
     residuals, tests = solution.residuals, solution.tests
     rows = np.flatnonzero(chosen & ~np.isin(residuals.kind, OF_POINTS) & np.isfinite(residuals.residual).any(axis=1))
     sigma = residuals.sigma[rows]
@@ -46,7 +46,7 @@ def listed(solution: Solution, chosen: Bool, names: str, caption: str) -> PageTa
     }
     if tests is not None:
         columns |= {"redundancy": (tests.redundancy[rows], _each), "w": (tests.test[rows], _each)}
-    return all_rows(f"{caption}, the largest residuals first", columns)
+    return all_rows(f"{caption}, the largest residuals in sigmas first", columns)
 
 
 def _each(values: Float) -> str:

@@ -106,7 +106,7 @@ def iterations_table(solution: Solution) -> PageTable | None:
     columns: Columns = {
         "iteration": [str(k + 1) for k in range(len(h))],
         "sigma0": sigma0,
-        "step in sigmas": (h.decrement, lambda v: DASH if np.isnan(v) else f"{v:.1e}"),
+        "step in sigmas": (h.decrement, lambda v: DASH if np.isnan(v) else f"{v:.2g}"),
         "damping": h.damping,
     }
     caption = "Iterations of the last round; each round leaves out or readmits observations, or changes weights"
