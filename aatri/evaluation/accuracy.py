@@ -190,7 +190,7 @@ def _theory_points(block: Block, solution: Solution, truth: PointDifferences) ->
     """Theoretical standard deviations over the new points; with truth, over the points the truth figures have."""
     if len(truth.point):
         return truth.sigma_m
-    new = is_new(block) & np.isfinite(solution.points.xyz_m).all(axis=1)
+    new = is_new(block) & np.isfinite(solution.points.xyz_m).any(axis=1)  # in a network some have no Z, or Z alone
     return np.asarray(np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2[new])))
 
 

@@ -109,9 +109,9 @@ def _accuracy(figures: Mapping[str, float], metric: bool) -> str:
             return f"{text.format(lengths, _and(values), counted(n, 'point'))}{_theory(figures, what)}."
     if not figures:
         return "The accuracy was not evaluated."
-    theory = [figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures]
-    size = (together(theory) if metric else listed(*of_model(theory))) if theory else ""
-    known = f"; by their standard deviations new points are known to {size}" if theory else ""
+    theory = {axis.upper(): figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures}
+    size = (together(theory.values()) if metric else listed(*of_model(theory.values()))) if theory else ""
+    known = f"; by their standard deviations new points are known to {size} in {_and(theory)}" if theory else ""
     return f"Nothing independent is known of the accuracy: there is no check point{known}."
 
 

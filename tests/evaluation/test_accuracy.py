@@ -82,6 +82,14 @@ def test_without_truth_theory_is_over_the_determined_new_points() -> None:
     assert not [name for name in figures if name.startswith("truth")]
 
 
+def test_theory_of_a_network_in_plan_is_of_plan() -> None:
+    block = made_block(truth=False)
+    solution = made_solution(block, shift_m=[0.0, 0.0, np.nan], sigma_m=0.03)
+    solution.points.covariance_m2[:, 2] = solution.points.covariance_m2[:, :, 2] = np.nan
+    theory = {name: value for name, value in _figures(block, solution).items() if name.startswith("theory")}
+    assert theory == {"theory_rmse_x_m": pytest.approx(0.03), "theory_rmse_y_m": pytest.approx(0.03)}
+
+
 def test_roles_per_coordinate_are_kept_apart() -> None:
     block = made_block()
     role = block.ground_points.role.copy()

@@ -141,7 +141,9 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
     run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
     write_report(run)
     page = json.loads((run / "report.json").read_text())
-    assert re.search(r"new points are known to [\d.]+, [\d.]+ and [\d.]+ units of the model\.", page["judgement"])
+    assert re.search(
+        r"new points are known to [\d.]+, [\d.]+ and [\d.]+ units of the model in X, Y and Z\.", page["judgement"]
+    )
     assert page["facts"]["m and mm"] == "units of the model: no observation gives the scale"
     bars = re.findall(r'class="scale"[^>]*>([^<]*)<', (run / "report.html").read_text())
     assert bars
