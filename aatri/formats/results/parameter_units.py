@@ -12,7 +12,6 @@ _BY_NAME = {
     **dict.fromkeys(("lever x", "lever y", "lever z", "shift X", "shift Y", "shift Z"), "m"),
     **dict.fromkeys(("drift X", "drift Y", "drift Z"), "m/s (m/image without times)"),
     **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
-    "readout": "1",
     "time offset": "s",
     "tau_m": "m",
     "orientation": "rad",
