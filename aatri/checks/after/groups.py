@@ -141,7 +141,9 @@ def _ask(g: Group) -> str:
 def _lens(g: Group) -> str:
     if g.per == "strip":
         return "was the strip flown with another camera? give its images that one"
-    return "check it, or estimate it (`self_calibration`; with a larger standard deviation where it has one)"
+    if g.loosens:
+        return "check it, or give it a larger standard deviation, by which it is estimated"
+    return "check it, or estimate it (`self_calibration`)"
 
 
 def _principal_point(g: Group) -> tuple[str, str]:
