@@ -151,12 +151,11 @@ def test_a_strip_that_nothing_joins_is_set_aside_and_named(project: Path) -> Non
 
 
 @pytest.mark.slow
-def test_too_little_control_names_what_stays_undetermined(project: Path) -> None:
+def test_two_control_points_are_refused_before_anything_is_computed_from_them(project: Path) -> None:
     without(EXTERIOR)(project / "block")
     _keep_control(2)(project / "block")
     write_pipeline(project, TABLES, FLAT)
-    _fails(4, "not determined")
-    assert current(project) == BEFORE_ABSOLUTE
+    _fails(4, "neither three control points nor anything else that says how it lies", "2 control points")
 
 
 @pytest.mark.slow

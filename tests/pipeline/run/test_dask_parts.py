@@ -98,7 +98,8 @@ def test_a_worker_that_dies_in_an_iteration_changes_no_bit(tmp_path: Path) -> No
         distributed.Client(cluster) as client,
     ):
         for before in (0, 1, 2, 3, RESULT):
-            client.wait_for_workers(2)
+            cluster.scale(2)  # a nanny that gives up is replaced
+            client.wait_for_workers(2, timeout=120)
             first = min(client.scheduler_info(n_workers=-1)["workers"])
             found = client.submit(_on_cluster, tmp_path, before, workers=[first], pure=False).result(timeout=60)
             assert (tmp_path / f"died-{before}").exists()
