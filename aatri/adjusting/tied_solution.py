@@ -229,10 +229,9 @@ def _is_steady(before: Spread, after: Spread, tau_m: float) -> bool:
     """Whether the covariances of no tie have changed with its body."""
     if before.values is after.values:
         return True
-    spectra = before.values, before.vectors, after.values, after.vectors
-    values, vectors, values_after, vectors_after = (np.ascontiguousarray(column) for column in spectra)
-    arrays = values, vectors, values_after, vectors_after
-    return bool(is_steady(0, len(values), *arrays, tau_m**2, STEADY))
+    values, vectors = np.ascontiguousarray(before.values), np.ascontiguousarray(before.vectors)
+    values_after, vectors_after = np.ascontiguousarray(after.values), np.ascontiguousarray(after.vectors)
+    return bool(is_steady(0, len(values), values, vectors, values_after, vectors_after, tau_m**2, STEADY))
 
 
 def _step(

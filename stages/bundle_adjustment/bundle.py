@@ -201,13 +201,8 @@ def bundle(
 ) -> Solution:
     """Adjust the block."""
     adjusted = adjusted_bundle(block, image_points, initial, calibration, information, options, context)
-    source, done, groups, suspects, chosen = (
-        adjusted.source,
-        adjusted.done,
-        adjusted.groups,
-        adjusted.suspects,
-        adjusted.chosen,
-    )
+    source, done, chosen = adjusted.source, adjusted.done, adjusted.chosen
+    groups, suspects = adjusted.groups, adjusted.suspects
     searched = options.blunders.method != "none"
     requested = options.standard_deviations is not False or options.reliability
     shown = done if requested else replace(done, result=without_covariances(done.result))

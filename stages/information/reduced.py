@@ -86,11 +86,8 @@ def reduced(
             for (group, chosen), ids in zip(requested.items(), (block.images.id, block.points.id))
         }
     )
-    at = (
-        (adjusted.source.start[POSE], adjusted.source.start[POINT])
-        if options.at_initial and initial is not None
-        else None
-    )
+    start, at_start = adjusted.source.start, options.at_initial and initial is not None
+    at = (start[POSE], start[POINT]) if at_start else None
     equations = shared_equations(adjusted.done, in_both, at)
     _tell_rays_set_aside(block, requested[POINT], context)
     _tell_lost_rays(block, requested[POINT] & ~equations.keep[POINT], context)

@@ -37,7 +37,7 @@ CAMPAIGNS = {
     "rank_defects": ["--count", "5"],
     "near_defects": ["--count", "12"],
     "calibration": ["--count", "4", "--injections", "1"],
-    "isp_1980": ["3"],
+    "isp_1980": ["12"],
     "epochs": ["--count", "20"],
     "convergence_basin": ["1"],
     "merged_blocks": ["--strips", "6", "--images", "6"],

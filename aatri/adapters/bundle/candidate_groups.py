@@ -23,7 +23,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.frame_marks import marks_of_frames
 from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
@@ -39,6 +38,7 @@ from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
+from aatri.orientation.bundle.groups.frame_marks import marks_of_frames
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
@@ -77,10 +77,10 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
         elif o.kind == IMAGE_POINT and block.rays is not None:
             v = whitened_residuals(o.records, result.adjusted.state, rows)
             image, residuals_mm = block.rays.image[rows], v / o.records.whitener[rows]
-            corner_mm = _corner_mm(block.images, block.rays)[block.images.camera[image]]
-            H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm)
+            corner_mm = _corner_mm(block.images, block.rays)[block.images.camera]
+            H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm[image])
             units = _of_image_points(block.images, place, rows, image, H, _causes_of_cameras(block))
-            yield from _with_rejected(block.images, block.rays, ~adjusted.used, units)
+            yield from _with_rejected(units, block.images, block.rays, corner_mm, ~adjusted.used)
             yield from _of_images(block.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
             yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
@@ -189,14 +189,23 @@ def _of_image_points(
 
 
 def _with_rejected(
-    images: ImageGroups, rays: ImagePointRows, rejected: Bool, candidates: Iterator[Candidates]
+    candidates: Iterator[Candidates], images: ImageGroups, rays: ImagePointRows, corner_mm: Float, rejected: Bool
 ) -> Iterator[Candidates]:
-    """Candidates with the image points that are not in use: an earlier stage may have rejected them for the camera."""
+    """Candidates with the image points that are not in use: an earlier stage may have rejected them for the camera.
+
+    Their H is at measured coordinates: of these nothing better is known.
+
+    Parameters
+    ----------
+    corner_mm : (n_images,) float64, mm
+        Half the diagonal of the format.
+    rejected : (n_rays,) bool
+    """
     rows = np.flatnonzero(rejected & np.isfinite(rays.xy_mm).all(axis=1))
-    camera = images.camera[rays.image[rows]]
-    H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], _corner_mm(images, rays)[camera])
+    image = rays.image[rows]
+    H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], corner_mm[image])
     for units in candidates:
-        names = images.cameras[camera] if units.per == "camera" else images.strip[rays.image[rows]]
+        names = images.cameras[images.camera[image]] if units.per == "camera" else images.strip[image]
         unit = np.minimum(np.searchsorted(units.units, names), len(units.units) - 1)
         of_units = units.units[unit] == names
         yield replace(units, rejected=UnitMembers(rows[of_units], unit[of_units], H[of_units]))

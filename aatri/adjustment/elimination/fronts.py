@@ -60,22 +60,18 @@ def _add_large(
 ) -> float:
     """`add_records` for records of very many rows that touch no unknown twice."""
     F, g, d = front
-    p, total, of_parts = records.parts, 0.0, records.records
+    p, total, own = records.parts, 0.0, records.records
     for r in chosen:
         used = np.flatnonzero(records.loc[r] >= 0)
         used = used[np.argsort(records.loc[r][used])]
         row = np.concatenate([records.loc[r, k] + np.arange(p.size[k]) for k in used])
         column = np.concatenate([p.start[k] + np.arange(p.size[k]) for k in used])
-        if of_parts.normal is None:
+        if own.normal is None:
             J = A[r][:, column]
             N, right, cost, weight = J.T @ J, J.T @ v[r], float(v[r] @ v[r]), 1.0
         else:
-            N, right, cost = of_parts.normal(state)
-            N, right, weight = (
-                N[np.ix_(column, column)],
-                right[column],
-                float(of_parts.active[0] * of_parts.whitener[0, 0] ** 2),
-            )
+            N, right, cost = own.normal(state)
+            N, right, weight = N[np.ix_(column, column)], right[column], float(own.active[0] * own.whitener[0, 0] ** 2)
         F[np.ix_(row, row)] += weight * np.tril(N)  # the rows ascend, so that this is below the diagonal
         g[row] += weight * right
         d[row] += weight * np.diagonal(N)

@@ -216,7 +216,7 @@ def _exterior(
     _tell(notes, names, ~here, "say no position")
     _tell(notes, names, equal, "have the position of another one: start values alone")
     angles = np.radians(
-        [[photo.get(f"Gimbal{of_}Degree", np.nan) for of_ in ("Roll", "Pitch", "Yaw")] for photo in numbers]
+        [[photo.get(f"Gimbal{axis}Degree", np.nan) for axis in ("Roll", "Pitch", "Yaw")] for photo in numbers]
     )
     turned = finite_rows(angles)
     if turned.sum() > 2 and not np.ptp(angles[turned], axis=0).any():

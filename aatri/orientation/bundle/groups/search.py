@@ -141,8 +141,11 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float)
     if least_squares is None:
         return False
     state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
-    rejected = [(o, i) for o, i in zip(least_squares.observations, block.observed) if _several_of_images(i)]
-    return all(not (tests_of(o, state)[i.rejected] > limit).any() for o, i in rejected)
+    pairs = zip(least_squares.observations, block.observed)
+    return not any(
+        _several_of_images(before) and (tests_of(adjusted, state)[before.rejected] > limit).any()
+        for adjusted, before in pairs
+    )
 
 
 def _carried(

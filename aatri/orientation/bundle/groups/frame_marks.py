@@ -21,8 +21,8 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import MARK, Candidates, Cause
 from aatri.orientation.bundle.result import BundleResult
 
-UNSEEN = 1e-3
-"""Singular value, of the largest, of a direction in which distances hardly see a mark."""
+HARDLY_SEEN = 1e-3
+"""Singular value, as a share of the largest, of a direction in which distances hardly see a mark: it stays there."""
 
 PASSES = 3
 """Gauss-Newton steps to where the distances have a mark."""
@@ -53,7 +53,7 @@ def _effects(o: Observed, state: State, row: int) -> tuple[Int, Float]:
             continue
         for _ in range(PASSES):
             v, J = _derivatives(o, state, X, row, j)
-            X[mark] -= np.linalg.pinv(J[own], rcond=UNSEEN) @ v[own]
+            X[mark] -= np.linalg.pinv(J[own], rcond=HARDLY_SEEN) @ v[own]
         X[mark] = 0.5 * (at + X[mark])
         J = _derivatives(o, state, X, row, j)[1]
         tested.append(mark)
