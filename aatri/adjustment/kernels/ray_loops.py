@@ -22,12 +22,27 @@ INNER: dict[str, Any] = {**OPTIONS, "forceinline": True}
 """Of inner loops that become part of each function that calls them."""
 
 
+def _sized(of_k: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The loop of a size under a name of its own.
+
+    Numba tells symbols apart by name, signature and a number that each process counts by itself. Loops of one name that
+    two processes have compiled side by side may have one symbol, and the linker takes either for both.
+    """
+
+    def named(loop: Callable[..., Any]) -> Callable[..., Any]:
+        loop.__qualname__ += f"_{of_k}"
+        return loop
+
+    return named
+
+
 def _adder(of_m: int, of_k: int) -> Callable[..., Any]:
     """Y += L^-1 B'A, N += A'A and gradient += A'(v - B L^-T y) for a part of a ray."""
 
     @njit("void(int64, int64, int64, int64, int64, int64, int64, float64, float64, float64, float64, float64, float64, "
           "float64, float64, float64, float64, float64, float64[:,::1], float64[:,:,::1], float64[:,:,::1], "
           "float64[:,::1], float64[:,::1], float64[::1])", **INNER)  # fmt: skip
+    @_sized(of_k)
     def add(m, k, r, s, row, o, c, f0, f1, f2, i1, i2, l1, l2, l4, y0, y1, y2, v, A, B, Y, N, g):
         m, k = of_m if of_m else m, of_k if of_k else k
         if s < 0 or o < 0 or c < 0 or row < 0 or r < 0:  # never so, see above
@@ -59,6 +74,7 @@ def _into_front(of_k: int) -> Callable[..., Any]:
     """Front += N - S, and the diagonal, for the places of a group, of k unknowns each."""
 
     @njit("void(int64, int64[:,::1], float64[:,::1], float64[:,::1], float64[::1,:], float64[::1])", **INNER)
+    @_sized(of_k)
     def group(n, places, S, N, F, diagonal):
         for q in range(n):
             k = of_k if of_k else places[1, q + 1] - places[1, q]
@@ -81,6 +97,7 @@ def _onto(of_m: int, of_k: int) -> Callable[..., Any]:
 
     @njit("void(int64, int64, int64, int64, int64, int64, float64, float64, float64, float64, float64, float64, float64, "
           "float64, float64[:,:,::1], float64[:,:,::1], float64[:,::1])", **INNER)  # fmt: skip
+    @_sized(of_k)
     def onto(m, k, r, s, o, j, f0, f1, f2, i1, i2, l1, l2, l4, A, B, Z):
         m, k = of_m if of_m else m, of_k if of_k else k
         if s < 0 or o < 0 or r < 0 or j < 0:  # never so, see above
@@ -104,6 +121,7 @@ def _product(of_m: int, of_k: int) -> Callable[..., Any]:
 
     @njit("void(int64, int64, int64, int64, int64, int64, int64, int64, float64[:,::1], float64[:,:,::1], float64[:,::1])",
           **INNER)  # fmt: skip
+    @_sized(of_k)
     def multiply(m, k, of_other, r, s, o, e, t, S, A, half):
         m, k, of_other = of_m if of_m else m, of_k if of_k else k, of_k if of_k else of_other
         if s < 0 or o < 0 or r < 0 or e < 0 or t < 0:  # never so, see above
@@ -123,6 +141,7 @@ def _gatherer(of_k: int) -> Callable[..., Any]:
     """The part of S of a group's places, of k unknowns each."""
 
     @njit("void(int64, int64[:,::1], float64[::1,:], float64[:,::1])", **INNER)
+    @_sized(of_k)
     def copy(n, places, S, part_S):
         for q in range(n):
             for b in range(of_k if of_k else places[1, q + 1] - places[1, q]):

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -193,3 +194,13 @@ def test_a_kernel_that_is_compiled_while_a_stage_is_made_is_told_once() -> None:
         numba.njit("float64(float64)")(lambda x: 3.0 * x)
     numba.njit("float64(float64)")(lambda x: x)
     assert told == [(0, 0, "compiling test_kernel_cache, once: this block is the first to need it")]
+
+
+def test_each_kernel_has_a_name_of_its_own_for_symbols_of_two_processes_are_linked_by_name() -> None:
+    """Three loops called `add` of one signature, compiled by two processes, gave an elimination that was wrong."""
+    files = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
+    modules = [".".join(("aatri", *file.relative_to(PACKAGE).with_suffix("").parts)) for file in files]
+    kernels = {id(v): v for m in modules for v in vars(importlib.import_module(m)).values() if hasattr(v, "py_func")}
+    names = Counter((v.py_func.__module__, v.py_func.__qualname__) for v in kernels.values())
+    assert len(names) > 100
+    assert [name for name, count in names.items() if count > 1] == []
