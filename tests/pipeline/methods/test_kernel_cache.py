@@ -196,6 +196,7 @@ def test_a_kernel_that_is_compiled_while_a_stage_is_made_is_told_once() -> None:
     assert told == [(0, 0, "compiling test_kernel_cache, once: this block is the first to need it")]
 
 
+@pytest.mark.slow
 def test_each_kernel_has_a_name_of_its_own_for_symbols_of_two_processes_are_linked_by_name() -> None:
     """Three loops called `add` of one signature, compiled by two processes, gave an elimination that was wrong."""
     files = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
