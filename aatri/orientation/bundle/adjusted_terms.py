@@ -37,6 +37,10 @@ SAME, IDEAL_MM = 1e-4, 1e-6
 
 MOST_ROUNDS = 10
 
+FARTHEST = 0.1
+"""Part of c by which an adjusted coordinate is at most off the measured one: beyond it (6 degrees) the point is
+another, and the seventh power of a coordinate metres off would outweigh all others of its column."""
+
 
 def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:
     """Adjust a block with terms at coordinates that are adjusted.
@@ -101,6 +105,8 @@ def _formed(block: BundleInput, state: State, most: float = np.inf) -> BundleInp
     size = np.abs(v[used]) / o.records.sigmas()[used]
     if 2 * used.sum() < o.records.active.sum() or not size.size or np.median(size) > most:
         return None
+    farthest_mm = FARTHEST * block.rays.c_mm[:, None]
+    v = np.clip(v, -farthest_mm, farthest_mm)
     xy_mm = np.where(np.isfinite(block.rays.xy_mm + v), block.rays.xy_mm + v, 0.0)
     correction = np.zeros_like(xy_mm)
     for p in block.parameters:

@@ -19,7 +19,7 @@ from aatri.orientation.bundle.blunders import robust_start, tested_block
 from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
-from aatri.orientation.bundle.blunders.scaling import Classes
+from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
@@ -124,3 +124,15 @@ def test_plan_and_height_of_few_control_points_tell_their_scale_together() -> No
         np.array([1.0, 2.6, 1.0, 1.0]), np.array([190.0, 3.5, 1.3, 14.0]), np.array([True, True, False, True])
     )
     assert classes.in_small_kinds(scales).tolist() == [False, True, True, False]
+
+
+def test_a_class_that_goes_back_to_its_standard_deviations_has_those_given() -> None:
+    """Not a factor of 1 - 1e-16, which would be told as a change."""
+    names = ("image_point", "position")
+    larger = Scaling(Classes(names, np.arange(2), ()), np.array([1.0, 49.0]))
+    back = ClassScales(np.array([1.0, 1.0 / 49.2]), np.array([900.0, 90.0]), np.array([True, True]))
+    after, factor = larger.after(back)
+    assert 49.0 * (1.0 / 49.0) != 1.0
+    assert not after.changed.any()
+    assert after.notes(of_result=True) == []
+    np.testing.assert_allclose(factor, [1.0, 1.0 / 49.0], rtol=1e-15)

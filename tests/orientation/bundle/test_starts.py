@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,9 +13,12 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.object_space import object_space_records
+from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import Positions
 from aatri.orientation.bundle import from_afar
+from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
@@ -248,3 +251,38 @@ def test_a_block_that_its_positions_hardly_level_turns_at_few_steps() -> None:
     turned = replace(parts, poses=poses, xyz_m=(parts.xyz_m - middle) @ R.T + middle, positions=positions)
     result = adjust_bundle(turned)
     assert len(result.adjusted.history) <= 12
+
+
+def test_a_ray_metres_off_its_point_does_not_take_the_column_of_a_parameter() -> None:
+    """A point of another number near the horizon of an image: the film ends where 6 degrees more end."""
+    made = made_bundle(start_error=0.0)
+    rays, xyz = made.rays, made.xyz_m.copy()
+    spoilt = int(np.flatnonzero(rays.image == 2)[0])
+    x, y, z = made.poses.position_m[2]
+    far = np.vstack([xyz, [x + 60_000.0, y, z - 1_200.0]])
+    point = rays.point.copy()
+    point[spoilt] = len(xyz)
+
+    def seventh_power(xy_mm: np.ndarray) -> np.ndarray:
+        return ((xy_mm / 115.0) ** 7)[:, :, None]
+
+    lens = ParameterRows(
+        "additional", np.array(["k1"]), ("k",), *(np.full((1, 1), v) for v in (0.0, True, 0.0)), np.ones((1, 1, 1)),
+        np.zeros((1, 1), bool), np.zeros(len(rays.point), np.int32), seventh_power(rays.xy_mm), terms=seventh_power,
+    )  # fmt: skip
+    block = replace(
+        made, rays=replace(rays, point=point), xyz_m=far, point_ids=[*made.point_ids, "far"], parameters=(lens,)
+    ).together()
+    formed: list[BundleInput] = []
+
+    def adjust(block: BundleInput) -> BundleResult:
+        formed.append(block)
+        return cast(BundleResult, None)
+
+    adjusted_with_terms(block, adjust, adjust)
+    assert len(formed) == 1, "the start fits"
+    basis = formed[0].parameters[0].basis
+    assert basis is not None
+    assert np.abs(basis).max() <= ((115.0 + 0.1 * 150.0) / 115.0) ** 7
+    others = np.arange(len(rays.point)) != spoilt
+    np.testing.assert_allclose(basis[others], seventh_power(rays.xy_mm)[others], rtol=0, atol=7 * 5 * 0.01 / 115.0)

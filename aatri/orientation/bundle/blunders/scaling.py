@@ -202,13 +202,14 @@ class Scaling:
         near_a_priori = changed_class & (
             np.abs(np.log(self.factor * factor)) < np.log(MATTERS)
         )  # after others have been set right
-        factor = np.where(near_a_priori, 1.0 / self.factor, factor)
-        error_free = self.factor * factor < NO_ERRORS
+        after = np.where(near_a_priori, 1.0, self.factor * factor)
+        error_free = after < NO_ERRORS
         if self.without_errors is not None:
             error_free |= self.without_errors
-        factor = np.where(error_free, 1.0 / self.factor, factor)
+        after = np.where(error_free, 1.0, after)
+        factor = after / self.factor
         remaining = replace(scales, scale=np.where(error_free, 1.0, scales.scale / factor))
-        return Scaling(self.classes, self.factor * factor, remaining, error_free), factor
+        return Scaling(self.classes, after, remaining, error_free), factor
 
     @property
     def changed(self) -> Bool:
