@@ -9,6 +9,7 @@ bounded size; and with exactly the declared names.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -229,8 +230,13 @@ def _describe_by(owner: h5py.HLObject, **texts: str) -> None:
     one_value = h5py.h5s.create(h5py.h5s.SCALAR)
     for name, text in texts.items():
         data = np.array(text.encode())
-        kind = h5py.h5t.py_create(h5py.string_dtype("utf-8", max(1, data.itemsize)), logical=True)
+        kind = _text_type(max(1, data.itemsize))
         h5py.h5a.create(owner.id, name.encode(), kind, one_value).write(data, mtype=kind)
+
+
+@cache
+def _text_type(width: int) -> h5py.h5t.TypeID:
+    return h5py.h5t.py_create(h5py.string_dtype("utf-8", width), logical=True)
 
 
 def _of_fixed_width(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -278,16 +284,19 @@ def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
     if missing:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
     return cls(
-        **{name: _read_column(group[name], c, f"{where}/{name}") for name, c in declared.items() if name in present}
+        **{name: _read_column(group, name, c, f"{where}/{name}") for name, c in declared.items() if name in present}
     )
 
 
-def _read_column(dataset: h5py.Dataset, declared: Column, where: str) -> npt.NDArray[Any]:
-    values = dataset[()] if dataset.size else np.zeros(dataset.shape, dataset.dtype)  # HDF5 takes its time over nothing
+def _read_column(group: h5py.Group, name: str, declared: Column, where: str) -> npt.NDArray[Any]:
+    """By the lower level: most of the time of small files goes by objects of h5py."""
+    dataset = h5py.h5d.open(group.id, name.encode())
+    values = np.zeros(dataset.shape, dataset.dtype)
+    if values.size:  # HDF5 takes its time over nothing
+        dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values)
     if declared.dtype == "str":
-        text = h5py.check_string_dtype(dataset.dtype)
-        if text is None:
-            raise ArtifactError(f"holds {dataset.dtype}, not text", where=where)
+        if h5py.check_string_dtype(values.dtype) is None:
+            raise ArtifactError(f"holds {values.dtype}, not text", where=where)
         return decoded(np.asarray(values, dtype=np.bytes_))
     if values.dtype != np.dtype(DTYPES[declared.dtype]):
         raise ArtifactError(f"holds {values.dtype}, not {declared.dtype}", where=where)

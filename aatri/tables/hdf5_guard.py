@@ -128,7 +128,7 @@ def _attributes(owner: Any, where: str) -> None:
     for k in range(count):
         attribute = h5py.h5a.open(owner, index=k)
         kind = attribute.get_type()
-        if attribute.shape != () or attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
+        if attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
             raise ArtifactError(f"attribute {_name(attribute)} is not one value", where=where)
         if kind.get_class() != h5py.h5t.STRING:
             _dtype(kind, f"{where}, attribute {_name(attribute)}")

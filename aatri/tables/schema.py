@@ -14,9 +14,12 @@ number -1 does. Infinities are never allowed.
 """
 
 import dataclasses
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from html import escape
-from typing import Any, ClassVar, Self
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +28,8 @@ from aatri.errors import ArtifactError
 from aatri.ids import several
 from aatri.tables.offers import Offer
 from aatri.units import DASH
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
 ATTRIBUTE_TYPES = (str, int, float, bool)
@@ -225,9 +230,15 @@ def _of_rows(values: npt.NDArray[Any] | None, declared: Column, n: int) -> npt.N
     return values if _has_rows(values, declared) else np.broadcast_to(values, (n, *declared.shape))
 
 
-def columns_of(cls: type[Table]) -> dict[str, Column]:
+def _computed_once(function: F) -> F:
+    """A function of a class, kept by class; `cache` alone hides its types."""
+    return cast(F, cache(function))
+
+
+@_computed_once
+def columns_of(cls: type[Table]) -> Mapping[str, Column]:
     """The declared columns of a table, in order."""
-    return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
+    return MappingProxyType({f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata})
 
 
 def same_rows(a: object, b: object) -> bool:
@@ -238,17 +249,21 @@ def same_rows(a: object, b: object) -> bool:
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
 
 
+@_computed_once
 def may_be_absent(cls: type[Table], name: str) -> bool:
     """Whether a column need not be given."""
     return any(f.name == name and f.default is None for f in dataclasses.fields(cls))
 
 
-def attributes_of(cls: type[Artifact]) -> dict[str, Attribute]:
+@_computed_once
+def attributes_of(cls: type[Artifact]) -> Mapping[str, Attribute]:
     """The declared attributes of an artifact, in order."""
-    return {f.name: f.metadata["attribute"] for f in dataclasses.fields(cls) if "attribute" in f.metadata}
+    stated = {f.name: f.metadata["attribute"] for f in dataclasses.fields(cls) if "attribute" in f.metadata}
+    return MappingProxyType(stated)
 
 
-def tables_of(cls: type[Artifact]) -> dict[str, type[Table]]:
+@_computed_once
+def tables_of(cls: type[Artifact]) -> Mapping[str, type[Table]]:
     """The declared tables of an artifact, in order."""
     import typing
 
@@ -258,9 +273,10 @@ def tables_of(cls: type[Artifact]) -> dict[str, type[Table]]:
         if "table" in f.metadata:
             kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
             tables[f.name] = kinds[0]
-    return tables
+    return MappingProxyType(tables)
 
 
+@_computed_once
 def is_optional(cls: type[Artifact], name: str) -> bool:
     """Whether the table may be absent."""
     return any(f.name == name and f.default is None for f in dataclasses.fields(cls))

@@ -48,7 +48,7 @@ class CodeReader:
         self._files: dict[str, dict[str, Any]] = {}
         self._codes: dict[tuple[str, Path], Code] = {}
         self._imported: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
-        self._places: dict[tuple[str, str], tuple[str, str] | None] = {}
+        self._places: dict[str, dict[str, tuple[str, str] | None]] = {}  # by own root and dotted name
         self._folders: dict[str, frozenset[str]] = {}
 
     def code_of(self, module: str, path: Path) -> Code:
@@ -105,16 +105,14 @@ class CodeReader:
     ) -> list[tuple[str, str]]:
         """The modules of the roots that a file imports, or imports `at_once`."""
         if (file, own, kind) not in self._imported:
-            names = {_absolute(level, imported, name) for level, imported in self._file(file)[kind]}
-            located = (self._place_of(imported, own, roots) for imported in sorted(names))
+            names = {
+                _absolute(level, imported, name) if level else imported for level, imported in self._file(file)[kind]
+            }
+            places = self._places.setdefault(own, {})
+            places.update({unseen: self._locate(unseen, roots) for unseen in names if unseen not in places})
+            located = (places[imported] for imported in sorted(names))
             self._imported[file, own, kind] = list(dict.fromkeys(module for module in located if module is not None))
         return self._imported[file, own, kind]
-
-    def _place_of(self, name: str, own: str, roots: Mapping[str, str]) -> tuple[str, str] | None:
-        """Module and file of a dotted name, looked for once."""
-        if (name, own) not in self._places:
-            self._places[name, own] = self._locate(name, roots)
-        return self._places[name, own]
 
     def _locate(self, name: str, roots: Mapping[str, str]) -> tuple[str, str] | None:
         """Module and file of a dotted name, or of the module that it is an attribute of; packages are not followed."""
@@ -152,8 +150,8 @@ def _own_root(module: str, path: Path) -> tuple[str, Path]:
 
 
 def _absolute(level: int, name: str, module: str) -> str:
-    """The dotted name of an import; `level` dots go up from the module that has it."""
-    return ".".join([*module.split(".")[:-level], name]) if level else name
+    """The dotted name of a relative import; `level` dots go up from the module that has it."""
+    return ".".join([*module.split(".")[:-level], name])
 
 
 def _read(path: Path) -> dict[str, Any]:
