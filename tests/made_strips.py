@@ -219,9 +219,9 @@ class MadeBlock:
 
 
 def _tables():
-    from aatri.tables.schema import is_optional, tables_of
+    from aatri.tables.schema import may_be_absent, tables_of
 
-    return {name: cls for name, cls in tables_of(Block).items() if not is_optional(Block, name)}
+    return {name: cls for name, cls in tables_of(Block).items() if not may_be_absent(Block, name)}
 
 
 class Heard:

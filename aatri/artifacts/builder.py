@@ -45,7 +45,7 @@ from aatri.artifacts.block import (
 )
 from aatri.errors import InputError
 from aatri.ids import printable
-from aatri.tables.schema import Table, columns_of, is_optional, tables_of
+from aatri.tables.schema import Table, columns_of, may_be_absent, tables_of
 
 Columns = Mapping[str, Any]
 """Columns of a table by name."""
@@ -134,7 +134,7 @@ def block_of(
         tables["ground_point_covariances"] = _between_points(ground_point_covariances, orders["ground_points"])
     if geodetic and geodetic_covariances:
         tables["geodetic_covariances"] = _between_sights(geodetic_covariances, orders["geodetic"])
-    empty = {key: kind.empty() for key, kind in tables_of(Block).items() if not is_optional(Block, key)}
+    empty = {key: kind.empty() for key, kind in tables_of(Block).items() if not may_be_absent(Block, key)}
     return Block(name=name, **{**PLAIN, **empty, "files": Files(path=_texts_in(paths)), **tables, **others})
 
 

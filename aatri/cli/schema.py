@@ -181,7 +181,7 @@ def artifacts_schema(registry: Registry) -> dict[str, Any]:
 def _artifact_schema(kind: type[Artifact]) -> dict[str, Any]:
     from typing import get_type_hints
 
-    from aatri.tables.schema import attributes_of, is_optional, tables_of
+    from aatri.tables.schema import attributes_of, may_be_absent, tables_of
 
     types = {str: "string", int: "integer", float: ["number", "null"], bool: "boolean"}
     hints, tables = get_type_hints(kind), tables_of(kind)
@@ -195,7 +195,7 @@ def _artifact_schema(kind: type[Artifact]) -> dict[str, Any]:
         "description": _first_line(kind),
         "additionalProperties": False,
         "properties": {**head, **attributes, **{name: _table_schema(table) for name, table in tables.items()}},
-        "required": [*head, *attributes, *(name for name in tables if not is_optional(kind, name))],
+        "required": [*head, *attributes, *(name for name in tables if not may_be_absent(kind, name))],
     }
 
 

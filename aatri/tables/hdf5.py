@@ -30,7 +30,6 @@ from aatri.tables.schema import (
     attributes_of,
     column,
     columns_of,
-    is_optional,
     may_be_absent,
     tables_of,
 )
@@ -40,10 +39,7 @@ A = TypeVar("A", bound=Artifact)
 
 IN_MEMORY_BYTES = 1 << 29
 """Up to this size a file is put together in memory: HDF5 crashes the process if the disk fails it while it writes."""
-
 _LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a crash refuses to open
-
-
 NOTES = "notes"
 
 
@@ -266,11 +262,11 @@ def _read(file: h5py.File, cls: type[A], path: str, only: Collection[str] | None
         if name not in declared and name != NOTES:
             raise ArtifactError(f"{kind} has an unknown table {name!r}{did_you_mean(name, declared)}", where=path)
     for name, table_cls in declared.items():
-        if only is not None and name not in only and not is_optional(cls, name):
+        if only is not None and name not in only and not may_be_absent(cls, name):
             fields[name] = table_cls.empty()
         elif name in present and (only is None or name in only):
             fields[name] = _read_table(file[name], table_cls, f"{path}:{name}")
-        elif not is_optional(cls, name):
+        elif not may_be_absent(cls, name):
             raise ArtifactError(f"{kind} without table {name}", where=path)
     return cls(**fields)
 

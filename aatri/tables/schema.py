@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from html import escape
-from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
@@ -182,7 +181,7 @@ class Artifact:
                 raise ArtifactError(f"{self.kind}.{name} is {value!r}, not a text, number or truth value")
         for name in tables_of(type(self)):
             value = getattr(self, name)
-            if not isinstance(value, Table) and not (value is None and is_optional(type(self), name)):
+            if not isinstance(value, Table) and not (value is None and may_be_absent(type(self), name)):
                 raise ArtifactError(f"{self.kind}.{name} is {type(value).__name__}, not a table")
         self._check_references()
 
@@ -238,7 +237,7 @@ def _computed_once(function: F) -> F:
 @_computed_once
 def columns_of(cls: type[Table]) -> Mapping[str, Column]:
     """The declared columns of a table, in order."""
-    return MappingProxyType({f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata})
+    return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
 
 
 def same_rows(a: object, b: object) -> bool:
@@ -250,16 +249,15 @@ def same_rows(a: object, b: object) -> bool:
 
 
 @_computed_once
-def may_be_absent(cls: type[Table], name: str) -> bool:
-    """Whether a column need not be given."""
+def may_be_absent(cls: type[Table] | type[Artifact], name: str) -> bool:
+    """Whether a column of a table, or a table of an artifact, need not be given."""
     return any(f.name == name and f.default is None for f in dataclasses.fields(cls))
 
 
 @_computed_once
 def attributes_of(cls: type[Artifact]) -> Mapping[str, Attribute]:
     """The declared attributes of an artifact, in order."""
-    stated = {f.name: f.metadata["attribute"] for f in dataclasses.fields(cls) if "attribute" in f.metadata}
-    return MappingProxyType(stated)
+    return {f.name: f.metadata["attribute"] for f in dataclasses.fields(cls) if "attribute" in f.metadata}
 
 
 @_computed_once
@@ -273,13 +271,7 @@ def tables_of(cls: type[Artifact]) -> Mapping[str, type[Table]]:
         if "table" in f.metadata:
             kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
             tables[f.name] = kinds[0]
-    return MappingProxyType(tables)
-
-
-@_computed_once
-def is_optional(cls: type[Artifact], name: str) -> bool:
-    """Whether the table may be absent."""
-    return any(f.name == name and f.default is None for f in dataclasses.fields(cls))
+    return tables
 
 
 def _checked(table_name: str, name: str, declared: Column, values: Any) -> npt.NDArray[Any]:

@@ -18,7 +18,7 @@ import pytest
 from aatri.artifacts.kinds import KINDS
 from aatri.pipeline.methods.registry import Registry, find_stages
 from aatri.plugin import StageCard
-from aatri.tables.schema import Artifact, Column, attributes_of, columns_of, is_optional, tables_of
+from aatri.tables.schema import Artifact, Column, attributes_of, columns_of, may_be_absent, tables_of
 
 PAGES = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- written by APPROVE=1 pytest tests/acceptance/test_reference_pages.py -->"
@@ -41,7 +41,7 @@ def artifacts_page() -> str:
         lines += [f"## {kind.kind}", "", f"Schema {kind.schema_version}. {_first(kind)}", ""]
         lines += [f"`from {kind.__module__} import {kind.__name__}`", "", *_attributes(kind)]
         for name, table in tables_of(kind).items():
-            may = ", optional" if is_optional(kind, name) else ""
+            may = ", optional" if may_be_absent(kind, name) else ""
             lines += [
                 f"### `{name}`{may}",
                 "",

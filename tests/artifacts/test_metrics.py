@@ -14,7 +14,7 @@ from aatri.artifacts import models as m
 from aatri.artifacts import solution as s
 from aatri.artifacts import strips as st
 from aatri.artifacts.suspects import Suspects
-from aatri.tables.schema import DTYPES, columns_of, is_optional, tables_of
+from aatri.tables.schema import DTYPES, columns_of, may_be_absent, tables_of
 from tests.made_solutions import made_block, made_solution
 
 
@@ -26,7 +26,7 @@ def rows(cls: Any, n: int, **given: Any) -> Any:
 
 def artifact(cls: Any, **given: Any) -> Any:
     """An artifact whose other tables are empty."""
-    blank = {name: kind.empty() for name, kind in tables_of(cls).items() if not is_optional(cls, name)}
+    blank = {name: kind.empty() for name, kind in tables_of(cls).items() if not may_be_absent(cls, name)}
     return cls(**(blank | given))
 
 
