@@ -20,6 +20,8 @@ CONTRADICTION = "the result contradicts its own tests"
 REJECTED = "rejected as gross errors"
 """What a warning says of observations that the report names by the suspects of the result."""
 
+EXCHANGED = "these two fit if their numbers are exchanged"
+"""What a warning says of two observations whose exchange `aatri edit` proposes."""
 
 FAR_OFF = "far off what their standard deviations allow"
 """What a warning says of check points that a light of the report names."""

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import global_test
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
@@ -50,8 +51,8 @@ def judgement(run: RunView) -> str:
         _far_off(run.last(Evaluation)),
         not_oriented(solution),
         "" if to_follow else _sigma0(solutions[-1].metrics),
-        *wrong_observations(solution).values(),
-        _image_points_left_out(solution),
+        *wrong_observations(solution, MOST_NAMED).values(),
+        _of_image_points(solution, _image_points_left_out(solution)),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
 
@@ -139,8 +140,8 @@ def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
     return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1){follows}."
 
 
-def wrong_observations(solution: Solution) -> dict[str, str]:
-    """A sentence for each kind of observation that is left out, the worst by name.
+def wrong_observations(solution: Solution, most: int) -> dict[str, str]:
+    """A sentence for each kind of observation that is left out, the worst by name, so many at most.
 
     Image points have a sentence of their own, and so have the ties that are made of them.
     """
@@ -149,13 +150,17 @@ def wrong_observations(solution: Solution) -> dict[str, str]:
     of_images = ("image_point", "model_tie", "strip_tie") if len(solution.images) else ("image_point",)
     for kind in np.unique(s.kind[out & ~np.isin(s.kind, of_images)]).tolist():
         rows = np.flatnonzero(out & (s.kind == kind))
-        rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
         head = f"One {spoken(kind)} is left out" if len(rows) == 1 else f"{counted(len(rows), kind)} are left out"
-        named = "; ".join(_named(s, k) for k in rows[:MOST_NAMED].tolist())
-        more = " ..." if len(rows) > MOST_NAMED else ""
         undecided = " (nothing tells which of them is wrong)" if (s.verdict[rows] == "undecidable").any() else ""
-        sentences[kind] = f"{head}: {named}{more}{undecided}."
+        sentences[kind] = f"{head}: {_worst(s, rows, most)}{undecided}."
     return sentences
+
+
+def wrong_image_points(solution: Solution, most: int) -> str:
+    """How many image points are left out, the worst by name, so many at most; empty where there are none."""
+    rows = _image_points_left_out(solution)
+    head = _of_image_points(solution, rows).rstrip(".")
+    return f"{head}: {_worst(solution.suspects, rows, most)}." if head else ""
 
 
 def not_oriented(solution: Solution) -> str:
@@ -167,20 +172,32 @@ def not_oriented(solution: Solution) -> str:
     return f"{count} not oriented: {shown(missing.tolist(), MOST_NAMED)}."
 
 
-def _image_points_left_out(solution: Solution) -> str:
-    out = int((staying_out(solution.suspects) & (solution.suspects.kind == "image_point")).sum())
-    used = int(solution.images.image_points.sum())
-    return f"{number(out)} of {number(out + used)} image points {'is' if out == 1 else 'are'} left out." if out else ""
+def _image_points_left_out(solution: Solution) -> Int:
+    return np.flatnonzero(staying_out(solution.suspects) & (solution.suspects.kind == "image_point"))
+
+
+def _of_image_points(solution: Solution, out: Int) -> str:
+    of = number(len(out) + int(solution.images.image_points.sum()))
+    return f"{number(len(out))} of {of} image points {'is' if len(out) == 1 else 'are'} left out." if len(out) else ""
+
+
+def _worst(s: Suspects, rows: Int, most: int) -> str:
+    """Names and sizes, the largest test first: `GCP27, 1.03 m in height; GCP05, 81 mm in X; and 2 more`."""
+    rows = rows[np.argsort(-np.nan_to_num(s.test[rows]), kind="stable")]
+    more = [f"and {number(len(rows) - most)} more"] if len(rows) > most else []
+    return "; ".join([_named(s, k) for k in rows[:most].tolist()] + more)
 
 
 def _named(s: Suspects, k: int) -> str:
     """`GCP27, 1.03 m in height`."""
-    name = " ".join(text for text in (str(s.image[k]), str(s.point[k])) if text)
+    name = "/".join(text for text in (str(s.image[k]), str(s.point[k])) if text)
     size, unit = float(s.size[k]), str(s.unit[k])
     if not np.isfinite(size):
         return name
     if unit == "rad":
         return f"{name}, {small_angle(size)}"
+    if unit == "mm":
+        return f"{name}, {together([size * 1e-3])}"
     if unit != "m":
         return f"{name}, {size:.3g} {unit}"
     in_axes = s.kind[k] in ("control", "position") and size > 0

@@ -32,7 +32,7 @@ from aatri.report.drawing.picture import COLOURS
 from aatri.report.drawing.svg import drawn
 from aatri.report.facts import accuracy_statement, facts
 from aatri.report.judgement import judgement
-from aatri.report.problems import problems
+from aatri.report.problems import in_words, problems
 from aatri.report.questions import questions
 from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.section import section
@@ -120,8 +120,8 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"number": number, "seconds": seconds, "moment": moment, "coded": _coded, "drawn": drawn}
-    environment.filters |= filters
+    texts: dict[str, Any] = {"number": number, "seconds": seconds, "moment": moment, "in_words": in_words}
+    environment.filters |= texts | {"coded": _coded, "drawn": drawn}
     return environment
 
 

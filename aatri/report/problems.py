@@ -8,8 +8,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.notes import CONTRADICTION, FAR_OFF, REJECTED
-from aatri.report.judgement import not_oriented, wrong_observations
+from aatri.notes import CONTRADICTION, EXCHANGED, FAR_OFF, REJECTED
+from aatri.report.judgement import not_oriented, wrong_image_points, wrong_observations
 from aatri.report.verdict import BAD, LOOK, Light
 from aatri.report.view.numbers import NOUNS, spoken
 from aatri.report.view.run_view import RunView
@@ -32,6 +32,10 @@ OF_OBSERVATIONS = {
     "control": "compare numbers and coordinates with their source, then measure again in the images",
     "position": "compare times and antenna with the record of the flight",
 }
+MOST_NAMED = 10
+"""Of what is left out by name; the section has the others."""
+OF_EXCHANGE = ("`aatri edit` proposes the exchange", "tests")
+OF_IMAGE_POINTS = "measure them again; `aatri edit` proposes how to set them right"
 OTHERWISE = "compare with the field book or the measurement"
 REMEDIES = {
     "Convergence": ("see at which iteration it stays; a better start or fewer free parameters help", "convergence"),
@@ -56,7 +60,7 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
     ]
     failures += _unreadable(run)
     warnings = [
-        ReportedProblem(_in_words(str(w["message"])), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()
+        ReportedProblem(in_words(str(w["message"])), stage=str(w["stage"])) for w in run.overview.get("warnings") or ()
     ]
     warnings += _of_stages(run)
     contradictions = [warning for warning in warnings if CONTRADICTION in warning.text.lower()]
@@ -84,14 +88,19 @@ def _of_stages(run: RunView) -> list[ReportedProblem]:
     evaluations = [stage for stage in run.of_kind(Evaluation) if not earlier & set(stage.inputs.values())]
     asked = [*run.of_kind(Block), *solutions[-1:], *evaluations] if solutions else run.stages
     return [
-        ReportedProblem(_in_words(str(warning)), stage=stage.name)
+        _of_warning(str(warning), stage.name)
         for stage in asked
         for warning in (stage.record or {}).get("warnings", ())
         if REJECTED not in warning and FAR_OFF not in warning  # of them observations and a light tell
     ]
 
 
-def _in_words(warning: str) -> str:
+def _of_warning(warning: str, stage: str) -> ReportedProblem:
+    remedy, section = OF_EXCHANGE if EXCHANGED in warning else ("", "")
+    return ReportedProblem(in_words(warning), remedy, stage, section)
+
+
+def in_words(warning: str) -> str:
     """A warning as a sentence: kinds of observations have names (`image_point: 3 of 9 ...`), a first word is capital.
 
     A word with a colon behind it may be an id, and ids stay as they are.
@@ -123,8 +132,10 @@ def _of_solution(run: RunView) -> list[ReportedProblem]:
         ReportedProblem(
             text, f"{OF_OBSERVATIONS.get(kind, OTHERWISE)}; `aatri edit` proposes how to set it right", stage, "tests"
         )
-        for kind, text in wrong_observations(solution).items()
+        for kind, text in wrong_observations(solution, MOST_NAMED).items()
     ]
+    if text := wrong_image_points(solution, MOST_NAMED):
+        made.append(ReportedProblem(text, OF_IMAGE_POINTS, stage, "tests"))
     if text := not_oriented(solution):
         made.append(ReportedProblem(text, "see their ties; the log of the stage says why", stage, "ties"))
     return made

@@ -12,7 +12,7 @@ import pytest
 from aatri.artifacts.block import CHECK
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
-from aatri.notes import REJECTED
+from aatri.notes import EXCHANGED, REJECTED
 from aatri.report.facts import accuracy_statement
 from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
@@ -70,6 +70,31 @@ def test_one_wrong_control_point_is_named_with_its_size_and_direction(tmp_path: 
     assert page["problems"][0]["text"] == "One control point is left out: GCP27, 1.03 m in height."
 
 
+def test_image_points_left_out_are_named_the_worst_first_and_the_rest_is_counted(tmp_path: Path) -> None:
+    sizes = [0.012 + 0.001 * k for k in range(11)] + [4.9]
+    suspects = _suspects("image_point", "rejected", *((f"p{k:02d}", size, (0, 0, 0)) for k, size in enumerate(sizes)))
+    suspects = replace(suspects, image=np.array(["0203"] * 12), unit=np.array(["mm"] * 12))
+    page = _page(tmp_path, suspects=suspects)
+    used = int(made_solution(made_block()).images.image_points.sum())
+    head = f"12 of {used + 12} image points are left out"
+    assert f"{head}." in page["judgement"]
+    (told,) = (problem for problem in page["problems"] if problem["text"].startswith(head))
+    assert told["text"].startswith(f"{head}: 0203/p11, 4.90 mm; 0203/p10, 22.0 um; 0203/p09, 21.0 um;")
+    assert told["text"].endswith("; 0203/p02, 14.0 um; and 2 more.")
+    assert told["section"] == "tests"
+    assert "aatri edit" in told["remedy"]
+
+
+def test_what_fits_with_exchanged_numbers_has_a_remedy(tmp_path: Path) -> None:
+    write_report(make_run(tmp_path / "run", made_artifacts(), warnings=[f"image_point: {EXCHANGED}: a/1, a/2"]))
+    problems = json.loads((tmp_path / "run" / "report.json").read_text())["problems"]
+    told = next(problem for problem in problems if EXCHANGED in problem["text"])
+    assert told["text"] == f"Image points: {EXCHANGED}: a/1, a/2"
+    assert told["remedy"] == "`aatri edit` proposes the exchange"
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert page.count(f"image_point: {EXCHANGED}") == 0  # nor with its stage
+
+
 @pytest.mark.parametrize(("kind", "state"), [("strip_tie", "good"), ("image_point", "look")])
 def test_ties_of_strips_that_were_left_out_on_the_way_are_no_suspects_of_the_bundle(
     tmp_path: Path, kind: str, state: str
@@ -85,9 +110,9 @@ def test_a_point_that_models_without_images_leave_out_is_named(tmp_path: Path) -
     suspects = _suspects("model_tie", "rejected", ("302", 1.03, (0.05, 0.0, -1.02)))
     told = "One model point is left out: 302, 1.03 m."
     block = made_block()
-    assert wrong_observations(replace(made_solution(block), suspects=suspects)) == {}
+    assert wrong_observations(replace(made_solution(block), suspects=suspects), 3) == {}
     none = made_solution(block).images.take(np.zeros(0, dtype=np.int64))
-    assert wrong_observations(replace(made_solution(block), suspects=suspects, images=none)) == {"model_tie": told}
+    assert wrong_observations(replace(made_solution(block), suspects=suspects, images=none), 3) == {"model_tie": told}
 
 
 def test_an_error_along_no_axis_is_in_none_and_what_is_undecidable_is_said_so(tmp_path: Path) -> None:

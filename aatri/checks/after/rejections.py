@@ -14,7 +14,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import SMALL_TEST
 from aatri.ids import several
-from aatri.notes import REJECTED, Note
+from aatri.notes import EXCHANGED, REJECTED, Note
 from aatri.observations.control import control_of
 
 
@@ -125,7 +125,7 @@ def exchanged_proposals(proposed: ProposedNumbers, before: Suspects) -> list[Not
         told_before = before.row[(before.kind == kind) & (before.verdict == "rejected")]
         if of_rays[pair].any() or not np.isin(proposed.row[pair], told_before).all():
             ids = tuple(sorted(names[pair].tolist()))
-            notes.append(Note("warning", f"{kind}: these two fit if their numbers are exchanged", ids))
+            notes.append(Note("warning", f"{kind}: {EXCHANGED}", ids))
     return notes
 
 

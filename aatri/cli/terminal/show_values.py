@@ -1,5 +1,6 @@
 """Values of a table, as `aatri show RUN:STAGE TABLE` prints them."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ def say_values(path: Path, kind: str, table: str, most: int | None, *, json: boo
         So many rows, the rest is counted; None: all.
     """
     from aatri.artifacts.kinds import KINDS
+    from aatri.formats.results.column_names import sigma_columns
     from aatri.formats.results.readable import as_records, readable
     from aatri.tables.hdf5 import read
 
@@ -32,16 +34,34 @@ def say_values(path: Path, kind: str, table: str, most: int | None, *, json: boo
         return
     head = [f"{name} [{unit}]" if unit else name for name, unit in zip(shown.head, shown.units)]
     numbers = [name for name, column in zip(head, shown.columns) if any(isinstance(v, float | int) for v in column)]
-    say_table(head, [[_cell(value) for value in row] for row in shown.rows()], numbers)
+    sigmas = sigma_columns(shown.head)
+    say_table(head, [_cells(row, sigmas) for row in as_records(shown)], numbers)
     if shown.left_off:
         narrate(f"{several(shown.left_off, 'more row')}; --all prints them")
 
+
+TESTS = ("w", "wx", "wy", "wz")
+"""In standard deviations of their own."""
 
 _NOTHING = {
     "proposed_numbers": "proposed_numbers: none are proposed",
     "uncontrolled": "uncontrolled: none, every observation is controlled",
     "suspects": "suspects: none",
 }
+
+
+def _cells(row: Mapping[str, Any], sigmas: Mapping[str, str]) -> list[str]:
+    """A row as text: to two digits of its standard deviation what has one, tests to a hundredth, else to six digits."""
+    from aatri.report.view.numbers import rounded
+
+    cells = []
+    for name, value in row.items():
+        sigma = row[sigmas[name]] if name in sigmas else None
+        if isinstance(value, float) and isinstance(sigma, float) and sigma > 0:
+            cells.append(rounded(value, sigma))
+        else:
+            cells.append(f"{value:.2f}" if name in TESTS and value is not None else _cell(value))
+    return cells
 
 
 def _cell(value: Any) -> str:

@@ -4,6 +4,7 @@ What has several numbers a row has a column for each, with its axis and unit: X_
 """
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,13 @@ _NAMES = {
     "image_turned_rad": ("image_turned_x_rad", "image_turned_y_rad", "image_turned_z_rad"),
 }
 """Columns of three numbers, by their name in the artifact."""
+
+_SIGMAS = {
+    **{f"v{axis}": f"s{axis}" for axis in "xyz"},
+    **{f"d{axis}_m": f"s{axis}_m" for axis in "XYZ"},
+    **dict.fromkeys(("value", "size", "x", "y", "z"), "sigma"),
+}
+"""Columns whose standard deviations are not called as they are, with an s before."""
 
 _IDS = {
     "ImageOrientations": "image",
@@ -77,6 +85,13 @@ def named(rows: Table, *columns: str) -> dict[str, npt.NDArray[Any]]:
         flat = getattr(rows, column).reshape(len(rows), len(names))
         shown |= {name: flat[:, k] for k, name in enumerate(names)}
     return shown
+
+
+def sigma_columns(head: Iterable[str]) -> dict[str, str]:
+    """Columns with standard deviations, by the columns that have them; one of standard deviations is its own."""
+    head = list(head)
+    sigmas = {name: sigma for name in head for sigma in (_SIGMAS.get(name), f"s{name}") if sigma in head}
+    return sigmas | {sigma: sigma for sigma in sigmas.values()}
 
 
 def angles_deg(images: ImageOrientations, system: str) -> dict[str, Float]:

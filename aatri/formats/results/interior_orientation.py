@@ -24,15 +24,20 @@ def interior_columns(solution: Solution, block: Block) -> Mapping[str, npt.NDArr
     """c and principal point of each camera, standard deviations, covariances, and what they count from."""
     cameras, covariance = solution.cameras, interior_covariances(solution)
     values = np.column_stack([cameras.principal_distance_mm, cameras.principal_point_mm])
-    sigma = np.sqrt(np.einsum("nii->ni", covariance))
     pairs = ((0, 1), (0, 2), (1, 2))
     return {
         "camera": cameras.id,
         **{f"{name}_mm": values[:, k] for k, name in enumerate(LABELS)},
-        **{f"s{name}_mm": sigma[:, k] for k, name in enumerate(LABELS)},
+        **interior_sigmas(solution),
         **{f"covariance_{LABELS[i]}_{LABELS[j]}_mm2": covariance[:, i, j] for i, j in pairs},
         "convention": np.array([convention(block, k) for k in range(len(cameras))], dtype=np.str_),
     }
+
+
+def interior_sigmas(solution: Solution) -> dict[str, Float]:
+    """Standard deviations of c and principal point of each camera, mm, by column; zero where held, NaN not known."""
+    sigma = np.sqrt(np.einsum("nii->ni", interior_covariances(solution)))
+    return {f"s{name}_mm": sigma[:, k] for k, name in enumerate(LABELS)}
 
 
 def interior_covariances(solution: Solution) -> Float:

@@ -17,6 +17,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import SpecError
 from aatri.formats.results.column_names import ANGLES, SIGMAS_M, angle_sigmas_deg, named, standard_deviations
+from aatri.formats.results.interior_orientation import interior_sigmas
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import did_you_mean
@@ -76,6 +77,8 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
     if isinstance(artifact, Solution) and name == "tests":
         shared = _columns(artifact, artifact.residuals)
         by_name = {k: shared[k] for k in ("kind", "image", "point")} | by_name | {"unit": shared["unit"]}
+    if isinstance(artifact, Solution) and name == "cameras":
+        by_name |= {column: ("mm", _plain(values)) for column, values in interior_sigmas(artifact).items()}
     if isinstance(artifact, Solution) and name == "parameters":
         by_name["unit"] = ("", parameter_units(artifact))
     order = _order(rows)

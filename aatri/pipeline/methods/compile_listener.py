@@ -5,6 +5,7 @@ Numba announces what it compiles as events `numba:compile`; what it takes from t
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -12,18 +13,25 @@ from numba.core import event
 
 
 class CompileListener(event.Listener):
-    """Tells a sentence for each module of which something is compiled."""
+    """Tells a sentence for each module of which something is compiled, and how long a function took, in s."""
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, tell: Callable[[str], None], took: Callable[[float], None]) -> None:
+        self._tell, self._took = tell, took
         self._modules: set[str] = set()
+        self._under_way, self._began_s = 0, 0.0  # a function is compiled within that which calls it
 
     def on_start(self, event: Any) -> None:
         """A function is compiled."""
+        if not self._under_way:
+            self._began_s = time.perf_counter()
+        self._under_way += 1
         module = event.data["dispatcher"].py_func.__module__
         if module not in self._modules:
             self._modules.add(module)
             self._tell(f"compiling {module.rpartition('.')[2]}, once: this block is the first to need it")
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, _event: Any) -> None:
         """It is compiled."""
+        self._under_way -= 1
+        if not self._under_way:
+            self._took(time.perf_counter() - self._began_s)

@@ -105,7 +105,9 @@ def _made(
     clock, processor = time.perf_counter(), time.process_time()
     card = _card(task)
     inputs = {port: _input(task, card, port, memory) for port in task.inputs}
-    artifact = _call(task, card, inputs, context)
+    compile_s: list[float] = []
+    with _compilation_told(context, compile_s.append):
+        artifact = _call(task, card, inputs, context)
     metrics = {name: _plain(value) for name, value in artifact.metrics().items()}
     record = {
         "plugin": task.use,
@@ -123,7 +125,7 @@ def _made(
         "offers": [offer.plain() for offer in artifact.offers()],
         "started": started,
         "ended": now(),
-        "seconds": round(time.perf_counter() - clock, 3),
+        "seconds": round(time.perf_counter() - clock - sum(compile_s), 3),  # no later run compiles
         "processor_seconds": round(time.process_time() - processor, 3),
         "environment": environment(),
     }
@@ -167,22 +169,21 @@ def _call(task: Task, card: StageCard, inputs: Mapping[str, Artifact], context: 
         extras["rng"] = np.random.default_rng(sequence)
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_args, **_rest: context.log(f"{message}")
-        with _compilation_told(context):
-            artifact = card.function(**inputs, **extras)
+        artifact = card.function(**inputs, **extras)
     if not isinstance(artifact, card.kind):
         raise PluginError(f"returned a {type(artifact).__name__}, not a {card.kind.kind}", where=card.name)
     return artifact
 
 
-def _compilation_told(context: LoggedContext) -> AbstractContextManager[object]:
-    """Tell of kernels that are compiled within; a stage without kernels does not import the compiler for it."""
+def _compilation_told(context: LoggedContext, took: Callable[[float], None]) -> AbstractContextManager[object]:
+    """Tell of kernels that are compiled within, and how long; a stage without kernels does not import the compiler."""
     if "numba" not in sys.modules:
         return nullcontext()
     from numba.core.event import install_listener
 
     from aatri.pipeline.methods.compile_listener import CompileListener
 
-    listener = CompileListener(lambda text: context.progress(0, 0, text))
+    listener = CompileListener(lambda text: context.progress(0, 0, text), took)
     return cast("AbstractContextManager[object]", install_listener("numba:compile", listener))
 
 

@@ -78,11 +78,15 @@ def estimate(value: float, sigma: float, unit: str) -> tuple[str, str, str]:
     value, sigma = factor * value, factor * sigma
     if not sigma > 0:
         return f"{value:.6g}", number(sigma), unit
+    return rounded(value, sigma), rounded(sigma, sigma), unit
+
+
+def rounded(value: float, sigma: float) -> str:
+    """A value to two digits of its standard deviation."""
     if sigma < SMALL:
         places = max(floor(log10(abs(value))) - floor(log10(sigma)) + 1, 0) if value else 0
-        return f"{value:.{places}e}", f"{sigma:.1e}", unit
-    form = digits(decimals(sigma))
-    return form(value), form(sigma), unit
+        return f"{value:.{places}e}"
+    return digits(decimals(sigma))(value)
 
 
 def number(value: Any) -> str:

@@ -22,6 +22,7 @@ from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, miss
 from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
 from aatri.pipeline.run import worker
 from aatri.pipeline.run.context import LoggedContext
+from aatri.pipeline.run.task import Task
 from aatri.pipeline.store.cache import Cache
 
 CONSENSUS = "aatri.orientation.relative.kernels.consensus"
@@ -185,15 +186,39 @@ def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, a
     assert (CONSENSUS in kernels_of([code], at_once=True)) == at_once
 
 
-def test_a_kernel_that_is_compiled_while_a_stage_is_made_is_told_once() -> None:
+def test_a_kernel_that_is_compiled_while_a_stage_is_made_is_told_once_and_how_long_it_took() -> None:
     numba = importlib.import_module("numba")
     told: list[tuple[int, int, str]] = []
+    compile_s: list[float] = []
     context = SimpleNamespace(progress=lambda *what: told.append(what))
-    with worker._compilation_told(cast("LoggedContext", context)):
-        numba.njit("float64(float64)")(lambda x: 2.0 * x)
-        numba.njit("float64(float64)")(lambda x: 3.0 * x)
+    with worker._compilation_told(cast("LoggedContext", context), compile_s.append):
+        began_s = time.perf_counter()
+        double = numba.njit(lambda x: 2.0 * x)
+        numba.njit("float64(float64)")(lambda x: double(x) + 3.0)  # compiles the other within
+        took_s = time.perf_counter() - began_s
+        time.sleep(0.05)
     numba.njit("float64(float64)")(lambda x: x)
     assert told == [(0, 0, "compiling test_kernel_cache, once: this block is the first to need it")]
+    assert len(compile_s) == 1
+    assert 0 < compile_s[0] <= took_s
+
+
+def test_seconds_of_a_stage_are_without_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
+    numba = importlib.import_module("numba")
+    took_s: list[float] = []
+
+    def call(*_: object) -> object:
+        began_s = time.perf_counter()
+        numba.njit("float64(float64)")(lambda x: 2.0 * x)
+        took_s.append(time.perf_counter() - began_s)
+        return SimpleNamespace(metrics=dict, offers=tuple)
+
+    monkeypatch.setattr(worker, "_card", lambda _: SimpleNamespace(wants_rng=False))
+    monkeypatch.setattr(worker, "_call", call)
+    context = SimpleNamespace(progress=lambda *_: None, warnings=[])
+    task = SimpleNamespace(use="role/variant", version=1, options={}, inputs={}, seed=0, parts={})
+    _, record = worker._made(cast("Task", task), cast("LoggedContext", context), {}, "")
+    assert record["seconds"] < took_s[0] / 2
 
 
 @pytest.mark.slow
