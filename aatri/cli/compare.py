@@ -69,7 +69,8 @@ def compare(
         from aatri.cli.compare_page import write_page
         from aatri.cli.terminal.key_figures import key_figures
 
-        write_page(page, compared, *key_figures(compared))
+        changed = [line for run in compared[1:] for line in _parting_lines(compared[0], run)]
+        write_page(page, compared, [key_figures(compared), _values_table("option", compared, options)], changed)
         say(str(page))
         return
     if json:
@@ -80,7 +81,7 @@ def compare(
     else:
         _say_figures(compared, options, metrics, everything=everything)
     for run in compared[1:]:
-        _say_parting(compared[0], run)
+        say("\n".join(_parting_lines(compared[0], run)))
 
 
 def _plain_comparison(compared: list[Compared], options: Rows, metrics: Rows) -> dict[str, Any]:
@@ -104,28 +105,29 @@ def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, ever
     from aatri.cli.terminal.compare_tables import shown_value
     from aatri.cli.terminal.key_figures import say_key_figures
 
-    names = [run.name for run in compared]
     if len(compared) == 2:
         say_key_figures(compared)
-    _say_values("option", names, options, "the options are equal")
+    _say_values("option", compared, options)
     if everything:
-        _say_values("figure", names, metrics, "the figures are equal")
+        _say_values("figure", compared, metrics)
         return
     differing = sum(len(set(map(shown_value, row))) > 1 for _, row in metrics)
     counted = f"figures that differ, these included: {differing}; --all shows all" if differing else ""
     say(f"{counted or 'the figures are equal'}\n")
 
 
-def _say_parting(first: Compared, run: Compared) -> None:
+def _parting_lines(first: Compared, run: Compared) -> list[str]:
     """What is changed in a run, where its results part from those of the first one, and what it lacks."""
     from aatri.pipeline.plan.compare import changes, parting
 
-    for stage, reason in changes(first, run):
-        if reason.why != "options":  # these stand in the table
-            say(f"{run.name}: changed: {stage}: {reason}")
+    changed = [
+        f"{run.name}: changed: {stage}: {reason}"
+        for stage, reason in changes(first, run)
+        if reason.why != "options"  # these stand in the table
+    ]
     missing = [stage for stage in first.stages if stage not in run.records]
     without = f"; it has no result of {', '.join(missing)}" if missing else ""
-    say(f"{run.name}: {_parting_text(parting(first, run), first)}{without}")
+    return [*changed, f"{run.name}: {_parting_text(parting(first, run), first)}{without}"]
 
 
 def _names(folders: list[Path]) -> list[str]:
@@ -134,13 +136,18 @@ def _names(folders: list[Path]) -> list[str]:
     return short if len(set(short)) == len(short) else [str(folder) for folder in folders]
 
 
-def _say_values(what: str, names: list[str], rows: Rows, otherwise: str) -> None:
+def _values_table(what: str, compared: list[Compared], rows: Rows) -> tuple[list[str], list[list[str]]]:
     from aatri.cli.terminal.compare_tables import shown_value
 
+    return [what, *(run.name for run in compared)], [[name, *map(shown_value, row)] for name, row in rows]
+
+
+def _say_values(what: str, compared: list[Compared], rows: Rows) -> None:
     if rows:
-        say_table((what, *names), [[name, *map(shown_value, row)] for name, row in rows], names)
+        head, lines = _values_table(what, compared, rows)
+        say_table(head, lines, head[1:])
     else:
-        say(otherwise)
+        say(f"the {what}s are equal")
     say()
 
 

@@ -41,7 +41,10 @@ REMEDIES = {
     "Convergence": ("see at which iteration it stays; a better start or fewer free parameters help", "convergence"),
     "sigma0": ("see which group of observations does not follow the standard deviations given", "residuals"),
     "Check against theory": ("look for a pattern: in the differences, then in the image residuals", "accuracy"),
-    "Check points far off": ("compare their numbers and coordinates with their source", "accuracy"),
+    "Check points far off": (
+        "a few: compare their numbers and coordinates with their source; most: look for a pattern in the differences",
+        "accuracy",
+    ),
     "Truth against theory": ("look for a pattern in the errors", "accuracy"),
 }
 """What to do where a light is not green, and the section that tells more."""

@@ -133,17 +133,16 @@ def _by_kind(solution: Solution, rows: Bool) -> str:
 
 
 def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
-    """RMSE at check points; of few of them it is good where theory was compared and chance explains the rest."""
+    """RMSE at check points: good where theory and chance explain it, or of many points without a theory."""
     n = int(figures.get("check_points") or 0)
     if not n:
         return Light("Independent check", NONE, "no check points")
     values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
     texts, unit = rms_alike([float(value) for value in values.values() if value is not None], n)
     words = f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {counted(n, 'check')}"
-    if n >= ENOUGH_CHECK_POINTS:
-        return Light("Independent check", GOOD, words)
-    state = GOOD if expected.state == GOOD else LOOK
-    return Light("Independent check", state, f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
+    enough = n >= ENOUGH_CHECK_POINTS
+    state = GOOD if expected.state == GOOD or (enough and expected.state == NONE) else LOOK
+    return Light("Independent check", state, words if enough else f"{words}, fewer than {ENOUGH_CHECK_POINTS}")
 
 
 def _far_off(evaluation: Evaluation | None) -> list[Light]:

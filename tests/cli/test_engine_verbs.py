@@ -144,6 +144,8 @@ def test_variants_are_run_and_compared(project: Path) -> None:
     page = Path("both.html").read_text(encoding="utf-8")
     assert page.count("<p>far</p>") == page.count("<p>out</p>") == page.count("<h2>")
     assert "http" not in page.replace("http://www.w3.org", "")
+    assert '<th>option</th><th class="n">out</th><th class="n">far</th>' in page
+    assert "far: parts from out at stage s: options offset" in page
     assert json.loads(aatri("status", "out/variants/far", "--json").stdout)["stages"][1]["state"] == "done"
 
 

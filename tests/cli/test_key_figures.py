@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from aatri.cli.terminal.compare_tables import shown_value
 from aatri.cli.terminal.key_figures import key_figures, pasted, say_key_figures
-from aatri.pipeline.plan.compare import Compared
+from aatri.pipeline.plan.compare import Compared, option_rows
 
 
 def _run(name: str, check_m: float, sigma0: float, points: int = 50) -> Compared:
@@ -78,3 +79,18 @@ def test_theory_is_as_uncertain_as_the_sigma0_that_scales_it(other_m: float, say
         run.records["accuracy"]["metrics"]["theory_rmse_z_m"] = theory_m
     (row,) = [row for row in key_figures([one, two])[1] if "new points, theory" in row[0]]
     assert row[-1] == says
+
+
+def test_options_that_come_with_another_are_told_with_it_in_one_line() -> None:
+    """A set of parameters has options of its own, which the run without it does not have."""
+    of_set = {"set": "brown", "sigma_um": 50.0, "orders": None}
+    runs = []
+    for name, calibration, tolerance in (("one", None, 1e-3), ("two", of_set, 1e-4)):
+        record = {"plugin": "a/b", "options": {"calibration": calibration, "solver": {"tolerance": tolerance}}}
+        runs.append(Compared(name, Path(name), ("bundle",), {"bundle": record}))
+    rows = dict(option_rows(runs))
+    assert rows == {
+        "bundle.solver.tolerance": [1e-3, 1e-4],
+        "bundle.calibration": [None, {"set": "brown", "sigma_um": 50.0}],
+    }
+    assert shown_value(rows["bundle.calibration"][1]) == "set brown, sigma_um 50"

@@ -85,9 +85,13 @@ def test_the_evaluation_of_a_result_counts_and_not_the_set_ups_that_come_after_i
 
 
 @pytest.mark.parametrize(
-    ("points", "theory", "state"), [(30, "look", "good"), (16, "good", "good"), (16, "look", "look")]
+    ("points", "theory", "state"),
+    [(30, "look", "look"), (30, "none", "good"), (16, "good", "good"), (16, "look", "look"), (16, "none", "look")],
 )
-def test_few_check_points_are_good_where_theory_explains_their_errors(points: int, theory: str, state: str) -> None:
+def test_check_points_are_good_where_theory_explains_their_errors_or_many_without_a_theory(
+    points: int, theory: str, state: str
+) -> None:
+    """Errors nine times their standard deviations were green as soon as there were thirty of them."""
     light = _check({"check_points": points, "check_rmse_x_m": 0.012, "check_rmse_y_m": 0.1}, Light("", theory, ""))
     assert light.state == state
     assert light.words.startswith(f"RMSE X 12, Y 100 mm at {points} check points")

@@ -90,4 +90,6 @@ def shown_value(value: Any) -> str:
     """A figure or an option as text."""
     if value is None:
         return "-"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {shown_value(each)}" for name, each in value.items())
     return f"{value:.6g}" if isinstance(value, float) else str(value)

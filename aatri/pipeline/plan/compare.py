@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.reasons import Reason, Why, differences, flat
+from aatri.pipeline.plan.reasons import Reason, Why, differences, flat_alike
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.objects import artifact_file
 
@@ -70,8 +70,10 @@ def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
     rows = []
     for stage in _stages(runs):
         records = [run.records.get(stage) for run in runs]
-        values = [None if r is None else {"use": r["plugin"], **flat(r["options"])} for r in records]
-        made = [each for each in values if each is not None]
+        there = [r for r in records if r is not None]
+        made = [{"use": r["plugin"], **options} for r, options in zip(there, flat_alike([r["options"] for r in there]))]
+        left = iter(made)
+        values = [None if r is None else next(left) for r in records]
         for name in dict.fromkeys(key for each in made for key in each):
             row = [None if each is None else each.get(name) for each in values]
             if any(each.get(name) != made[0].get(name) for each in made):

@@ -1,7 +1,7 @@
 """Why a stage has to run: typed reasons, each with what was and what is."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
@@ -83,7 +83,7 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Rea
         yield Reason(Why.plugin, "", old["plugin"], new["plugin"])
     elif old["version"] != new["version"]:
         yield Reason(Why.plugin_version, "", str(old["version"]), str(new["version"]))
-    for name, before, after in _changed(flat(old["options"]), flat(new["options"])):
+    for name, before, after in _changed(*flat_alike((old["options"], new["options"]))):
         if before is not None or after is not None:  # of a group of options, one that neither states
             yield Reason(Why.options, name, _shown(before), _shown(after))
     inputs = {port: digest for port, digest in new["inputs"].items() if digest is not None}
@@ -128,6 +128,20 @@ def flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             flattened[prefix + name] = value
     return flattened
+
+
+def flat_alike(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Options of several runs by dotted name; a group that one of them does without is one option, told as a whole."""
+    groups = {name for options in runs for name, value in options.items() if value is None}
+    return [
+        flat({name: value for name, value in options.items() if name not in groups})
+        | {name: _stated(value) for name, value in options.items() if name in groups}
+        for options in runs
+    ]
+
+
+def _stated(value: Any) -> Any:
+    return {name: each for name, each in value.items() if each is not None} if isinstance(value, dict) else value
 
 
 def _shown(value: Any) -> str:
