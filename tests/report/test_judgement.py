@@ -12,7 +12,6 @@ import pytest
 from aatri.artifacts.block import CHECK
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
-from aatri.notes import EXCHANGED, REJECTED
 from aatri.report.facts import accuracy_statement
 from aatri.report.judgement import wrong_observations
 from aatri.report.page import write_report
@@ -83,16 +82,6 @@ def test_image_points_left_out_are_named_the_worst_first_and_the_rest_is_counted
     assert told["text"].endswith("; 0203/p02, 14.0 um; and 2 more.")
     assert told["section"] == "tests"
     assert "aatri edit" in told["remedy"]
-
-
-def test_what_fits_with_exchanged_numbers_has_a_remedy(tmp_path: Path) -> None:
-    write_report(make_run(tmp_path / "run", made_artifacts(), warnings=[f"image_point: {EXCHANGED}: a/1, a/2"]))
-    problems = json.loads((tmp_path / "run" / "report.json").read_text())["problems"]
-    told = next(problem for problem in problems if EXCHANGED in problem["text"])
-    assert told["text"] == f"Image points: {EXCHANGED}: a/1, a/2"
-    assert told["remedy"] == "`aatri edit` proposes the exchange"
-    page = (tmp_path / "run" / "report.html").read_text()
-    assert page.count(f"image_point: {EXCHANGED}") == 0  # nor with its stage
 
 
 @pytest.mark.parametrize(("kind", "state"), [("strip_tie", "good"), ("image_point", "look")])
@@ -219,15 +208,6 @@ def test_a_result_on_the_way_is_not_judged_by_what_is_left_to_the_next_adjustmen
     assert page["judgement"].startswith(begin)
 
 
-def test_warnings_of_the_way_stand_on_the_first_page_of_a_run_that_was_stopped_there(tmp_path: Path) -> None:
-    run = make_run(
-        tmp_path / "run", {"block": made_block()}, warnings=["image_point: 2 of 9 are alone", "strip: image_point 7"]
-    )
-    write_report(run)
-    problems = json.loads((run / "report.json").read_text())["problems"]
-    assert [p["text"] for p in problems] == ["Image points: 2 of 9 are alone", "strip: image point 7"]
-
-
 def test_check_points_far_off_are_named_in_the_judgement_and_once_among_the_problems(tmp_path: Path) -> None:
     """A check point whose given height is 3 m wrong; standard deviations are centimetres."""
     block = made_block()
@@ -253,34 +233,12 @@ def test_overlaps_are_those_of_the_flight(tmp_path: Path) -> None:
     assert facts["forward overlap"] == facts["side overlap"] == overlap
 
 
-def test_warnings_of_the_result_stand_on_the_first_page_but_for_what_is_named_there_already(tmp_path: Path) -> None:
-    told = ["hardly determined: the heights; give `control`", f"control: 1 of 5 {REJECTED}: p00", "close: k2 and k3"]
-    run = make_run(tmp_path / "run", made_artifacts(), warnings=told)
-    page = write_report(run).read_text()
-    problems = json.loads((run / "report.json").read_text())["problems"]
-    first = "Hardly determined: the heights; give `control`"
-    assert [p["text"] for p in problems if p["stage"] == "bundle"] == [first, told[2]]
-    assert "give <code>control</code>" in page
-
-
 def test_an_adjusted_principal_distance_is_that_of_the_scale(tmp_path: Path) -> None:
     """A third more of it, as of a photograph whose EXIF has the focal length of another sensor."""
     cameras = made_solution(made_block()).cameras
     facts = _page(tmp_path, cameras=replace(cameras, principal_distance_mm=np.array([200.0])))["facts"]
     assert facts["camera"] == "cam (film, c 200 mm)"
     assert facts["scale number"].replace("\u202f", "") == "1 : 1940"  # 388 m by 200 mm
-
-
-def test_a_pipeline_that_does_not_fit_its_block_is_the_first_problem(tmp_path: Path) -> None:
-    run = make_run(tmp_path / "run", {"block": made_block()}, status="failed")
-    overview = json.loads((run / "run.json").read_text())
-    refused = [{"where": "stage absolute", "what": "neither control nor positions", "remedy": "give control"}]
-    (run / "run.json").write_text(json.dumps(overview | {"refused": refused}))
-    write_report(run)
-    page = json.loads((run / "report.json").read_text())
-    assert page["problems"][0]["text"] == "stage absolute: neither control nor positions"
-    assert page["problems"][0]["remedy"] == "give control"
-    assert page["judgement"].startswith("The pipeline does not fit the block")
 
 
 def test_an_evaluation_of_another_purpose_is_the_judgement(tmp_path: Path) -> None:

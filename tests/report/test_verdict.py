@@ -1,4 +1,4 @@
-"""The lights of the verdict strip."""
+"""The lights of the verdict strip, and the problems of the first page."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
+from aatri.notes import EXCHANGED, REJECTED
 from aatri.report.judgement import judgement
 from aatri.report.page import write_report
 from aatri.report.problems import problems
@@ -152,3 +153,44 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
     bars = re.findall(r'class="scale"[^>]*>([^<]*)<', (run / "report.html").read_text())
     assert bars
     assert all(bar.endswith(" units of the model") for bar in bars)
+
+
+def test_what_fits_with_exchanged_numbers_has_a_remedy(tmp_path: Path) -> None:
+    write_report(make_run(tmp_path / "run", made_artifacts(), warnings=[f"image_point: {EXCHANGED}: a/1, a/2"]))
+    problems = json.loads((tmp_path / "run" / "report.json").read_text())["problems"]
+    told = next(problem for problem in problems if EXCHANGED in problem["text"])
+    assert told["text"] == f"Image points: {EXCHANGED}: a/1, a/2"
+    assert told["remedy"] == "`aatri edit` proposes the exchange"
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert page.count(f"image_point: {EXCHANGED}") == 0  # nor with its stage
+
+
+def test_warnings_of_the_way_stand_on_the_first_page_of_a_run_that_was_stopped_there(tmp_path: Path) -> None:
+    run = make_run(
+        tmp_path / "run", {"block": made_block()}, warnings=["image_point: 2 of 9 are alone", "strip: image_point 7"]
+    )
+    write_report(run)
+    problems = json.loads((run / "report.json").read_text())["problems"]
+    assert [p["text"] for p in problems] == ["Image points: 2 of 9 are alone", "strip: image point 7"]
+
+
+def test_warnings_of_the_result_stand_on_the_first_page_but_for_what_is_named_there_already(tmp_path: Path) -> None:
+    told = ["hardly determined: the heights; give `control`", f"control: 1 of 5 {REJECTED}: p00", "close: k2 and k3"]
+    run = make_run(tmp_path / "run", made_artifacts(), warnings=told)
+    page = write_report(run).read_text()
+    problems = json.loads((run / "report.json").read_text())["problems"]
+    first = "Hardly determined: the heights; give `control`"
+    assert [p["text"] for p in problems if p["stage"] == "bundle"] == [first, told[2]]
+    assert "give <code>control</code>" in page
+
+
+def test_a_pipeline_that_does_not_fit_its_block_is_the_first_problem(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", {"block": made_block()}, status="failed")
+    overview = json.loads((run / "run.json").read_text())
+    refused = [{"where": "stage absolute", "what": "neither control nor positions", "remedy": "give control"}]
+    (run / "run.json").write_text(json.dumps(overview | {"refused": refused}))
+    write_report(run)
+    page = json.loads((run / "report.json").read_text())
+    assert page["problems"][0]["text"] == "stage absolute: neither control nor positions"
+    assert page["problems"][0]["remedy"] == "give control"
+    assert page["judgement"].startswith("The pipeline does not fit the block")
