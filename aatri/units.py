@@ -28,6 +28,9 @@ NEGLIGIBLE = 1e-3
 UNITS_OF_MODEL = "units of the model"
 """What lengths of a block without a scale are in."""
 
+METRES_OF_MODEL = "m and mm"
+"""The fact of such a block alone."""
+
 DASH = "–"
 """For what is not determined."""
 

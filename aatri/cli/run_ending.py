@@ -8,6 +8,7 @@ from typing import Any
 from aatri.cli.terminal.console import say
 from aatri.ids import several
 from aatri.notes import CONTRADICTION
+from aatri.units import METRES_OF_MODEL
 
 MOST_WARNINGS = 10
 """So many are shown at the end; the report has all."""
@@ -27,7 +28,6 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
     """
     from aatri.cli.calibration import say_calibration
     from aatri.cli.terminal.figures import say_result
-    from aatri.report.facts import METRES_OF_MODEL
 
     page = _first_page(report.with_suffix(".json")) if report is not None else {}
     say_result(records, metric=METRES_OF_MODEL not in page.get("facts", {}))

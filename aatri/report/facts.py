@@ -18,15 +18,13 @@ from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.drawing.rays import principal_distances, ray_scales
 from aatri.report.view.numbers import counted, number
-from aatri.units import UNITS_OF_MODEL, listed, rms_alike, together
+from aatri.units import METRES_OF_MODEL, UNITS_OF_MODEL, listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
 COORDINATES = ("dX", "dY", "dZ")
 """Types of geodetic observations that are those of one: a baseline."""
 DOWNWARDS = -0.9
 """Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
-METRES_OF_MODEL = "m and mm"
-"""The fact of such a block alone."""
 PARALLEL = 0.9
 """Cosine between strips that are flown beside each other."""
 LEAST_SIDEWAYS = 0.1

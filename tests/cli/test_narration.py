@@ -20,7 +20,7 @@ from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
 from aatri.notes import CONTRADICTION
 from aatri.progress import SILENT, tell_iteration
-from aatri.report.facts import METRES_OF_MODEL
+from aatri.units import METRES_OF_MODEL
 
 
 def _live(width: int = 100) -> tuple[Live, io.StringIO]:
