@@ -140,6 +140,8 @@ def adjust_tied(
         again = searched.first
         del searched
         searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
+        del again
+    searched = replace(searched, first=None)  # as large as the result
     return _result(searched)
 
 

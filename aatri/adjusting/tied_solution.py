@@ -43,6 +43,9 @@ that share wrong move no result by more than about that share of its standard de
 TURNS = 5
 """Adjustments, each with the covariances of the one before, after which these are near enough in any case."""
 
+AT_A_TIME = 20_000
+"""Observations whose matrices are turned at once, where all are looked at."""
+
 WEAK = BELOW**-0.5
 """Ten: a redundancy number of 0.01 is the limit of what counts as controlled at all (Foerstner 1980)."""
 
@@ -272,14 +275,15 @@ def uncontrolled_observations(solved: TiedSolution, among: Bool) -> tuple[Int, F
     direction : (k, 3) float64
         Of length 1; zero where not observed.
     """
-    problem, edges = solved.problem, solved.problem.edges
-    each = zip(problem.observed, edges, solved.tests, solved.whiteners)
-    parts = [
-        (first, tests.redundancy, T, among[first : first + len(o)]) for o, first, tests, T in each if is_coordinates(o)
-    ]
-    rows = np.concatenate([first + np.flatnonzero(active) for first, _, _, active in parts])
-    R = np.concatenate([redundancy[active] for _, redundancy, _, active in parts])
-    T = np.concatenate([whitener[active] for _, _, whitener, active in parts])
-    M = solved.variance_with_body[rows][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
-    weak, least, direction = uncontrolled_directions(M, problem.components[rows], np.ones((len(rows), 3)))
-    return rows[weak], np.maximum(least, 0.0), direction
+    problem, each = solved.problem, zip(solved.problem.observed, solved.problem.edges, solved.tests, solved.whiteners)
+    parts = [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3)))]
+    for o, first, tests, whitener in each:
+        active = np.flatnonzero(among[first : first + len(o)]) if is_coordinates(o) else np.zeros(0, dtype=np.int64)
+        for begin in range(0, len(active), AT_A_TIME):
+            own = active[begin : begin + AT_A_TIME]
+            rows, R, T = first + own, tests.redundancy[own], whitener[own]
+            M = solved.variance_with_body[rows][:, None, None] / 3 * (T.swapaxes(1, 2) @ R @ T)
+            weak, least, direction = uncontrolled_directions(M, problem.components[rows], np.ones((len(rows), 3)))
+            parts.append((rows[weak], np.maximum(least, 0.0), direction))
+    all_rows, all_least, all_directions = zip(*parts)
+    return np.concatenate(all_rows), np.concatenate(all_least), np.concatenate(all_directions)

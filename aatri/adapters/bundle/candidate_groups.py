@@ -3,10 +3,7 @@
     positions       shift, shift and drift of a strip, a flight; shift and height of all;  lever arm of a camera
     attitudes       shift, shift and drift of a strip, a flight;  boresight of a camera
     image points    of a camera, or of what a strip has of it: c, principal point, radial distortion, affinity
-
-        dv/dc = (x, y) / c,   dv/dx0 = (1, 0),   dv/dy0 = (0, 1),   dv/dp = -(x, y) r^2 / r0^3,
-        affinity: dv/da = (-x, y) / r0,   dv/db = (-y, -x) / r0
-
+                    (`camera_effects`)
     of an image: affinity
     of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
@@ -25,6 +22,7 @@ import numpy as np
 
 from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.elimination.effects import Effects
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int, Text
@@ -37,6 +35,7 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
 from aatri.orientation.bundle.groups.frame_marks import marks_of_frames
 from aatri.orientation.bundle.image_groups import ImageGroups
@@ -54,6 +53,9 @@ CAUSES = (
 
 OF_CALIBRATION = ((CAUSES[0], {"c"}), (CAUSES[1], {"x0", "y0"}))
 """Causes that parameters of a calibration stand for, and their names."""
+
+AT_A_TIME = 100_000
+"""Image points whose derivatives are made at once."""
 
 FEWEST = 3
 """Observations of a unit: fewer are single ones."""
@@ -78,10 +80,10 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             v = whitened_residuals(o.records, result.adjusted.state, rows)
             image, residuals_mm = block.rays.image[rows], v / o.records.whitener[rows]
             corner_mm = _corner_mm(block.images, block.rays)[block.images.camera]
-            H = _by_camera(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm[image])
+            H = CameraEffects(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm[image])
             units = _of_image_points(block.images, place, rows, image, H, _causes_of_cameras(block))
             yield from _with_rejected(units, block.images, block.rays, corner_mm, ~adjusted.used)
-            yield from _of_images(block.image_ids, place, rows, image, H[:, :, 4:], v, o.records.whitener[rows])
+            yield from _of_images(block.image_ids, place, rows, image, H, v, o.records.whitener[rows])
             yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
             a, b = (result.adjusted.state[POINT][ends[rows]] for _, ends in o.records.touches)
@@ -139,7 +141,7 @@ def _units(
     names: Text,
     image: Int,
     rows: Int,
-    H: Float,
+    H: Effects,
     causes: tuple[Cause, ...],
     removable: bool = False,
 ) -> Iterator[Candidates]:
@@ -177,7 +179,7 @@ def _causes_of_cameras(block: BundleInput) -> tuple[Cause, ...]:
 
 
 def _of_image_points(
-    images: ImageGroups, place: int, rows: Int, image: Int, H: Float, of_cameras: tuple[Cause, ...]
+    images: ImageGroups, place: int, rows: Int, image: Int, H: Effects, of_cameras: tuple[Cause, ...]
 ) -> Iterator[Candidates]:
     """Interior orientation of cameras, where the block carries none of its own, and of what strips have of them."""
     if of_cameras:
@@ -203,7 +205,7 @@ def _with_rejected(
     """
     rows = np.flatnonzero(rejected & np.isfinite(rays.xy_mm).all(axis=1))
     image = rays.image[rows]
-    H = _by_camera(rays.xy_mm[rows], rays.c_mm[rows], corner_mm[image])
+    H = CameraEffects(rays.xy_mm[rows], rays.c_mm[rows], corner_mm[image])
     for units in candidates:
         names = images.cameras[images.camera[image]] if units.per == "camera" else images.strip[image]
         unit = np.minimum(np.searchsorted(units.units, names), len(units.units) - 1)
@@ -223,23 +225,26 @@ def strips_with_part_of_a_camera(images: ImageGroups, image: Int) -> Text:
 
 
 def _of_images(
-    image_ids: Ids, place: int, rows: Int, image: Int, H: Float, v: Float, whitener: Float
+    image_ids: Ids, place: int, rows: Int, image: Int, H: CameraEffects, v: Float, whitener: Float
 ) -> Iterator[Candidates]:
     """Affinity of single images, as film shrinks; c and principal point of one are those of its orientation.
 
     Tested are those with the largest gain were all unknowns held, g'(H'H)^-1 g, which the true one is not below, and
     some that are chosen evenly of all.
     """
-    count, whitened = len(image_ids), H * whitener[:, :, None]
+    count = len(image_ids)
     N, g = np.zeros((count, 2, 2)), np.zeros((count, 2))
-    np.add.at(N, image, np.einsum("nmi,nmj->nij", whitened, whitened))
-    np.add.at(g, image, np.einsum("nmi,nm->ni", whitened, v))
+    for first in range(0, len(rows), AT_A_TIME):
+        part = slice(first, first + AT_A_TIME)
+        whitened = H[part][:, :, AFFINITY:] * whitener[part][:, :, None]
+        np.add.at(N, image[part], np.einsum("nmi,nmj->nij", whitened, whitened))
+        np.add.at(g, image[part], np.einsum("nmi,nm->ni", whitened, v[part]))
     bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
     seen, names = np.flatnonzero(bound > 0), np.asarray(image_ids)
     typical = seen[np.unique(np.linspace(0, len(seen) - 1, min(MOST_TYPICAL, len(seen))).astype(int))]
     tested = np.isin(image, np.concatenate([np.argsort(-bound, kind="stable")[:MOST_IMAGES], typical]))
     causes = (Cause("affinity", (0, 1)),)
-    for units in _units(place, IMAGE, names, image[tested], rows[tested], H[tested], causes):
+    for units in _units(place, IMAGE, names, image[tested], rows[tested], H[tested][:, :, AFFINITY:], causes):
         yield replace(units, tests=len(seen), typical=np.isin(units.units, names[typical]))
 
 
@@ -249,17 +254,6 @@ def _corner_mm(images: ImageGroups, rays: ImagePointRows) -> Float:
     radius = np.where(rays.active, np.linalg.norm(rays.xy_mm, axis=1), 0.0)
     np.maximum.at(largest, images.camera[rays.image], radius)
     return np.where(np.isfinite(images.corner_mm), images.corner_mm, largest)
-
-
-def _by_camera(xy_mm: Float, c_mm: Float, r0_mm: Float) -> Float:
-    """Derivatives of residuals by c, x0, y0, radial distortion at r0, affinity and shear at r0, (n, 2, 6)."""
-    H, x = np.zeros((len(xy_mm), 2, 6)), xy_mm / r0_mm[:, None]
-    H[:, :, 0] = xy_mm / c_mm[:, None]
-    H[:, 0, 1] = H[:, 1, 2] = 1.0
-    H[:, :, 3] = -x * (x**2).sum(axis=1, keepdims=True)
-    H[:, 0, 4], H[:, 1, 4] = -x[:, 0], x[:, 1]
-    H[:, 0, 5], H[:, 1, 5] = -x[:, 1], -x[:, 0]
-    return H
 
 
 def _of_relief(result: BundleResult, place: int, adjusted: AdjustedObservations, rows: Int) -> Iterator[Candidates]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
-from aatri.adjustment.elimination.effects import reduced_effects
+from aatri.adjustment.elimination.effects import Effects, reduced_effects
 from aatri.adjustment.elimination.factor import forward_substituted
 from aatri.adjustment.elimination.right_hand_sides import forward, forward_kept, sides_of
 from aatri.adjustment.records import Records, whitened
@@ -101,7 +101,7 @@ def with_factor(adjusted: Adjusted) -> Adjusted:
 
 
 def score(
-    adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int | None = None, least_gain: float = 0.0
+    adjusted: Adjusted, records: Records, rows: Int, H: Effects, unit: Int | None = None, least_gain: float = 0.0
 ) -> Score:
     """Try parameters that some records depend on.
 
@@ -113,7 +113,7 @@ def score(
         One of the observation types of the problem, with its blocks.
     rows : (n,) int
         Those that depend on the parameters.
-    H : (n, m, k) float64
+    H : (n, m, k) float64, or what makes them
         Derivative of the residuals, in units of the observation.
     unit : (n,) int, optional
         Whose parameters those of each row are; default: all are of one.
@@ -133,9 +133,9 @@ def score(
         chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
         part = Score(scores.gradient[here], scores.total[here], scores.information[here])
-        whitened_H = _whitened_effects(records, rows[chunk], H[order[chunk]])  # of these units alone: it is large
+        whitened_H = _WhitenedEffects(records, rows[chunk], H, order[chunk])
         if ray is None:
-            _add_densely(part, adjusted, records, rows[chunk], whitened_H, unit[chunk] - first)
+            _add_densely(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
         else:
             _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first, least_gain)
     return scores
@@ -150,7 +150,7 @@ def _rays(problem: IndexedProblem, records: Records, rows: Int) -> Int | None:
     return place[rows] if (place[rows] >= 0).all() else None
 
 
-def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Float, unit: Int, least_gain: float) -> None:
+def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Effects, unit: Int, least_gain: float) -> None:
     """Units of rays, in place."""
     problem, factored, (n, k) = adjusted.problem, adjusted.factored, scores.gradient.shape
     assert factored is not None
@@ -194,6 +194,25 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
     assert factored is not None
     product = covariance_times(problem, factored, state, covariance_reduction(problem, factored, state), right)
     return {group: -values[:, :, 0] for group, values in product.items()}
+
+
+@dataclass(frozen=True)
+class _WhitenedEffects:
+    """Effects of which so many are whitened as are asked for at a time: those of all image points are large."""
+
+    records: Records
+    rows: Int
+    """(n,). Of the records."""
+    H: Effects
+    order: Int
+    """(n,). Row of H of each."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return len(self.rows), *self.H.shape[1:]
+
+    def __getitem__(self, part: slice, /) -> Float:
+        return _whitened_effects(self.records, self.rows[part], self.H[self.order[part]])
 
 
 def _whitened_effects(records: Records, rows: Int, H: Float) -> Float:

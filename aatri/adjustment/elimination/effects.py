@@ -6,6 +6,8 @@ U = L^-1 c, what is left of them for the kept unknowns x is
     A'(H - B L^-T U),     H'H - U'U,     H'v - U'y            summed over rays and blocks,  y = L^-1 B'v
 """
 
+from typing import Any, Protocol
+
 import numpy as np
 
 from aatri.adjustment.elimination.chunks import linearised
@@ -16,6 +18,21 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
+
+class Effects(Protocol):
+    """Derivatives of residuals by further parameters, (n, m, k): an array, or what makes those of the rows asked for.
+
+    Of all image points of a block, by all that a camera may be wrong in, they are larger than the image points.
+    """
+
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """n, m and k."""
+
+    def __getitem__(self, rows: Any, /) -> Any:
+        """Those of some rows, a new array."""
+
+
 GAP = 16
 """Blocks that are linearised without need rather than begin anew behind them."""
 
@@ -25,7 +42,7 @@ def reduced_effects(
     factored: Factored,
     state: State,
     ray: Int,
-    H: Float,
+    H: Effects,
     unit: Int,
     sums: tuple[Float, Float, Float],
 ) -> Float:
@@ -35,7 +52,7 @@ def reduced_effects(
     ----------
     ray : (e,) int64
         Places among the rays, ascending; one that belongs to several units comes several times.
-    H : (e, m, k) float64
+    H : (e, m, k) float64, or what makes them
         Whitened; zero where the ray is not active.
     unit : (e,) int64
     sums : (u, k), (u, k), (u, k, k) float64

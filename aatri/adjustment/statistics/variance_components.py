@@ -88,7 +88,8 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
     low, high = 0.0, float(np.sqrt(largest))
     while excess(high) > 0:
         low, high = high, 4 * high
-    return float(brentq(excess, low, high, rtol=1e-9))
+    # `excess` goes as an argument: brentq leaves its function in a cycle, which would keep these arrays for long.
+    return float(brentq(lambda tau, of_tau: of_tau(tau), low, high, args=(excess,), rtol=1e-9))
 
 
 @dataclass(frozen=True)

@@ -156,6 +156,7 @@ def _adjusted(
         names=[names[k] for k in strips],
         free=np.arange(len(strips)) != reference,
     )
+    del own_points  # the ties have what they need of them
     begin = similarities_of(start)
     active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
     what = f"joining {word}s {', '.join(str(names[k]) for k in strips)}"

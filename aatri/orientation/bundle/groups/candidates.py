@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from aatri.adjustment.elimination.effects import Effects
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
@@ -63,7 +64,7 @@ class Candidates:
     rows: Int
     unit: Int
     """(n,). Observations in use, and the unit of each."""
-    H: Float
+    H: Effects
     """(n, m, k). Derivatives of the residuals, in units of the observation."""
     causes: tuple[Cause, ...]
     removable: bool = False

@@ -90,6 +90,7 @@ def search_with_groups(
         else:
             groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options)
     done = _carried(block, groups, single, least_squares)
+    del least_squares  # as large as what follows
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
