@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -93,6 +95,20 @@ def test_the_added_standard_deviation_is_found_and_zero_where_none_is_needed() -
     assert common_sigma(0.5 * values, values, share, robust=False) == 0.0
     v[:200] = 50.0
     assert common_sigma(v**2, values, share, robust=True) == pytest.approx(tau, rel=0.15)
+
+
+def test_the_added_standard_deviation_of_many_records_leaves_nothing_in_memory() -> None:
+    squares, n = np.random.default_rng(1).normal(size=(20_000, 3)) ** 2, 20_000
+    gc.disable()  # what is left in a cycle would go with the next collection, who knows when
+    try:
+        tracemalloc.start()
+        common_sigma(5 * squares, np.ones((n, 3)), np.ones(n))  # imports what it needs
+        before = tracemalloc.get_traced_memory()[0]
+        common_sigma(5 * squares, np.ones((n, 3)), np.ones(n))
+        assert tracemalloc.get_traced_memory()[0] - before < squares.nbytes / 10
+    finally:
+        tracemalloc.stop()
+        gc.enable()
 
 
 # The added standard deviation is found though what is asked for depends on the one in use, and jumps.
