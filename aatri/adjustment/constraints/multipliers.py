@@ -103,7 +103,7 @@ def factorise_constrained(problem: IndexedProblem, state: State, damping: float 
 
         return solve_by_conjugate_gradients(problem, state, damping)
     factored = factorise(problem, state, damping)
-    regular = not factored.weak and bool((factored.determined != 0).all())
+    regular = not factored.lost and bool((factored.determined != 0).all())
     if not problem.constraints or not regular or not np.isfinite(factored.cost):
         return factored
     c, right = linearised_constraints(problem, state)

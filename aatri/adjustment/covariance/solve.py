@@ -20,7 +20,8 @@ from aatri.adjustment.covariance.dense import tests_of
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
+from aatri.adjustment.openness.set_aside import refuse_undetermined
+from aatri.adjustment.openness.weighted_datum import is_singular
 from aatri.adjustment.statistics.record_tests import RecordTests
 from aatri.adjustment.stepping.linearity import after_step
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -84,7 +85,7 @@ def solve(problem: IndexedProblem, state: State, weights: Mapping[str, Weights] 
     factored = factorise_constrained(problem, state)
     if not np.isfinite(factored.cost):
         raise ConvergenceError("residuals are not finite", remedy="check the observations and the initial values")
-    if is_singular(factored):
+    if is_singular(problem, state, factored):
         refuse_undetermined(problem, state, factored)
     step = steps(problem, factored, state)
     after = retract_state(problem.unknowns, state, step)

@@ -16,6 +16,10 @@ from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
 
+LOST = 1e-13
+"""Pivot, as a share of its diagonal, that is lost in rounding: a sum of n squares errs by some sqrt(n) times 1e-16 of
+it (Higham, Accuracy and Stability of Numerical Algorithms, 4.2 and 10.1), so that 1e-13 is right to a hundredth."""
+
 
 @dataclass(frozen=True)
 class Factor:
@@ -73,7 +77,9 @@ class Factored:
     diagonal: Float
     """(n_kept,). Diagonal of A'A."""
     weak: list[tuple[int, int]]
-    """List of (node, row). First pivot of each front that is not positive."""
+    """List of (node, row). First pivot of each front that is below the rank tolerance."""
+    lost: bool
+    """A pivot is lost in rounding, or not positive."""
     cost: float
     damping: float
     multiplier: Float = field(default_factory=lambda: np.zeros(0))

@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
-from aatri.adjustment.elimination.factor import Factor, Factored, without_factor
+from aatri.adjustment.elimination.factor import LOST, Factor, Factored, without_factor
 from aatri.adjustment.elimination.joint import joined
 from aatri.adjustment.elimination.panels import panels_of
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
@@ -120,6 +120,7 @@ class Work:
         self.room = _Room()
         self.cost = np.zeros(n_nodes + 1)
         self.weak: list[int] = [-1] * n_nodes
+        self.lost = False
         self.diagonal = np.zeros(problem.layout.n_kept)
         self.block_factor, self.block_y = np.ones((n_blocks, 6)), np.zeros((n_blocks, 3))
         self.determined = np.ones(n_blocks)
@@ -203,6 +204,8 @@ class Work:
         weak = np.flatnonzero(~is_fixed & ~(pivot > RANK_TOLERANCE * d[:m]))
         if info or len(weak):
             self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
+            if info or not (pivot[weak] > LOST * d[weak]).all():
+                self.lost = True
         self.panels[k] = np.array(F[:, :m], order="F")
         self.diagonal[node.columns[:m]] = d[:m]
         lapack.forward(F[:, :m], g)
@@ -247,6 +250,5 @@ class Work:
         """All that later steps need."""
         weak = [(k, row) for k, row in enumerate(self.weak) if row >= 0]
         factor, cost = Factor(self.panels), float(self.cost.sum())
-        return Factored(
-            factor, self.y, self.block_factor, self.block_y, self.determined, self.diagonal, weak, cost, self.damping
-        )
+        blocks = self.block_factor, self.block_y, self.determined
+        return Factored(factor, self.y, *blocks, self.diagonal, weak, self.lost, cost, self.damping)

@@ -100,14 +100,14 @@ def _directions(problem: IndexedProblem, factored: Factored, datum_scale: float)
     D = np.sqrt(bare)
     # the largest eigenvalue with which nothing is open, nor nearly so
     harmless = min(WARNED * OPEN, WARNED**2 * float((bare * limit**2).min(initial=np.inf)))
-    values, U = _leading(problem, factored, D, harmless)
+    values, U = leading(problem, factored, D, harmless)
     excess = (values * U**2).max(axis=0, initial=0.0) / OPEN
     # in standard deviations: the limit of the ratio is one of variances
     far = np.sqrt((values * U**2 / (bare * limit**2)[:, None]).max(axis=0, initial=0.0))
     U, excess, beyond = U[:, excess > WARNED], excess[excess > WARNED], bool((far > WARNED).any())
     if beyond:
         # what is large in its own unit need not stand out of D Q D: looked for in units of the limits, seen in all
-        values, V = _leading(problem, factored, 1.0 / limit, 0.0)
+        values, V = leading(problem, factored, 1.0 / limit, 0.0)
         far = np.sqrt((values * V**2).max(axis=0, initial=0.0))
         V, far = V[:, far > WARNED], far[far > WARNED]
         V = D[:, None] * solve_columns(problem, factored, V / limit[:, None])
@@ -121,12 +121,12 @@ def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> 
     """The direction that a solution determines least, against what its unknowns would be by themselves."""
     D = np.sqrt(np.where(factored.diagonal > 0, factored.diagonal, 1.0))
     with one_blas_thread():
-        U = _leading(problem, factored, D, 0.0)[1][:, :1]
+        U = leading(problem, factored, D, 0.0)[1][:, :1]
     motions, rest = open_motions(problem, state, U, factored.diagonal, common=MOTION_IF_WEAK)
     return "; ".join(map(str, [*motions, *(described(problem, u) for u in rest.T)]))
 
 
-def _leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:
+def leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:
     """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D; none where all eigenvalues are below `harmless`."""
     used = ~problem.layout.fixed & (factored.diagonal > 0) & (D > 0)
     scale = np.where(used, D, 0.0)[:, None]

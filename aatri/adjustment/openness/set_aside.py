@@ -5,18 +5,20 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
-from aatri.adjustment.elimination.factor import Factored
+from aatri.adjustment.elimination.factor import LOST, Factored
 from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
 from aatri.adjustment.openness.nearly_open import loosely_held, nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
+from aatri.adjustment.openness.weighted_datum import are_seen_motions, is_singular
 from aatri.adjustment.others import NotInParts
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import with_set_aside
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
+from aatri.ids import several
 from aatri.notes import Note
 
 Blocks = dict[str, Bool]
@@ -32,7 +34,9 @@ def without_open_parts(
     """The problem without what vanishing pivots leave open, as long as that is not all of it."""
     notes: list[Note] = []
     for _ in range(MOST_PARTS):
-        if not is_singular(factored) or not (factored.factor.is_direct or (factored.determined == 0).any()):
+        if not (factored.factor.is_direct or (factored.determined == 0).any()):
+            break
+        if not is_singular(problem, state, factored):
             break
         blocks = _undetermined(problem, state, vanishing(problem, state, factored))
         if not blocks:
@@ -76,11 +80,6 @@ def without_weak_parts(
     return problem, factored, [*notes, *more]
 
 
-def is_singular(factored: Factored) -> bool:
-    """Whether a pivot vanishes."""
-    return bool(factored.weak) or bool((factored.determined == 0).any())
-
-
 def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factored) -> None:
     """Raise the error that names what vanishing pivots leave open.
 
@@ -89,6 +88,13 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     GeometryError
     """
     open_ = vanishing(problem, state, factored)
+    if are_seen_motions(problem, state, open_.texts):
+        named = "; ".join(map(str, open_.texts))
+        raise GeometryError(
+            f"the observations leave {several(open_.count, 'unknown')} open: {named}; those that fix it have less than "
+            f"{LOST:.0e} of the weight of the rays, and rounding leaves nothing of it",
+            remedy="state smaller standard deviations of control, positions and what else fixes the block",
+        )
     open_.refuse()
     group, rays = next(u for u in problem.unknowns if u.eliminated), problem.rays
     names = [] if rays is None else [f"{group.name} {group.ids[k]}" for k in np.sort(rays.block[open_.blocks])]
@@ -124,7 +130,7 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     factored = factorise_constrained(problem, state)
     if not factored.factor.is_direct or not np.isfinite(factored.cost) or (factored.determined == 0).any():
         return
-    if factored.weak:
+    if is_singular(problem, state, factored):
         refuse_undetermined(problem, state, factored)
     open_ = nearly_open(problem, factored, state)
     open_blocks = (np.flatnonzero(np.isin(problem.layout.vertex[u.name], open_.vertices)) for u in problem.unknowns)

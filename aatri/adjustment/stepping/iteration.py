@@ -9,7 +9,8 @@ import numpy as np
 from aatri.adjustment.constraints.multipliers import factorise_constrained, penalty, predicted_by_constraints
 from aatri.adjustment.elimination.backsolve import cost_of, predicted_decrease
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.openness.set_aside import is_singular, refuse_undetermined
+from aatri.adjustment.openness.set_aside import refuse_undetermined
+from aatri.adjustment.openness.weighted_datum import is_singular
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.adjusted import Step
 from aatri.adjustment.stepping.damping import Damping, gain
@@ -155,7 +156,7 @@ def refuse_unusable(here: IterationState) -> None:
     factored = here.factored
     if not np.isfinite(factored.cost):
         raise ConvergenceError("residuals are not finite", remedy=ADVICE)
-    if factored.damping == 0.0 and is_singular(factored):
+    if factored.damping == 0.0 and is_singular(here.problem, here.state, factored):
         refuse_undetermined(here.problem, here.state, factored)
 
 
