@@ -41,7 +41,7 @@ def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.ND
 
     if not len(ids):  # tables may be long, and most blocks have no such observations
         return np.zeros(0, dtype=np.int32)
-    texts, of_table = (of.tolist() if isinstance(of, np.ndarray) else map(str, of) for of in (ids, table))
+    texts, of_table = (one.tolist() if isinstance(one, np.ndarray) else map(str, one) for one in (ids, table))
     row = dict(zip(of_table, itertools.count()))
     return np.array([row.get(text, -1) for text in texts], dtype=np.int32)
 

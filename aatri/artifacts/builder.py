@@ -249,8 +249,8 @@ def _plain_columns(columns: Columns | Table | None, paths: list[str]) -> dict[st
         plain.setdefault("file", 0)
     if "sigma_m" in plain:
         variance = np.asarray(plain.pop("sigma_m"), dtype=np.float64) ** 2
-        of = "covariance_m2" if "xyz_m" in plain else "position_covariance_m2"
-        plain[of] = variance[..., None] * np.eye(3)
+        name = "covariance_m2" if "xyz_m" in plain else "position_covariance_m2"
+        plain[name] = variance[..., None] * np.eye(3)
     return plain
 
 

@@ -81,9 +81,9 @@ def sigma_of(type_: str, noise: NoiseOptions) -> float:
     )
 
 
-def _each(sights: list[Sighted], of: Any) -> Text:
+def _each(sights: list[Sighted], text_of: Any) -> Text:
     """A text column, part by part."""
-    parts = [np.broadcast_to(np.asarray(of(s), dtype=np.str_), len(s.value)) for s in sights]
+    parts = [np.broadcast_to(np.asarray(text_of(s), dtype=np.str_), len(s.value)) for s in sights]
     return np.asarray(np.concatenate(parts), dtype=np.str_)
 
 

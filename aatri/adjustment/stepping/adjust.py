@@ -103,11 +103,7 @@ def adjust_large(
         records, constraints = (*records, *stiff.records), ()
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
     here, notes = _begun(stated, settings, start, stiff, reporter)
-    linear = here.factored.factor.is_direct and all(r.linear and r.loss is None for r in here.problem.records)
-    joint_veto, others = veto, settings.others
-    if others is not None:
-        linear = others.total(float(not linear)) == 0.0
-        joint_veto = _veto_of_all(veto, others)
+    linear, joint_veto = _is_linear(here, settings.others), _veto_of_all(veto, settings.others)
     kept = KeptIterations(settings.checkpoint, start)
     history = list[Step]()
     redundancy = counts(here.problem)[2]
@@ -122,19 +118,14 @@ def adjust_large(
         trial = retract_state(problem.unknowns, here.state, step)
         trial = steadied(problem, curve(here.state, trial, step) if curve else trial, veto)
         if _may_end(here, settings.tolerance, linear=linear):
-            weak = without_weak_parts(problem, here.state, factored)
-            if isinstance(weak, tuple):
-                problem, factored, more = weak
-                here, notes = IterationState(problem, here.state, factored), [*notes, *more]
+            end = _end(here, trial, step, history, notes, stiff, reporter, linear=linear)
+            if isinstance(end, Adjusted):
+                return end
+            if end is not None:
+                here, more = end
+                notes = [*notes, *more]
                 refuse_unusable(here)
                 continue
-            bent, cost = after_step(problem, here.state, trial, step)
-            if bent <= LINEAR:
-                stiff.refuse_violated(trial)
-                done = _finished(problem, trial, cost, tuple(history), (*notes, *weak))
-                done = replace(done, observations=done.observations - stiff.count)
-                return replace(done, factored=factored) if linear else done
-            reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
         if _gives_up(history, iteration, settings.max_iterations):
             break
         factored.factor.clear()  # no later use; the next factorisation needs the room
@@ -143,7 +134,7 @@ def adjust_large(
         notes += more
         refuse_unusable(here)
         kept.keep(here, history, notes)
-    if others is not None:
+    if settings.others is not None:
         raise NotInParts(f"no convergence in {len(history)} iterations")
     refuse_nearly_singular(here.problem, here.state, len(history))
     raise ConvergenceError(_failure(records, here.state, len(history), history[-1]), remedy=advice_after(history))
@@ -171,13 +162,47 @@ def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:
     return tolerance >= ROUGH or settled(here.problem, here.state)
 
 
+def _end(
+    here: IterationState,
+    trial: dict[str, Any],
+    step: Mapping[str, Float],
+    history: Sequence[Step],
+    notes: Sequence[Note],
+    stiff: StiffConstraints,
+    reporter: Reporter,
+    *,
+    linear: bool,
+) -> Adjusted | tuple[IterationState, Sequence[Note]] | None:
+    """The result, if the step is the last one; where to go on without weak parts; None if a further step is due."""
+    weak = without_weak_parts(here.problem, here.state, here.factored)
+    if isinstance(weak, tuple):
+        problem, factored, more = weak
+        return IterationState(problem, here.state, factored), more
+    bent, cost = after_step(here.problem, here.state, trial, step)
+    if bent > LINEAR:
+        reporter.log(f"one more step: an adjusted observation is {bent:.2g} sigma off the linear model")
+        return None
+    stiff.refuse_violated(trial)
+    done = _finished(here.problem, trial, cost, tuple(history), (*notes, *weak))
+    done = replace(done, observations=done.observations - stiff.count)
+    return replace(done, factored=here.factored) if linear else done
+
+
+def _is_linear(here: IterationState, others: Others | None) -> bool:
+    """Whether one step is enough, in all parts."""
+    linear = here.factored.factor.is_direct and all(r.linear and r.loss is None for r in here.problem.records)
+    return linear if others is None else others.total(float(not linear)) == 0.0
+
+
 def _gives_up(history: Sequence[Step], iteration: int, max_iterations: int | None) -> bool:
     if max_iterations is None and iteration == ENOUGH and not goes_on(history):
         return True
     return iteration >= (max_iterations or MOST)
 
 
-def _veto_of_all(veto: Veto | None, others: Others) -> Veto:
+def _veto_of_all(veto: Veto | None, others: Others | None) -> Veto | None:
+    if others is None:
+        return veto
     return lambda old, new: others.first(veto(old, new) if veto is not None else "")
 
 

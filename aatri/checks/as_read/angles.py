@@ -266,10 +266,10 @@ def _other_height(rays: ControlRays, pairs: Pairs) -> tuple[ControlRays, float]:
     return lifted(lift), lift
 
 
-def _least(of: Callable[[float], float], grid: Float) -> float:
+def _least(function: Callable[[float], float], grid: Float) -> float:
     """Where a function is least, near the best of a grid."""
-    at, step = min((float(x) for x in grid), key=of), float(grid[1] - grid[0])
+    at, step = min((float(x) for x in grid), key=function), float(grid[1] - grid[0])
     for _ in range(24):
         step *= 0.6
-        at = min((at - step, at, at + step), key=of)
+        at = min((at - step, at, at + step), key=function)
     return at

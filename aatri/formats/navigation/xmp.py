@@ -165,14 +165,14 @@ def drone_numbers(packet: XmlElement) -> dict[str, float]:
     return numbers
 
 
-def _put(of: dict[str, float], element: XmlElement, key: str, text: str) -> None:
+def _put(numbers: dict[str, float], element: XmlElement, key: str, text: str) -> None:
     key = {"GpsLongtitude": "GpsLongitude"}.get(key, key)
     if key.startswith(("Gps", "AbsoluteAlt", "RtkStd", "RtkFlag", "Gimbal")) and not key.endswith(
         ("Status", "Reverse")
     ):
-        if key in of:
+        if key in numbers:
             raise element.error(f"{key} twice", "remove one")
-        of[key] = element.parsed(text.strip(), key)
+        numbers[key] = element.parsed(text.strip(), key)
 
 
 def _names(files: Sequence[Path]) -> list[str]:

@@ -108,7 +108,9 @@ def _plane(frame: Frame) -> str:
     return frame.crs
 
 
-def _move(columns: dict[str, object], name: str, of: str, source: Frame, target: Frame, where: str) -> None:
+def _move(
+    columns: dict[str, object], name: str, covariance_name: str, source: Frame, target: Frame, where: str
+) -> None:
     """Convert coordinates and their covariances."""
     xyz = np.atleast_2d(np.asarray(columns[name], dtype=np.float64))
     sigma = columns.pop("sigma_m", None)
@@ -116,8 +118,8 @@ def _move(columns: dict[str, object], name: str, of: str, source: Frame, target:
     if sigma is not None:
         variance = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (len(xyz), 3)) ** 2
         covariance = np.where(np.eye(3, dtype=bool), variance[:, :, None], 0.0)
-    elif of in columns:
-        covariance = np.broadcast_to(np.asarray(columns[of], dtype=np.float64), (len(xyz), 3, 3))
+    elif covariance_name in columns:
+        covariance = np.broadcast_to(np.asarray(columns[covariance_name], dtype=np.float64), (len(xyz), 3, 3))
     elif source.geographic:
         covariance = np.full((len(xyz), 3, 3), np.nan)
     plan = _plan_alone(xyz, source, target, where)
@@ -130,8 +132,8 @@ def _move(columns: dict[str, object], name: str, of: str, source: Frame, target:
         moved[known], turned[known] = _converted(xyz[known], np.nan_to_num(covariance[known]), source, target)
     moved[plan, 2] = np.nan
     columns[name] = moved
-    if sigma is not None or of in columns:
-        columns[of] = np.where(stated[:, None, None], turned, np.where(np.eye(3, dtype=bool), np.nan, 0.0))
+    if sigma is not None or covariance_name in columns:
+        columns[covariance_name] = np.where(stated[:, None, None], turned, np.where(np.eye(3, dtype=bool), np.nan, 0.0))
 
 
 def _plan_alone(xyz: Float, source: Frame, target: Frame, where: str) -> Bool:

@@ -33,13 +33,13 @@ def without_bodies(source: Source, table: CsvTable | None) -> tuple[CsvTable | N
     no_bodies = Bodies({}, {}, ())
     if table is None or not any(f.crs == "local" for _, f in frames[1:]):
         return table, no_bodies
-    of = frames_of(source, table)
+    frame_of_row = frames_of(source, table)
     local = [k for k, (_, f) in enumerate(frames) if f.crs == "local" and k not in (0, source.default_frame)]
-    read = [_body(source, table, np.flatnonzero(of == k), frames[k][0]) for k in local if (of == k).any()]
+    read = [_body(source, table, np.flatnonzero(frame_of_row == k), frames[k][0]) for k in local if k in frame_of_row]
     bodies = no_bodies
     for body in read:
         bodies = bodies if body is None else joined(bodies, body)
-    return table.taken(np.flatnonzero(~np.isin(of, local)).tolist()), bodies
+    return table.taken(np.flatnonzero(~np.isin(frame_of_row, local)).tolist()), bodies
 
 
 def joined(first: Bodies, more: Bodies) -> Bodies:

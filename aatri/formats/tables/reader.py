@@ -79,7 +79,7 @@ def _block(source: Source) -> Block:
         raise_all(source.problems)  # else every row that names an image would be one more fault
     if not (source.folder / "image_points.csv").exists() and images.get("id") and not any(images.get("path", ())):
         source.problems.append(missing(source.folder / "image_points.csv", FILES))  # nothing to find points in either
-    camera_of = {image: cameras.get(of, 0) for image, of in zip(images.get("id", ()), images.get("camera", ()))}
+    camera_of = {image: cameras.get(name, 0) for image, name in zip(images.get("id", ()), images.get("camera", ()))}
     measured, surveyed = source.table("image_points.csv"), source.table("ground_points.csv")
     points = [name for table in (measured, surveyed) if table is not None for name in set(table.text["point"])]
     image_points = {} if measured is None else image_point_columns(source, measured, camera_of, camera.cameras)

@@ -98,8 +98,8 @@ def pair_picture(name: str, title: str, pair: ImagePair) -> Picture:
     low = np.array([[0.0, 0.0], [width, 0.0]])
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     marks = [Marks("areas", low[:, None] + square * pair.size[:, None], "soft")]
-    for colour, words, of in (("green", "used", pair.used), ("red", "left out", ~pair.used)):
-        rows = np.flatnonzero(of)
+    for colour, words, mask in (("green", "used", pair.used), ("red", "left out", ~pair.used)):
+        rows = np.flatnonzero(mask)
         joined = rows[thinned(len(rows), MOST_JOINED)]
         marks.append(Marks("segments", at[joined], colour, width=0.5))
         ids = np.repeat(pair.point[rows], 2).tolist()

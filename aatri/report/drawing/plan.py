@@ -159,8 +159,8 @@ def roles(block: Block) -> Int:
     (n,) int
     """
     role = np.zeros(len(block.points), int)
-    for of in (CHECK, CONTROL):
-        role[block.ground_points.point[(block.ground_points.role == of).any(axis=1)]] = of
+    for code in (CHECK, CONTROL):
+        role[block.ground_points.point[(block.ground_points.role == code).any(axis=1)]] = code
     return role
 
 
@@ -171,13 +171,13 @@ def _points(block: Block, solution: Solution | None, ground: Float, images: Int)
     wrong = rows_of(rejected_control(solution), block.points.id)
     out[wrong[wrong >= 0]] = True
     marks, notes = [], []
-    for shape, colour, name, of in (
+    for shape, colour, name, mask in (
         ("dots", "soft", "new points", role == 0),
         ("circles", "green", "check points", role == CHECK),
         ("triangles", "red", "control", (role == CONTROL) & ~out),
         ("crosses", "red", "control left out", (role == CONTROL) & out),
     ):
-        rows = np.flatnonzero(located & of)
+        rows = np.flatnonzero(located & mask)
         drawn = rows[thinned(len(rows))]
         if len(drawn) < len(rows):
             notes.append(f"{len(drawn)} of {len(rows)} {name}")

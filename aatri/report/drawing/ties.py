@@ -123,7 +123,7 @@ def intersection_angles(block: Block, solution: Solution) -> Float:
     """
     image, point = used_rays(block, solution)
     xyz, centre = solution.points.xyz_m, solution.images.position_m
-    located, oriented = (np.asarray(np.isfinite(of).all(axis=1)) for of in (xyz, centre))
+    located, oriented = (np.asarray(np.isfinite(places).all(axis=1)) for places in (xyz, centre))
     good = located[point] & oriented[image]
     crossing = np.flatnonzero(np.bincount(point[good], minlength=len(xyz)) > 1)
     of_point = np.zeros(len(xyz), dtype=bool)
