@@ -165,7 +165,7 @@ def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:
 def _end(
     here: IterationState,
     trial: dict[str, Any],
-    step: Mapping[str, Float],
+    step: dict[str, Float],
     history: Sequence[Step],
     notes: Sequence[Note],
     stiff: StiffConstraints,

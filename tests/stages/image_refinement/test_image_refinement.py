@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.adapters.refinement.heights import EARTH_RADIUS_M, _level_axes
 from aatri.artifacts.block import Block, Exterior
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ImageOrientations
@@ -249,3 +250,13 @@ def test_oblique_images_are_freed_from_refraction_ray_by_ray() -> None:
     told = Told()
     systematic(bent, a, low, options=options, context=told)
     assert any("not above the terrain" in text for text in told.warnings)
+
+
+def test_level_axes_of_a_place_on_the_sphere_are_east_north_and_up() -> None:
+    """Seen from the tangent point, one degree to the east and one to the north: the axes turn by that angle."""
+    degree = np.deg2rad(1.0)
+    cos, sin = np.cos(degree), np.sin(degree)
+    at = EARTH_RADIUS_M * np.array([[0.0, 0.0, 0.0], [sin, 0.0, cos - 1.0], [0.0, sin, cos - 1.0]])
+    to_east = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
+    to_north = [[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]]
+    np.testing.assert_allclose(_level_axes(at), [np.eye(3), to_east, to_north], rtol=0, atol=1e-12)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.adapters.ground.initial_tests import left_out_table
 from aatri.artifacts.block import CONTROL, Block, Geodetic
 from aatri.artifacts.solution import Solution
+from aatri.observations.control import Control, observed_control
 from tests.stages.initial_orientation.unordered import SMALL_UAV, far_off, initial_of, simulated, without_strips
 
 
@@ -180,3 +182,15 @@ def test_distances_from_images_with_heights_and_in_plan_fit_what_they_were_made_
     assert sorted(found.residuals.kind[of].tolist()) == ["distance", "distance", "horizontal_distance"]
     assert found.residuals.active[of].all()
     assert np.abs(found.residuals.residual[of, 0]).max() < 0.15
+
+
+def test_what_is_left_out_has_the_mean_square_of_its_residuals_in_standard_deviations() -> None:
+    """By hand: (3, 4, 0) m with 0.5, 1 and 2 m is 6, 4 and 0 sigma, 5 m long; a missing height does not count."""
+    rows, every = np.arange(2, dtype=np.int32), np.ones((2, 3), dtype=bool)
+    covariance = np.broadcast_to(np.diag([0.25, 1.0, 4.0]), (2, 3, 3)).copy()
+    control = Control(rows, rows, np.zeros((2, 3)), covariance, every, ~every)
+    (observed,) = observed_control(control, np.zeros(3), np.array(["a", "b"]))
+    table = left_out_table(observed, np.array([[3.0, 4.0, 0.0], [3.0, 4.0, np.nan]]))
+    np.testing.assert_allclose(table.size, [5.0, 5.0])
+    np.testing.assert_allclose(table.test, np.sqrt([52.0 / 3.0, 52.0 / 2.0]))
+    np.testing.assert_allclose(table.sigma, table.size / table.test)

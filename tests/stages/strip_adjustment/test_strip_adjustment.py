@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adapters.strips.oriented_strips import most_models
 from aatri.adapters.strips.strip_adjustment import rays_of_ties
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.artifacts.suspects import Suspects
@@ -249,3 +250,9 @@ def test_sigma0_is_told_with_what_is_expected_and_its_interval() -> None:
     assert heard.warnings == []
     with pytest.raises(ConvergenceError, match="4 models"):
         _adjusted(made, max_sigma0=0.1)
+
+
+def test_a_strip_has_a_model_less_than_images() -> None:
+    made = MadeBlock(2, 5, noise_m=0.02)
+    made.control(made.corners(), sigma_m=0.05)
+    assert most_models(made.strips()) == 4
