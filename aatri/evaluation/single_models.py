@@ -126,6 +126,8 @@ def single_models(
         values[block.ground_points.point] = np.where(
             block.ground_points.role == role, block.ground_points.xyz_m, np.nan
         )
+    if solution.datum is not None:  # free: check points are in a frame of their own
+        reference[CHECK][:] = np.nan
     to_control, to_check = (X - reference[role][rays.point] for role in (CONTROL, CHECK))
     n = len(rays.left)
     first = np.searchsorted(rays.model, np.arange(n + 1))

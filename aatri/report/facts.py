@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.codes import CONTROL, OBSERVED_VALUE
+from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
@@ -60,6 +60,15 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
         vertical = str(block.frames.vertical[0])
         made["coordinates"] = f"{frame}{f', heights {vertical}' if vertical else ''}"
     return made
+
+
+def without_comparison(block: Block | None) -> str:
+    """Why nothing is compared at check points: there are none, or the result is in another frame."""
+    count = 0 if block is None else int((block.ground_points.role == CHECK).any(axis=1).sum())
+    if not count:
+        return "no check points"
+    why = "" if has_scale(block) else ", as nothing gives the scale"
+    return f"{counted(count, 'check')} cannot be compared{why}"
 
 
 def has_scale(block: Block | None) -> bool:
@@ -119,12 +128,12 @@ def _overlaps(block: Block, solution: Solution) -> dict[str, str]:
 
 
 def accuracy_statement(figures: Mapping[str, float]) -> str:
-    """What the check points say in the words of the standard; empty without any."""
+    """What the check points say in the words of the standard; empty without any, or where they gave the datum."""
     n = int(figures.get("check_points", 0))
     x, y, z = (figures.get(f"check_rmse_{axis}_m", np.nan) for axis in "xyz")
     sizes = {"RMSE_H": np.hypot(x, y), "RMSE_V": z, "RMSE_3D": np.linalg.norm([x, y, z])}
     parts = [f"{name} = {listed(*rms_alike([size], n))}" for name, size in sizes.items() if np.isfinite(size)]
-    if not n or not parts:
+    if not n or not parts or figures.get("check_aligned_components", 0) > 0:
         return ""
     text = f"Tested at {counted(n, 'check')}: {', '.join(parts)} (ASPRS edition 2, 2023)."
     if n < ENOUGH_CHECK_POINTS:

@@ -16,7 +16,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
-from aatri.report.facts import has_scale
+from aatri.report.facts import has_scale, without_comparison
 from aatri.report.verdict import far_off, with_check_counts
 from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
@@ -47,7 +47,7 @@ def judgement(run: RunView) -> str:
     sentences = [
         left,
         _contradiction(solution),
-        purpose or _accuracy(figures, has_scale(run.last(Block))),
+        purpose or _accuracy(figures, run.last(Block)),
         _far_off(run.last(Evaluation)),
         not_oriented(solution),
         "" if to_follow else _sigma0(solutions[-1].metrics),
@@ -92,7 +92,7 @@ def _contradiction(solution: Solution) -> str:
     )
 
 
-def _accuracy(figures: Mapping[str, float], metric: bool) -> str:
+def _accuracy(figures: Mapping[str, float], block: Block | None) -> str:
     """How far off check points are, else control predicted without itself, else the truth of a simulation."""
     for what, count, text in (
         ("check_rmse", "check_points", "Check points agree to {} in {} (RMSE of {})"),
@@ -107,13 +107,15 @@ def _accuracy(figures: Mapping[str, float], metric: bool) -> str:
         if figures.get(count) and values:
             n = int(figures[count])
             lengths = listed(*rms_alike(values.values(), n))
-            return f"{text.format(lengths, _and(values), counted(n, 'point'))}{_theory(figures, what)}."
+            fitted = f"{what.partition('_')[0]}_aligned_components"
+            after = " after the open datum was fitted to them" if figures.get(fitted, 0) > 0 else ""
+            return f"{text.format(lengths, _and(values), counted(n, 'point'))}{after}{_theory(figures, what)}."
     if not figures:
         return "The accuracy was not evaluated."
     theory = {axis.upper(): figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures}
-    size = (together(theory.values()) if metric else listed(*of_model(theory.values()))) if theory else ""
+    size = (together(theory.values()) if has_scale(block) else listed(*of_model(theory.values()))) if theory else ""
     known = f"; by their standard deviations new points are known to {size} in {_and(theory)}" if theory else ""
-    return f"Nothing independent is known of the accuracy: there is no check point{known}."
+    return f"Nothing independent is known of the accuracy ({without_comparison(block)}){known}."
 
 
 def _theory(figures: Mapping[str, float], what: str) -> str:

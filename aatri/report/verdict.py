@@ -17,12 +17,14 @@ import numpy as np
 from aatri.adjustment.statistics.global_test import global_test, sigma0_interval
 from aatri.adjustment.statistics.limits import ALARM, WRONG_SIGMAS
 from aatri.arrays import Bool
+from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
+from aatri.report.facts import without_comparison
 from aatri.report.view.numbers import counted, number
 from aatri.report.view.run_view import RunView, StageView
 from aatri.units import rms_alike, together
@@ -56,7 +58,10 @@ def external_lights(run: RunView) -> list[Light]:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
     expected = _expected(figures)
-    lights = [_check(figures, expected), *_far_off(run.last(Evaluation))]
+    check = Light("Independent check", NONE, without_comparison(run.last(Block)))
+    if figures.get("check_points"):
+        check = _check(figures, expected)
+    lights = [check, *_far_off(run.last(Evaluation))]
     if figures.get("check_points"):
         lights.insert(1, expected)
     if figures.get("truth_points"):
@@ -134,9 +139,7 @@ def _by_kind(solution: Solution, rows: Bool) -> str:
 
 def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
     """RMSE at check points: good where theory and chance explain it, or of many points without a theory."""
-    n = int(figures.get("check_points") or 0)
-    if not n:
-        return Light("Independent check", NONE, "no check points")
+    n = int(figures["check_points"] or 0)
     values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
     texts, unit = rms_alike([float(value) for value in values.values() if value is not None], n)
     words = f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {counted(n, 'check')}"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK
+from aatri.artifacts.solution import DatumCarriers
 from aatri.evaluation.ray_pairs import ModelRays
 from aatri.evaluation.single_models import intersected
 from aatri.observations.poses import Poses
@@ -99,6 +100,15 @@ def test_check_points_of_a_model_are_compared_with_what_is_given(chain: Chain) -
     some = found.check_points > 0
     assert np.isfinite(found.check_rms_m[some]).all()
     assert np.isnan(found.check_rms_m[~some]).all()
+
+
+def test_models_of_a_free_datum_are_not_compared_with_check_points_of_another_frame(chain: Chain) -> None:
+    """A free block of a quarry had model differences of 4,400 km."""
+    datum = DatumCarriers(kind=["point"] * 3, id=chain.block.points.id[:3])
+    found = evaluation(chain.block, replace(chain.bundle, datum=datum)).models
+    assert found is not None
+    assert found.points.sum() > 0
+    assert found.check_points.sum() == 0
 
 
 def test_images_without_a_strip_are_paired_with_the_image_they_share_most_points_with(chain: Chain) -> None:

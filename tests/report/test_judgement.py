@@ -13,7 +13,7 @@ from aatri.artifacts.block import CHECK
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.facts import accuracy_statement
-from aatri.report.judgement import wrong_observations
+from aatri.report.judgement import _accuracy, wrong_observations
 from aatri.report.page import write_report
 from aatri.report.view.numbers import angles_in, small_angle
 from aatri.units import together
@@ -116,6 +116,15 @@ def test_without_check_points_nothing_independent_is_claimed(tmp_path: Path) -> 
     assert "Check points agree" not in page["judgement"]
     assert page["judgement"].startswith(("No check point was measured", "Nothing independent is known"))
     assert page["accuracy_statement"] == ""
+
+
+def test_check_points_that_gave_the_datum_are_no_independent_test() -> None:
+    """A free datum is fitted to check points before they are compared."""
+    figures = {"check_points": 6.0, **{f"check_rmse_{axis}_m": 0.01 for axis in "xyz"}}
+    assert accuracy_statement(figures)
+    figures["check_aligned_components"] = 7.0
+    assert accuracy_statement(figures) == ""
+    assert _accuracy(figures, None).endswith("(RMSE of 6 points) after the open datum was fitted to them.")
 
 
 def test_what_nobody_evaluated_is_not_said_to_lack_check_points(tmp_path: Path) -> None:

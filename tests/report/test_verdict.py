@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.notes import EXCHANGED, REJECTED
@@ -153,6 +153,20 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
     bars = re.findall(r'class="scale"[^>]*>([^<]*)<', (run / "report.html").read_text())
     assert bars
     assert all(bar.endswith(" units of the model") for bar in bars)
+
+
+def test_check_points_of_a_block_without_a_scale_are_not_said_to_be_missing(tmp_path: Path) -> None:
+    block = made_block(truth=False)
+    given = block.ground_points
+    block = replace(block, ground_points=given.take((given.role == CHECK).any(axis=1)))
+    solution = made_solution(block)
+    figures = evaluate(replace(block, ground_points=given.take(np.zeros(0, dtype=np.int64))), solution)
+    run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": figures})
+    write_report(run)
+    page = json.loads((run / "report.json").read_text())
+    told = "cannot be compared, as nothing gives the scale"
+    assert told in page["judgement"]
+    assert told in page["external"][0]["words"]
 
 
 def test_what_fits_with_exchanged_numbers_has_a_remedy(tmp_path: Path) -> None:
