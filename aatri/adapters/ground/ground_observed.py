@@ -142,7 +142,7 @@ def oriented_by(
     ways += [((*first, ATTITUDE), settings.weakest)] if ATTITUDE in kinds else []
     if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
         ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY)))
-    images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError]()
+    images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError | ConvergenceError]()
     drifts = ((True, True), (False, True), (False, False)) if _drifting(ground, body) else ((True, True),)
     for (used, weakest), (drift, rejects) in product(ways, drifts):
 
@@ -154,19 +154,16 @@ def oriented_by(
             # what is neglected bends the body: what does not fit it as it is need not be wrong
             relaxed = replace(settings, weakest=weakest, stiff=settings.stiff and drift, rejects=rejects)
             oriented = orient_body(seen, body, relaxed, what=what, image_ids=images, point_ids=points, begin=begin)
-        except GeometryError as error:
-            failed.append(error)
+        except (ConvergenceError, GeometryError) as error:
+            failed.append(error)  # attitudes may tell which of three control points is wrong
             continue
-        except ConvergenceError:
-            if not failed:
-                raise
-            continue  # what else is observed leads nowhere from here: it is open by what tells from afar
         notes = [] if used == first else [_of_more(oriented, first, what, failed[0].what)]
         if not drift:
             text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"
             notes.append(Note("note", text))
         return replace(oriented, neglects=not drift), notes
-    raise failed[-1]
+    left_open = [error for error in failed if isinstance(error, GeometryError)]
+    raise left_open[-1] if isinstance(failed[0], GeometryError) else failed[0]
 
 
 def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: str) -> Note:
@@ -176,7 +173,7 @@ def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: s
     text = f"{what}: oriented by observations of all kinds together; without them {failure}"
     if kinds <= {*first, ATTITUDE}:
         turned_images = several(turned, "image")
-        text = f"{what}: attitudes of {turned_images} take part, as control and positions leave it open: {failure}"
+        text = f"{what}: attitudes of {turned_images} take part, as control and positions do not place it: {failure}"
     return Note("note", text)
 
 

@@ -43,11 +43,12 @@ from aatri.orientation.bodies.datum_start import (
     Observe,
     centroid_start,
     closed_start,
+    fits,
+    near_start,
     scaled,
     searched_start,
     two_point_start,
 )
-from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
 from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored
 
@@ -146,17 +147,31 @@ def orient_body(
     problem = tied_problem([*ties, *observed, *fixed], state, ids, f"absolute orientation of {what}")
     n, first = len(problem.components), problem.n_ties
     began = np.append(np.ones(first, dtype=bool), use[: n - first])
-    tied = _adjusted(problem, began, settings)
-    to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
-    oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
+
+    def by(began: Bool) -> OrientedBody:
+        tied = _adjusted(problem, began, settings)
+        to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
+        oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
+        if not (settings.free or any(o.kind == ATTITUDE for o in observed)):
+            places = oriented.places
+            refuse_mirrored(places, tied.active[places.row], to, body.up, what)
+        return oriented
+
+    try:
+        oriented = by(began)
+    except (ConvergenceError, GeometryError) as failure:
+        near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start)[: n - first])
+        if not (began & ~near).any():
+            raise
+        try:
+            oriented = by(began & near)
+        except (ConvergenceError, GeometryError):
+            raise failure from None
     if settings.free:
         return oriented
-    if not any(o.kind == ATTITUDE for o in observed):
-        places = oriented.places
-        refuse_mirrored(places, tied.active[places.row], to, body.up, what)
     # What remains must still determine the body: what is rejected does not count.
-    use[: n - first] = tied.active[first:]
-    return replace(oriented, analysis=_analysed(observed, use, body, to, settings, what))
+    use[: n - first] = oriented.tied.active[first:]
+    return replace(oriented, analysis=_analysed(observed, use, body, oriented.ground_from_body, settings, what))
 
 
 def _start(
@@ -191,7 +206,7 @@ def _start(
         start, failure = level, error
     places = all_places.take(use[all_places.row])
     searched = settings.exchanged and not len(exchanged)
-    if searched and (failure is not None or not _fits(places, places.xyz @ level.rotation, body, start)):
+    if searched and (failure is not None or not fits(places, places.xyz @ level.rotation, body, start)):
         exchanged = exchanged_by_all(observed, observe, body, use, level)
         use[exchanged] = False
         if not len(exchanged) and failure is None:
@@ -203,14 +218,6 @@ def _start(
             text = f"{error.what}; {names} fit with each other's number"
             raise GeometryError(text, remedy="exchange the two numbers in the control, or " + error.remedy) from error
     return start
-
-
-def _fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:
-    """Whether places lie where they are given, as near as those of right ids do; `x` are they in the body."""
-    off = np.where(places.given, transform(start, x) - places.observed_m, 0.0)
-    centre, points = np.mean(body.poses.position_m[body.has[POSE]], axis=0), body.xyz[body.has[POINT]]
-    distance = start.scale * float(np.median(np.linalg.norm(points - centre, axis=1)))
-    return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * distance
 
 
 def _adjusted(problem: TiedProblem, began: Bool, settings: OrientationSettings) -> TiedResult:

@@ -28,14 +28,17 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, levelling
-from aatri.geometry.similarity import Similarity, from_centroids, robust_closed_form
+from aatri.geometry.similarity import Similarity, from_centroids, robust_closed_form, transform
 from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.ids import several
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
+from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
-from aatri.orientation.bodies.datum_analysis import GivenPlaces
-from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
+from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.free_body import FreeBody, state_of
 from aatri.orientation.bodies.similarity_ties import LABELS
 
 COLLINEAR, THINNEST = 0.01, 1e-8
@@ -76,6 +79,32 @@ def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR) ->
     if spread[1] ** 2 <= collinear * spread[0] ** 2:
         return None
     return robust_closed_form(x[full], places.observed_m[full])[0]
+
+
+def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:
+    """Whether places lie where they are given, as near as those of right ids do; `x` are they in the body."""
+    off = np.where(places.given, transform(start, x) - places.observed_m, 0.0)
+    return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * _distance(body, start)
+
+
+def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity) -> Bool:
+    """Observations, but control and positions farther off a start than right ids leave them, (n,).
+
+    Least squares follow two images far apart with each other's id, until the scale is nothing or the block upside
+    down; the start, of the least sum of distances, does not.
+    """
+    places = given_places(observed, state_of(observed, body, start))
+    off = np.where(places.given, places.xyz - places.observed_m, 0.0)
+    near = np.ones(sum(map(len, observed)), dtype=bool)
+    of_ground = np.isin(places.kind, (CONTROL, POSITION))
+    near[places.row] = ~of_ground | (np.linalg.norm(off, axis=1) <= START * _distance(body, start))
+    return near
+
+
+def _distance(body: FreeBody, start: Similarity) -> float:
+    """Of the points from the middle of the images, on the ground."""
+    centre, points = np.mean(body.poses.position_m[body.has[POSE]], axis=0), body.xyz[body.has[POINT]]
+    return start.scale * float(np.median(np.linalg.norm(points - centre, axis=1)))
 
 
 def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity, iterations: int = ITERATIONS) -> float:

@@ -127,3 +127,17 @@ def test_photographs_towards_a_wall_are_oriented_by_places_hardly_off_their_line
     error = np.array([[6.0, -8.0, 15.0], [-7.0, 2.0, -12.0], [4.0, 6.0, 20.0]])
     oriented = made.control([0], [ALL], 0.0).positions(12.0, error=error).oriented()
     assert np.linalg.norm(oriented.ground_from_body.translation - TRUE.translation) < 100.0
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_two_images_far_apart_with_each_others_position_are_rejected(stiff: bool) -> None:
+    """Least squares would turn the body over: the products of the coordinates along the strip sum up below zero."""
+    along = np.append(np.arange(-4.0, 5.0), [-1.0, 0.0, 1.0])
+    across = np.append(np.zeros(9), np.ones(3))
+    centres = np.column_stack([1000 + 400 * along, 300 + 600 * across, np.full(12, 1500.0)])
+    error = np.zeros((12, 3))
+    error[[0, 8]] = centres[[8, 0]] - centres[[0, 8]]
+    made = MadeBody(CORNERS, centres, off_m=0.02).positions(0.1, error=error)
+    oriented = made.oriented(stiff=stiff)
+    assert active(oriented, "position") == [k not in (0, 8) for k in range(12)]
+    assert off_m(oriented.ground_from_body) < 0.3

@@ -150,7 +150,7 @@ def test_a_line_of_control_and_attitudes_is_a_datum(control: int, positions: int
     strips = scale_transfer(block, dependent(block, points))
     told = Told()
     absolute = similarity(block, strips, points, context=told)
-    assert any("attitudes of 10 images take part, as control and positions leave it open" in x for x in told.lines)
+    assert any("attitudes of 10 images take part, as control and positions do not place it" in x for x in told.lines)
     assert block.true_images is not None
     found = polynomial(block, points, strips, absolute)
     for solution in (absolute, found):
