@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.strips.oriented_strips import most_models
+from aatri.adapters.strips.oriented_strips import distance_m, most_models
 from aatri.adapters.strips.strip_adjustment import rays_of_ties
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.artifacts.suspects import Suspects
@@ -256,3 +256,10 @@ def test_a_strip_has_a_model_less_than_images() -> None:
     made = MadeBlock(2, 5, noise_m=0.02)
     made.control(made.corners(), sigma_m=0.05)
     assert most_models(made.strips()) == 4
+
+
+def test_the_distance_of_a_strip_is_from_the_middle_of_its_images_to_that_of_its_points() -> None:
+    """By hand: from (10, 0, 500) to (10, 300, 100); a point without coordinates does not count."""
+    images = np.array([[0.0, 0.0, 500.0], [20.0, 0.0, 500.0]])
+    points = np.array([[0.0, 300.0, 100.0], [20.0, 300.0, 100.0], [np.nan, np.nan, np.nan]])
+    assert distance_m(images, points) == pytest.approx(500.0)
