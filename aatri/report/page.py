@@ -197,8 +197,8 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
 def _of_which_block(run: RunView) -> str:
     """Of several blocks in a run, the one that the page is about."""
     sources = [stage.name for stage in run.of_kind(Block) if not stage.inputs]
-    of = next(iter(run.readable(Block)), "")
-    return f"Blocks of this run: {', '.join(sources)}. This page is about {of}." if of and len(sources) > 1 else ""
+    name = next(iter(run.readable(Block)), "")
+    return f"Blocks of this run: {', '.join(sources)}. This page is about {name}." if name and sources[1:] else ""
 
 
 def _coded(text: str) -> Markup:

@@ -67,7 +67,7 @@ class Joining:
 class OrientedStrips:
     """Components on the ground, reduced to the origin, and what there is to say of them."""
 
-    of: StripsOfBlock
+    block_strips: StripsOfBlock
     parts: tuple[OrientedPart, ...]
     notes: tuple[Note, ...]
 
@@ -81,7 +81,7 @@ class OrientedStrips:
         return replace(self, notes=(*self.notes, *notes))
 
 
-def orient_strips(of: StripsOfBlock, joining: Joining, *, max_sigma0: float | None) -> OrientedStrips:
+def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: float | None) -> OrientedStrips:
     """Join strips to components and orient each.
 
     A strip that fits neither control nor the other strips is taken by itself, or left out: the stages that follow
@@ -95,59 +95,59 @@ def orient_strips(of: StripsOfBlock, joining: Joining, *, max_sigma0: float | No
         If an adjustment does not converge, or its result does not fit.
     """
     try:
-        oriented = _oriented(of, joining)
+        oriented = _oriented(block_strips, joining)
     except GeometryError:
-        if (level := _levelled(of, joining)) is None:
+        if (level := _levelled(block_strips, joining)) is None:
             raise
         return level
     try:
-        fitting = oriented.with_notes(fit_notes(of.strips, oriented.parts, max_sigma0))
+        fitting = oriented.with_notes(fit_notes(block_strips.strips, oriented.parts, max_sigma0))
     except ConvergenceError as error:
-        without = None if max_sigma0 is not None else _without_misfits(of, joining, oriented)
+        without = None if max_sigma0 is not None else _without_misfits(block_strips, joining, oriented)
         if without is not None:
             return without
-        texts = filter(None, (stretched(of.ground.block, part.result) for part in oriented.parts))
+        texts = filter(None, (stretched(block_strips.ground.block, part.result) for part in oriented.parts))
         if (text := next(texts, "")) == "":
             raise
         raise ConvergenceError(f"{error.what}; {text}", where=error.where, remedy=CHECK_DISTANCE) from error
-    if oriented.strips < len(of.strips.strips) and (level := _levelled(of, joining)) is not None:
+    if oriented.strips < len(block_strips.strips.strips) and (level := _levelled(block_strips, joining)) is not None:
         return level if level.strips > oriented.strips else fitting
     return fitting
 
 
-def _levelled(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+def _levelled(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
     """The same, and components of which nothing but a turn about a line is open, level; None where none is so."""
-    level = None if joining.every_component else _tried(of, replace(joining, level=True))
-    notes = None if level is None else _fitting(of, level)
+    level = None if joining.every_component else _tried(block_strips, replace(joining, level=True))
+    notes = None if level is None else _fitting(block_strips, level)
     return None if level is None or notes is None else level.with_notes(notes)
 
 
-def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStrips) -> OrientedStrips | None:
+def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: OrientedStrips) -> OrientedStrips | None:
     """The same without strips that do not fit; None if the rest does not fit either.
 
     Of the strips with the largest residuals the one without which the others fit best is left out, one after the other.
     """
-    names, left = of.strips.strips.id, dict[int, float]()
+    names, left = block_strips.strips.strips.id, dict[int, float]()
     fitting = None
     while fitting is None:
         if len(left) >= max(1, len(names) // MISFIT_SHARE):
             return None
         trials = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
-        for strip, off_m in misfitting_strips(of.strips, oriented.parts)[:CANDIDATES]:
-            if (without := _tried(of, replace(joining, left_out=(*left, strip)))) is not None:
-                worse = _fitting(of, without) is None, -without.strips, pooled(without.parts)[1]
+        for strip, off_m in misfitting_strips(block_strips.strips, oriented.parts)[:CANDIDATES]:
+            if (without := _tried(block_strips, replace(joining, left_out=(*left, strip)))) is not None:
+                worse = _fitting(block_strips, without) is None, -without.strips, pooled(without.parts)[1]
                 trials.append((worse, strip, off_m, without))
         if not trials:
             return None
         _, strip, left_m, oriented = min(trials, key=lambda one: one[0])
         left[strip] = left_m
-        fitting = _fitting(of, oriented)
+        fitting = _fitting(block_strips, oriented)
     texts = [f"strip {names[strip]} is {off_m:.3g} m (RMS) off all else" for strip, off_m in left.items()]
-    by_themselves = _tried(of, replace(joining, apart=tuple(left)))
+    by_themselves = _tried(block_strips, replace(joining, apart=tuple(left)))
     if (
         by_themselves is None
         or by_themselves.strips == oriented.strips
-        or (alone_fitting := _fitting(of, by_themselves)) is None
+        or (alone_fitting := _fitting(block_strips, by_themselves)) is None
     ):
         reason = "left out here: its models are weak, or its points or its control are wrong"
         return oriented.with_notes([*(Note("warning", f"{text}: {reason}") for text in texts), *fitting])
@@ -156,46 +156,46 @@ def _without_misfits(of: StripsOfBlock, joining: Joining, oriented: OrientedStri
     )
 
 
-def _tried(of: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+def _tried(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
     """Strips joined otherwise; None where that cannot be done, or nothing tells whether they fit."""
     try:
-        oriented = _oriented(of, joining)
+        oriented = _oriented(block_strips, joining)
     except (ConvergenceError, GeometryError):
         return None
     return oriented if np.isfinite(pooled(oriented.parts)[1]) else None
 
 
-def _fitting(of: StripsOfBlock, oriented: OrientedStrips) -> list[Note] | None:
+def _fitting(block_strips: StripsOfBlock, oriented: OrientedStrips) -> list[Note] | None:
     """What there is to say of strips that fit; None if they do not."""
     try:
-        return fit_notes(of.strips, oriented.parts, None)
+        return fit_notes(block_strips.strips, oriented.parts, None)
     except ConvergenceError:
         return None
 
 
-def _oriented(of: StripsOfBlock, joining: Joining) -> OrientedStrips:
+def _oriented(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips:
     """Components as strips are tied firmly; weakly too, where not each has control enough of its own."""
     with one_blas_thread():  # long matrices of three columns: threads only wait
-        free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=False)
+        free, parts, failed, notes = _joined_and_oriented(block_strips, joining, weakly=False)
         if any(free.weak) and failed:
-            free, parts, failed, notes = _joined_and_oriented(of, joining, weakly=True)
+            free, parts, failed, notes = _joined_and_oriented(block_strips, joining, weakly=True)
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (joining.every_component or not parts):
         raise _all_of(failed, free)
     notes += [Note("warning", f"not oriented: {error.what}") for error in failed]
-    return OrientedStrips(of, tuple(parts), tuple(notes))
+    return OrientedStrips(block_strips, tuple(parts), tuple(notes))
 
 
 def _joined_and_oriented(
-    of: StripsOfBlock, joining: Joining, *, weakly: bool
+    block_strips: StripsOfBlock, joining: Joining, *, weakly: bool
 ) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError | ConvergenceError], list[Note]]:
     """Strips joined to components, each of them oriented; the errors of those that are not determined or converge.
 
     Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
     against each other by the errors of these points, magnified, and fit no control.
     """
-    strips = of.strips
+    strips = block_strips.strips
     names = strips.strips.id.tolist()
     settings = OrientationSettings(joining.control_limit, start=joining.start)
     free = join_strips(
@@ -214,9 +214,9 @@ def _joined_and_oriented(
             continue
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part, more = oriented_part(of.ground, strips, of.rays, component, what, settings)
+            part, more = oriented_part(block_strips.ground, strips, block_strips.rays, component, what, settings)
         except (ConvergenceError, GeometryError) as error:
-            begun = (of.ground, strips, of.rays, free, component, what, settings)
+            begun = (block_strips.ground, strips, block_strips.rays, free, component, what, settings)
             level = levelled_part(*begun) if joining.level and isinstance(error, GeometryError) else None
             if level is None:
                 failed.append(error)
@@ -224,7 +224,7 @@ def _joined_and_oriented(
             text = f"{error.what}; begun level for the bundle: what stands before it is not determined"
             part, more = level, [Note("warning", text)]
         parts.append(part)
-        notes += [*more, *height_notes(of.ground.block, part.result, what), *_part_notes(part)]
+        notes += [*more, *height_notes(block_strips.ground.block, part.result, what), *_part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
         Note("note" if weak and not failed else "warning", f"not joined: {text}")

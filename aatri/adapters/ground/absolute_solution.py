@@ -43,12 +43,12 @@ def absolute_solution(
     oriented: OrientedStrips, image_points: ImagePoints, method: str, *, tests: bool = False
 ) -> tuple[Solution, list[Note]]:
     """The Solution of oriented components, and which images are left out."""
-    block, strips, parts = oriented.of.block, oriented.of.strips, oriented.parts
-    origin_m = oriented.of.ground.origin_m
+    block, strips, parts = oriented.block_strips.block, oriented.block_strips.strips, oriented.parts
+    origin_m = oriented.block_strips.ground.origin_m
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
     transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [_carried(block, strips, oriented.of.rays, parts)]
+    suspects = [_carried(block, strips, oriented.block_strips.rays, parts)]
     for part in parts:
         to_ground, component = part.result.ground_from_body, part.component
         centres, rotations, image = free_images(strips, component)

@@ -10,8 +10,6 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from aatri.arrays import Float
-from aatri.artifacts.block import CONTROL
-from aatri.artifacts.builder import block_of
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError, InputError
 from aatri.stages.block.models import ModelsOptions, models
@@ -294,10 +292,3 @@ def test_two_models_that_turn_together_about_parallel_lines_are_refused(tmp_path
         solved(tmp_path, lines, control, sigma=SIGMA)
     assert "model b: not determined: rotation about the line through point B0 and point B1" in str(no.value)
     assert "model a and model b have 2 common points, 3 are needed" in str(no.value)
-
-
-def test_a_block_without_models_is_refused_with_the_stage_that_reads_them() -> None:
-    control = {"point": ["A"], "xyz_m": np.zeros((1, 3)), "sigma_m": 0.01, "role": CONTROL}
-    with pytest.raises(GeometryError, match="no model coordinates") as refused:
-        given_models(block_of(name="rays", ground_points=control))
-    assert "block/models" in refused.value.remedy

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CONTROL
+from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.model_adjustment.given_models import given_models
@@ -218,3 +219,10 @@ def _in_micrometres(line: str) -> str:
     """A line of a model with its coordinates times 1000."""
     model, point, *xyz = line.split()[:5]
     return " ".join([model, point, *(repr(1000.0 * float(value)) for value in xyz), *line.split()[5:]])
+
+
+def test_a_block_without_models_is_refused_with_the_stage_that_reads_them() -> None:
+    control = {"point": ["A"], "xyz_m": np.zeros((1, 3)), "sigma_m": 0.01, "role": CONTROL}
+    with pytest.raises(GeometryError, match="no model coordinates") as refused:
+        given_models(block_of(name="rays", ground_points=control))
+    assert "block/models" in refused.value.remedy
