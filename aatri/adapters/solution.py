@@ -110,7 +110,9 @@ def residuals(
 def stacked(tables: Sequence[T]) -> T:
     """Tables of one class, one below the other."""
     cls = type(tables[0])
-    return cls(**{name: np.concatenate([getattr(t, name) for t in tables]) for name in columns_of(cls)})
+    columns = {name: [getattr(t, name) for t in tables] for name in columns_of(cls)}
+    del tables  # a column that has been put together is not kept: residuals of all image points are large
+    return cls(**{name: np.concatenate(columns.pop(name)) for name in columns_of(cls)})
 
 
 def suspect_rows(

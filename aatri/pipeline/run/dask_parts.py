@@ -104,8 +104,7 @@ class DaskParts:
                 k,
                 key=f"{topic}-{k}",
                 pure=False,
-                workers=[workers[k % len(workers)]],
-                allow_other_workers=True,
+                **_preferred(workers, k),
             )
             for k, names in enumerate(files)
         ]
@@ -134,6 +133,11 @@ class DaskParts:
         if packed := up.packed():
             self.sent_bytes += len(packed)
             answers.take(pickle.loads(packed))
+
+
+def _preferred(workers: Sequence[str], part: int) -> dict[str, Any]:
+    """Where a part is wanted, of the workers in their order; anywhere while the scheduler has lost sight of all."""
+    return {"workers": [workers[part % len(workers)]], "allow_other_workers": True} if workers else {}
 
 
 def _finished(tasks: Sequence[Any], fetching: Mapping[int, Any]) -> list[int]:

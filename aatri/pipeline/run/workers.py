@@ -140,10 +140,16 @@ class _Here:
             del self._memory[digest]
 
 
+_MMAP_THRESHOLD, _LARGE_BYTES = -3, 4 << 20
+"""M_MMAP_THRESHOLD of mallopt(3); else the C library raises it to the largest array that was freed, up to 32 MB."""
+
+
 def _give_back() -> None:
-    """Let the system have the memory that is free: the C library keeps what many small arrays have left behind."""
+    """Let the system have the memory that is free: what small arrays left behind, from now on large ones at once."""
     with contextlib.suppress(OSError, AttributeError):  # glibc alone has it
-        ctypes.CDLL(None).malloc_trim(0)
+        library = ctypes.CDLL(None)
+        library.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+        library.malloc_trim(0)
 
 
 class _Processes:

@@ -89,6 +89,15 @@ def test_who_waits_for_a_message_looks_for_it_when_the_bell_rings_and_not_before
     assert box.packed() == b""
 
 
+def test_parts_are_dealt_out_to_the_workers_in_sight_and_wait_for_any_while_there_is_none() -> None:
+    client = distributed.Client(processes=False, n_workers=0, dashboard_address=None, set_as_default=False)
+    with client, client.cluster:
+        assert dask_parts._preferred(["a", "b"], 3) == {"workers": ["b"], "allow_other_workers": True}
+        task = client.submit(sum, (1, 2), **dask_parts._preferred([], 3))
+        client.cluster.scale(1)
+        assert task.result(timeout=60) == 3
+
+
 @pytest.mark.slow
 def test_a_worker_that_dies_in_an_iteration_changes_no_bit(tmp_path: Path) -> None:
     """Before each of its first four messages, and with the result made."""

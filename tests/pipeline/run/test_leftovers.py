@@ -1,4 +1,4 @@
-"""What a run that was broken off leaves behind."""
+"""What a run that was broken off leaves behind, and a stage in memory."""
 
 from __future__ import annotations
 
@@ -68,3 +68,17 @@ def test_a_checkpoint_is_whole_or_not_there(tmp_path: Path) -> None:
     assert "damaged" in log.lines[-1]
     with pytest.raises(ValueError, match="name of a checkpoint"):
         kept.save("../x", {})
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the C library of Linux keeps what is freed")
+def test_large_arrays_of_a_stage_go_back_to_the_system_when_they_are_freed() -> None:
+    """Without a limit of its own the C library keeps all below the largest one that was freed, here 30 MB."""
+    code = (
+        "import pathlib, numpy as np; from aatri.pipeline.run import workers\n"
+        "resident = lambda: 4096 * int(pathlib.Path('/proc/self/statm').read_text().split()[1])\n"
+        "workers._give_back(); np.ones(30 << 17)\n"
+        "arrays, between = zip(*((np.ones(1 << 20), bytes(100_000)) for _ in range(20)))\n"
+        "before = resident(); del arrays; print(before - resident())"
+    )
+    freed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert int(freed) > 19 * 8 * 2**20
