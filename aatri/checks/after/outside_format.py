@@ -1,13 +1,15 @@
 """Photo coordinates against the format of the image.
 
 Seen: points outside the format, which were set aside; a principal point that counts from another origin.
-Test: a share of the points and of the format; more points outside than that is a wrong unit or origin, an error.
+Test: a share of the points and of the format; more points outside than that is a wrong unit or origin, an error. From a
+corner y counts all points of an image to the wrong side where its direction is exchanged: that is tried, and named.
 """
 
 import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.adapters.interior.photo_coordinates import half_format_of
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.checks.as_read.rejects import name_of_image_point
@@ -18,15 +20,17 @@ from aatri.ids import several, shown
 
 def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
     """Image points outside the format, and principal points far from its middle."""
-    cameras, suspects = block.cameras, image_points.suspects
+    cameras, suspects, measured = block.cameras, image_points.suspects, image_points.measurements
     rows = suspects.row[suspects.kind == "image_point"].tolist()
     names, total = (
         [name_of_image_point(block, row) for row in rows],
-        len(rows) + int(image_points.measurements.active.sum()),
+        len(rows) + int(measured.active.sum()),
     )
     if len(rows) > MAX_REJECT_SHARE * total:
         text = f"{len(rows)} of {total} image points lie outside the format: {shown(names)}"
         remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
+        if exchanged := _y_exchanged(block, image_points, np.unique(block.images.camera[measured.image[rows]])):
+            remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): all its points lie inside the format then"
         where = read_at(block, block.image_points, rows[0])
         return [Finding("outside_format", "error", text, remedy, where=where)]
     findings = []
@@ -41,3 +45,15 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
         )
         findings.append(Finding("outside_format", "warning", text, ids=tuple(cameras.id[far].tolist())))
     return findings
+
+
+def _y_exchanged(block: Block, image_points: ImagePoints, cameras: Int) -> list[str]:
+    """Those of the cameras, (n,) rows, whose points all lie inside the format where y counts the other way."""
+    measured, half_mm = image_points.measurements, half_format_of(block)[:, 1]
+    camera = block.images.camera[measured.image]
+    y_mm = measured.xy_mm[:, 1] + block.cameras.principal_point_mm[camera, 1]
+    # as y from the middle, it grows from the edge that it is counted from: by one format it is on the other side
+    off_mm = np.abs(np.abs(y_mm) - 2 * half_mm[camera])
+    inside = off_mm <= half_mm[camera]
+    digital = block.cameras.kind == "digital"
+    return [str(block.cameras.id[k]) for k in cameras if digital[k] and inside[camera == k].all()]

@@ -105,9 +105,10 @@ def test_without_control_and_positions_distances_give_the_scale() -> None:
     assert np.linalg.norm(xyz[a] - xyz[b]) == pytest.approx(value, rel=1e-9)
 
 
-def test_a_wrong_distance_is_named_and_does_not_spoil_the_datum() -> None:
+@pytest.mark.parametrize("wrong_m", [0.5, 1e5])
+def test_a_wrong_distance_is_named_and_does_not_spoil_the_datum(wrong_m: float) -> None:
     block = without_strips(simulated(**SMALL_UAV))
-    block = with_distances(block, some_ends(block, 4), wrong_m=0.5)
+    block = with_distances(block, some_ends(block, 4), wrong_m=wrong_m)
     found = initial_of(block, pairs_per_image=6)
     g = block.geodetic
     assert rejected_of(found, "distance") == [f"{g.start[1]}-{g.end[1]}"]
