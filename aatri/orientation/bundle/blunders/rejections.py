@@ -106,7 +106,9 @@ class Rejections:
         if not len(points):
             return wrong
         self.attributions[points] += 1
-        usable = (self.all.image < 0) | result.image_adjusted[self.all.image]  # what the other images see is no witness
+        of_image = self.all.image >= 0  # what images see that are not adjusted is no witness; a network has none
+        usable = ~of_image
+        usable[of_image] = result.image_adjusted[self.all.image[of_image]]
         native = self.all.split((self.all.native if move else active) & usable)
         limits = tuple(self.options.limit * kind_tails for kind_tails in self.all.split(tails))
         explanation: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
