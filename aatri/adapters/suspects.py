@@ -68,7 +68,9 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
         if o.components:
             continue
         rejected_rows = np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected
-        earlier = np.flatnonzero(of_adjusted_kind & (suspects.kind == o.kind))
+        # a kind may be several, as distances between points and from images are
+        of_part = np.isin(suspects.row, o.row if o.set_rows is None else o.set_rows)
+        earlier = np.flatnonzero(of_adjusted_kind & (suspects.kind == o.kind) & of_part)
         listed = with_keys(o, [(o.kind, int(row)) for row in suspects.row[earlier]])
         rows = np.flatnonzero(rejected_rows | listed | with_keys(o, done.above))
         if not len(rows):

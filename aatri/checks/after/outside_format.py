@@ -30,7 +30,7 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
         text = f"{len(rows)} of {total} image points lie outside the format: {shown(names)}"
         remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
         if exchanged := _y_exchanged(block, image_points, np.unique(block.images.camera[measured.image[rows]])):
-            remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): all its points lie inside the format then"
+            remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): all its points lie inside then"
         where = read_at(block, block.image_points, rows[0])
         return [Finding("outside_format", "error", text, remedy, where=where)]
     findings = []

@@ -11,6 +11,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.initial_orientation.test_datum import some_ends, with_distances
 
 BOTH = BundleOptions(interior_unknowns=True)
 
@@ -89,6 +90,21 @@ def test_what_an_earlier_stage_kept_and_the_bundle_rejects_is_rejected(chain: Ch
     kept = _suspected(chain.strip_block, "control", [row])
     kept = replace(kept, suspects=replace(kept.suspects, verdict=np.array(["kept"])))
     assert _verdicts(bundle(block, chain.refined, kept, options=BOTH), "control") == ["rejected"]
+
+
+def test_wrong_distances_between_points_and_from_an_image_stay_rejected_together(chain: Chain) -> None:
+    block = with_distances(chain.block, some_ends(chain.block, 4), wrong_m=50.0)
+    g, images, points = block.geodetic, block.true_images, block.true_points
+    assert images is not None
+    assert points is not None
+    at = [points.xyz_m[block.points.id.tolist().index(end)] for end in g.end[2:]]
+    kind, start, value = g.start_kind.astype("U5"), g.start.astype("U16"), g.value.copy()
+    kind[2:], start[2:] = "image", block.images.id[:2]
+    value[2:] = np.linalg.norm(images.position_m[:2] - at, axis=1) + [50.0, 0.0]
+    block = replace(block, geodetic=replace(g, start_kind=kind, start=start, value=value))
+    solution = bundle(block, chain.refined, _suspected(chain.strip_block, "distance", [1, 2]), options=BOTH)
+    assert _verdicts(solution, "distance") == ["rejected", "rejected"]
+    np.testing.assert_allclose(solution.suspects.size[solution.suspects.kind == "distance"], 50.0, atol=0.5)
 
 
 @pytest.mark.parametrize("exact", [False, True])

@@ -19,7 +19,6 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.interior_orientation.projective import projective
 from aatri.stages.interior_orientation.similarity import similarity
 from tests.stages.film_blocks import Told, flown, true_photo_mm, with_marks, without_marks
-from tests.stages.initial_orientation.unordered import SMALL_UAV, simulated
 
 
 @pytest.fixture(scope="module")
@@ -172,18 +171,6 @@ def test_a_point_outside_the_format_is_not_used_and_many_are_an_error(block: Blo
     assert found.suspects.row.tolist() == [4]
     with pytest.raises(InputError, match="outside the format"):
         affine(replace(block, image_points=replace(points, xy=points.xy + 300.0)))
-
-
-@pytest.mark.parametrize(("y", "origin"), [("down", "top-left-corner"), ("up", "bottom-left-corner")])
-def test_y_of_pixels_that_counts_the_other_way_is_named(y: str, origin: str) -> None:
-    aerial = simulated(**{**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 2}})
-    cameras = replace(aerial.cameras, pixel_origin=np.array([origin]), pixel_y=np.array([y]))
-    right = replace(aerial, cameras=cameras)
-    assert calibrated(right).measurements.active.all()
-    wrong = replace(right, cameras=replace(cameras, pixel_y=np.array(["up" if y == "down" else "down"])))
-    with pytest.raises(InputError, match="outside the format") as raised:
-        calibrated(wrong)
-    assert f"turn y of camera {aerial.cameras.id[0]} " in raised.value.remedy
 
 
 def test_a_principal_point_far_from_the_centre_is_told(block: Block) -> None:

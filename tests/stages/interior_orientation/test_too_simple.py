@@ -1,15 +1,19 @@
-"""An interior orientation with too few parameters is told, and no mark is blamed alone."""
+"""An interior orientation with too few parameters, or of pixels the other way, is told; no mark is blamed alone."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.errors import GeometryError
+from aatri.errors import GeometryError, InputError
 from aatri.stages.interior_orientation.affine import affine
+from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.interior_orientation.similarity import similarity
 from tests.stages.film_blocks import Told, flown, with_marks
+from tests.stages.initial_orientation.unordered import SMALL_UAV, simulated
 
 
 @pytest.fixture(scope="module")
@@ -32,3 +36,15 @@ def test_a_similarity_on_film_that_shears_is_called_too_simple(block: Block) -> 
     with pytest.raises(GeometryError) as caught:
         similarity(sheared(block, 1e-3))
     assert "too simple for this film" in str(caught.value)
+
+
+@pytest.mark.parametrize(("y", "origin"), [("down", "top-left-corner"), ("up", "bottom-left-corner")])
+def test_y_of_pixels_that_counts_the_other_way_is_named(y: str, origin: str) -> None:
+    aerial = simulated(**{**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 2}})
+    cameras = replace(aerial.cameras, pixel_origin=np.array([origin]), pixel_y=np.array([y]))
+    right = replace(aerial, cameras=cameras)
+    assert calibrated(right).measurements.active.all()
+    wrong = replace(right, cameras=replace(cameras, pixel_y=np.array(["up" if y == "down" else "down"])))
+    with pytest.raises(InputError, match="outside the format") as raised:
+        calibrated(wrong)
+    assert f"turn y of camera {aerial.cameras.id[0]} " in raised.value.remedy
