@@ -100,7 +100,7 @@ def test_wrong_distances_between_points_and_from_an_image_stay_rejected_together
     at = [points.xyz_m[block.points.id.tolist().index(end)] for end in g.end[2:]]
     kind, start, value = g.start_kind.astype("U5"), g.start.astype("U16"), g.value.copy()
     kind[2:], start[2:] = "image", block.images.id[:2]
-    value[2:] = np.linalg.norm(images.position_m[:2] - at, axis=1) + [50.0, 0.0]
+    value[2:] = np.linalg.norm(images.position_m[:2] - at, axis=1) + np.array([50.0, 0.0])
     block = replace(block, geodetic=replace(g, start_kind=kind, start=start, value=value))
     solution = bundle(block, chain.refined, _suspected(chain.strip_block, "distance", [1, 2]), options=BOTH)
     assert _verdicts(solution, "distance") == ["rejected", "rejected"]
