@@ -88,16 +88,21 @@ def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bo
 
 
 def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity) -> Bool:
-    """Observations, but control and positions farther off a start than right ids leave them, (n,).
+    """Observations, but control, positions and lengths farther off a start than right ids leave them, (n,).
 
-    Least squares follow two images far apart with each other's id, until the scale is nothing or the block upside
-    down; the start, of the least sum of distances, does not.
+    Least squares follow two images far apart with each other's id, or a length in another unit, until the scale is
+    nothing or the block upside down; the start, of the least sum of distances of places, does not.
     """
-    places = given_places(observed, state_of(observed, body, start))
+    state, farthest_m = state_of(observed, body, start), START * _distance(body, start)
+    places = given_places(observed, state)
     off = np.where(places.given, places.xyz - places.observed_m, 0.0)
     near = np.ones(sum(map(len, observed)), dtype=bool)
     of_ground = np.isin(places.kind, (CONTROL, POSITION))
-    near[places.row] = ~of_ground | (np.linalg.norm(off, axis=1) <= START * _distance(body, start))
+    near[places.row] = ~of_ground | (np.linalg.norm(off, axis=1) <= farthest_m)
+    for o, first in zip(observed, np.cumsum([0, *map(len, observed)])):
+        if o.unit == "m" and o.records.rows == 1 and o.records.groups <= {POSE, POINT}:
+            off_m = o.records.evaluate(state, np.arange(len(o)))[0][:, 0]
+            near[first : first + len(o)] = np.abs(off_m) <= farthest_m
     return near
 
 
