@@ -21,7 +21,7 @@ from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again, with_sets_again
-from aatri.orientation.bundle.blunders.failed_search import without_search
+from aatri.orientation.bundle.blunders.failed_search import failing_once, without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -73,8 +73,10 @@ def _searched(
     if options.variance_components is not None and searching.sigmas == "estimated":
         searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
+    adjust_once = failing_once(partial(adjusted, options=options, context=context))
+
     def adjust(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
-        return adjusted(block, options, context, adjusting)
+        return adjust_once(block, adjusting)
 
     def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
         if searching.method == "none":
@@ -87,9 +89,9 @@ def _searched(
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)
     else:
-        inputs = inputs if searching.method == "none" else without_exchanged(inputs)
+        inputs = with_sets_again(inputs if searching.method == "none" else without_exchanged(inputs))
         try:
-            done, groups = with_datum_again(with_sets_again(inputs), in_groups)
+            done, groups = with_datum_again(inputs, in_groups)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
                 raise
@@ -108,7 +110,7 @@ def _searched(
 
 
 def adjusted(
-    inputs: BundleInput, options: BundleOptions, context: Context, adjusting: AdjustOptions = AdjustOptions()
+    inputs: BundleInput, adjusting: AdjustOptions = AdjustOptions(), *, options: BundleOptions, context: Context
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
     adjust = adjust_bundle if adjusting.huber and adjusting.coarse else adjust_bundle_from_afar

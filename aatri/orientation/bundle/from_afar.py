@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.openness.open_directions import OpenError
 from aatri.arrays import Bool
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.ids import shown
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
@@ -61,7 +62,7 @@ def adjust_bundle_from_afar(
     if settings.datum == "given" and not _trusted(inputs, best):
         reason = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {reason}")
-        best = _best_restart(inputs, best, reporter, settings)
+        best = _best_restart(inputs, best, reporter, settings, datum_open=_leaves_datum_open(failure))
     if best is None:
         assert failure is not None
         raise failure
@@ -83,9 +84,18 @@ def _trusted(inputs: BundleInput, result: BundleResult | None, restarted: bool =
 
 
 def _best_restart(
-    inputs: BundleInput, best: BundleResult | None, reporter: Reporter, settings: BundleSettings
+    inputs: BundleInput,
+    best: BundleResult | None,
+    reporter: Reporter,
+    settings: BundleSettings,
+    *,
+    datum_open: bool = False,
 ) -> BundleResult | None:
-    """The best of the results so far and those of new starts; one without images turned over comes first."""
+    """The best of the results so far and those of new starts; one without images turned over comes first.
+
+    `datum_open` is whether the first adjustment failed with motions of the whole open: where that of a new start does
+    too, it is the observations of the datum that leave them open, and further starts end there.
+    """
     if has_shapes(inputs.observed):
         try:
             inputs = start_without_shapes(inputs, settings, reporter)
@@ -101,6 +111,8 @@ def _best_restart(
             trial = adjust_bundle(trial_start, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
+            if best is None and datum_open and _leaves_datum_open(error):
+                return None
             continue
         same_minimum = best is not None and np.isclose(trial.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
         if best is None or _rank(inputs, trial) < _rank(inputs, best):
@@ -110,6 +122,11 @@ def _best_restart(
         if same_minimum and not _rank(inputs, best)[0]:
             break
     return _resected(inputs, best, reporter, settings)
+
+
+def _leaves_datum_open(error: AatriError | None) -> bool:
+    """Whether an adjustment failed with motions of the whole block open, and nothing else."""
+    return isinstance(error, OpenError) and bool(error.combinations) and all(c.of_whole for c in error.combinations)
 
 
 def _resected(

@@ -16,7 +16,7 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import robust_start, tested_block
-from aatri.orientation.bundle.blunders.failed_search import without_search
+from aatri.orientation.bundle.blunders.failed_search import failing_once, without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
@@ -46,6 +46,29 @@ def test_all_observations_are_used_where_they_fit_and_the_failure_is_a_warning()
     done = without_search(parts.together(), least_squares, FAILURE)
     assert done.result.adjusted.redundancy == 2 * len(parts.rays.image) - 6 * 6 - 3 * 30 + 7
     assert [(note.level, FAILURE.what in note.text) for note in done.notes] == [("warning", True)]
+
+
+def test_an_adjustment_that_has_failed_is_not_made_again() -> None:
+    """To its end a coarse one fails too; another block or other weights may not."""
+    calls: list[AdjustOptions] = []
+
+    def adjusted(block: BundleInput, adjusting: AdjustOptions) -> BundleResult:
+        calls.append(adjusting)
+        raise FAILURE
+
+    block, other = made_bundle().together(), made_bundle().together()
+    adjust_once, coarse = failing_once(adjusted), AdjustOptions(coarse=True)
+    ends = [
+        (block, coarse),
+        (block, coarse),
+        (block, AdjustOptions()),
+        (block, AdjustOptions(huber=2.0)),
+        (other, coarse),
+    ]
+    for inputs, adjusting in ends:
+        with pytest.raises(ConvergenceError, match="60 iterations"):
+            adjust_once(inputs, adjusting)
+    assert calls == [coarse, AdjustOptions(huber=2.0), coarse]
 
 
 def test_the_failure_stands_where_the_observations_do_not_fit() -> None:
