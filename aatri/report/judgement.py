@@ -52,7 +52,7 @@ def judgement(run: RunView) -> str:
         not_oriented(solution),
         "" if to_follow else _sigma0(solutions[-1].metrics),
         *wrong_observations(solution, MOST_NAMED).values(),
-        _of_image_points(solution, _image_points_left_out(solution)),
+        _of_image_points(_image_points_left_out(solution), run.last(Block)),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
 
@@ -158,10 +158,10 @@ def wrong_observations(solution: Solution, most: int) -> dict[str, str]:
     return sentences
 
 
-def wrong_image_points(solution: Solution, most: int) -> str:
+def wrong_image_points(solution: Solution, block: Block | None, most: int) -> str:
     """How many image points are left out, the worst by name, so many at most; empty where there are none."""
     rows = _image_points_left_out(solution)
-    head = _of_image_points(solution, rows).rstrip(".")
+    head = _of_image_points(rows, block).rstrip(".")
     return f"{head}: {_worst(solution.suspects, rows, most)}." if head else ""
 
 
@@ -178,9 +178,9 @@ def _image_points_left_out(solution: Solution) -> Int:
     return np.flatnonzero(staying_out(solution.suspects) & (solution.suspects.kind == "image_point"))
 
 
-def _of_image_points(solution: Solution, out: Int) -> str:
-    of = number(len(out) + int(solution.images.image_points.sum()))
-    return f"{number(len(out))} of {of} image points {'is' if len(out) == 1 else 'are'} left out." if len(out) else ""
+def _of_image_points(out: Int, block: Block | None) -> str:
+    of = f" of {number(len(block.image_points))}" if block is not None else ""
+    return f"{number(len(out))}{of} image points {'is' if len(out) == 1 else 'are'} left out." if len(out) else ""
 
 
 def _worst(s: Suspects, rows: Int, most: int) -> str:

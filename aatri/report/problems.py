@@ -137,7 +137,7 @@ def _of_solution(run: RunView) -> list[ReportedProblem]:
         )
         for kind, text in wrong_observations(solution, MOST_NAMED).items()
     ]
-    if text := wrong_image_points(solution, MOST_NAMED):
+    if text := wrong_image_points(solution, run.last(Block), MOST_NAMED):
         made.append(ReportedProblem(text, OF_IMAGE_POINTS, stage, "tests"))
     if text := not_oriented(solution):
         made.append(ReportedProblem(text, "see their ties; the log of the stage says why", stage, "ties"))
