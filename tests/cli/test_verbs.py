@@ -116,7 +116,7 @@ def test_a_warning_is_on_the_terminal_in_the_artifact_in_the_record_and_in_the_r
     artifact = run / "current" / "a.h5"
     assert read_warnings(artifact) == ("seven is \x1b[31mmany",)
     assert json.loads(artifact.resolve().with_name("record.json").read_text())["warnings"] == ["seven is \x1b[31mmany"]
-    assert "seven is" in (run / "report.html").read_text()
+    assert "Seven is" in (run / "report.html").read_text()  # as a sentence
     copied = project / "copied.h5"
     copied.write_bytes(artifact.read_bytes())
     assert "warning  seven is" in aatri("show", str(copied)).stdout
