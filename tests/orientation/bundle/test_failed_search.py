@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.adjustment.statistics.class_scales import ClassScales
 from aatri.arrays import Float
-from aatri.errors import ConvergenceError
-from aatri.observations.poses import POINT
-from aatri.orientation.bundle import adjust
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle import adjust, from_afar
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import robust_start, tested_block
 from aatri.orientation.bundle.blunders.failed_search import failing_once, without_search
@@ -22,6 +24,7 @@ from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.settings import BundleSettings
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, settings
@@ -69,6 +72,30 @@ def test_an_adjustment_that_has_failed_is_not_made_again() -> None:
         with pytest.raises(ConvergenceError, match="60 iterations"):
             adjust_once(inputs, adjusting)
     assert calls == [coarse, AdjustOptions(huber=2.0), coarse]
+
+
+def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two control points and rough positions of a telephone: nineteen adjustments of 60 iterations said the same."""
+    tilt = OpenCombination("rotation about X of the whole block", frozenset({"tilt"}), True)
+    weak_image = OpenCombination("X0 of image 1", unknowns=(("X0", POSE),))
+    starts = []
+
+    def adjustments(*combinations: OpenCombination) -> int:
+        def adjusted(*_: Any, **__: Any) -> Any:
+            starts.append(1)
+            raise OpenError("no convergence", remedy="", combinations=combinations)
+
+        starts.clear()
+        monkeypatch.setattr(from_afar, "adjust_bundle", adjusted)
+        monkeypatch.setattr(from_afar, "start_in_space", lambda inputs, *_: inputs)
+        monkeypatch.setattr(from_afar, "has_shapes", lambda _: False)
+        inputs: Any = SimpleNamespace(rays=(), observed=())
+        with pytest.raises(GeometryError, match="no convergence"):
+            from_afar.adjust_bundle_from_afar(inputs, BundleSettings())
+        return len(starts)
+
+    assert adjustments(tilt) == 2
+    assert adjustments(tilt, weak_image) == adjustments(weak_image) == 5
 
 
 def test_the_failure_stands_where_the_observations_do_not_fit() -> None:

@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles
 from aatri.observations.image_point_rows import ImagePointRows
@@ -148,30 +147,6 @@ def test_images_turned_over_count_before_the_cost(monkeypatch: pytest.MonkeyPatc
 
 def test_without_any_result_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _best(monkeypatch, None, [None] * 4) is None
-
-
-def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two control points and rough positions of a telephone: nineteen adjustments of 60 iterations said the same."""
-    tilt = OpenCombination("rotation about X of the whole block", frozenset({"tilt"}), True)
-    weak_image = OpenCombination("X0 of image 1", unknowns=(("X0", POSE),))
-    starts = []
-
-    def adjustments(*combinations: OpenCombination) -> int:
-        def adjusted(*_: Any, **__: Any) -> Any:
-            starts.append(1)
-            raise OpenError("no convergence", remedy="", combinations=combinations)
-
-        starts.clear()
-        monkeypatch.setattr(from_afar, "adjust_bundle", adjusted)
-        monkeypatch.setattr(from_afar, "start_in_space", lambda inputs, *_: inputs)
-        monkeypatch.setattr(from_afar, "has_shapes", lambda _: False)
-        inputs: Any = SimpleNamespace(rays=(), observed=())
-        with pytest.raises(GeometryError, match="no convergence"):
-            from_afar.adjust_bundle_from_afar(inputs, BundleSettings())
-        return len(starts)
-
-    assert adjustments(tilt) == 2
-    assert adjustments(tilt, weak_image) == adjustments(weak_image) == 5
 
 
 # Starts from object space: exact conditions, images turned over, and what the direct adjustment cannot do.
