@@ -14,7 +14,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
-from aatri.adjustment.statistics.weight_functions import weights
+from aatri.adjustment.statistics.weight_functions import BOUNDS, weights
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.notes import Note
@@ -77,23 +77,32 @@ def robust(
     return _reweighted(block, adjust, options, least_squares, result, coarse=coarse)
 
 
-def robust_from_start(block: BundleInput, adjust: Adjust, options: SearchOptions) -> BundleResult:
+def robust_from_start(block: BundleInput, adjust: Adjust) -> BundleResult:
     """Adjust robustly from a start that is nearly right, with Cauchy's weights of the residuals there.
 
     Huber's loss lets a single ray far off turn an image whose other rays it outweighs; these weights do not. What the
-    start itself is off widens their bound at first: k times the median residual of a kind over that of normal errors.
+    start is off, and standard deviations that are too small, widen their bound: k times the median residual of a kind
+    over that of normal errors.
     """
-    cauchy, state = replace(options, weights="cauchy", bound=None), start_of(block)
-    first = []
-    for o in block.observed:
-        weight, rows = np.ones(len(o)), np.flatnonzero(o.records.active)
-        if not (o.components or o.exact or not len(rows)):
-            size = np.abs(standardised(o, state, rows)).max(axis=1)
-            usual = max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
-            weight[rows] = np.where(np.isfinite(size), weights(cauchy.weights, size / usual, cauchy.k), 1.0)
-        first.append(weight)
-    result = adjust(block, AdjustOptions(weights=tuple(first), coarse=True))
-    return _reweighted(block, adjust, cauchy, None, result, tuple(first), coarse=True, rounds=FEW_ROUNDS)
+    state = start_of(block)
+    current = [_widened(o, state, np.flatnonzero(o.records.active), np.ones(len(o))) for o in block.observed]
+    result = adjust(block, AdjustOptions(weights=tuple(current), coarse=True))
+    for _ in range(FEW_ROUNDS):
+        state = result.adjusted.state
+        each = zip(result.observations, current)
+        current = [_widened(o.observed, state, np.flatnonzero(o.used), before) for o, before in each]
+        result = adjust(from_result(block, result), AdjustOptions(weights=tuple(current), coarse=True))
+    return result
+
+
+def _widened(o: Observed, state: State, rows: Int, before: Float) -> Float:
+    """Cauchy's weights of some records by their size over the usual one; the others keep those of before."""
+    weight = before.copy()
+    if not (o.components or o.exact or not len(rows)):
+        size = np.abs(standardised(o, state, rows)).max(axis=1)
+        usual = max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
+        weight[rows] = np.where(np.isfinite(size), weights("cauchy", size / usual, BOUNDS["cauchy"]), 1.0)
+    return weight
 
 
 def _reweighted(
@@ -102,14 +111,12 @@ def _reweighted(
     options: SearchOptions,
     least_squares: BundleResult | None,
     result: BundleResult,
-    first: tuple[Float, ...] = (),
     *,
     coarse: bool,
-    rounds: int = ROUNDS,
 ) -> BundleResult:
-    """Adjusted with the weights of the residuals before, again and again; `first` are those of the result."""
-    previous = first or tuple(np.ones(len(o.observed)) for o in result.observations)
-    for _ in range(rounds):
+    """Adjusted with the weights of the residuals before, again and again."""
+    previous = tuple(np.ones(len(o.observed)) for o in result.observations)
+    for _ in range(ROUNDS):
         current = tuple(
             _weights(o, result, options, least_squares, i, before)
             for i, (o, before) in enumerate(zip(result.observations, previous))

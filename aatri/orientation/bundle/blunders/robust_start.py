@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
@@ -94,10 +95,11 @@ class RobustStart(FittedSigmas):
             ends.append((start, self._robust(start, least_squares)))
         if initial is None or (active & (initial.test > ASTRAY * self.options.limit)).any():
             with contextlib.suppress(ConvergenceError, GeometryError):
-                ends.append((as_given, robust_from_start(as_given, self.adjust, self.options)))
+                ends.append((as_given, robust_from_start(as_given, self.adjust)))
         if not ends:
             return self._robust(as_given, least_squares)
-        self.block, result = min(ends, key=lambda end: self._truncated_squares(end[1]))
+        scales = np.min([_scales(result) for _, result in ends], axis=0)
+        self.block, result = min(ends, key=lambda end: self._truncated_squares(end[1], scales))
         return result
 
     def _least_squares_beside(
@@ -127,11 +129,11 @@ class RobustStart(FittedSigmas):
             ]
         )
 
-    def _truncated_squares(self, result: BundleResult) -> float:
-        """Sum of the squares of the whitened residuals of all records, of each at most that of the limit."""
-        state, most = result.adjusted.state, self.options.limit**2
-        v = [standardised(o.observed, state, np.flatnonzero(o.used)) for o in result.observations]
-        return sum(float(np.minimum((each**2).sum(axis=1), most).sum()) for each in v)
+    def _truncated_squares(self, result: BundleResult, scales: Float) -> float:
+        """Sum of the squares of the residuals of all records over their scales, of each at most that of the limit."""
+        most = self.options.limit**2
+        squares = [(v**2).sum(axis=1) / scale**2 for v, scale in zip(_residuals(result), scales)]
+        return sum(float(np.minimum(each, most).sum()) for each in squares)
 
     def _robust(self, start: BundleInput, least_squares: BundleResult | None) -> BundleResult:
         return robust(start, self.adjust, self.options, least_squares, coarse=True)
@@ -175,3 +177,15 @@ class RobustStart(FittedSigmas):
         xyz = moved.xyz_m.copy()
         xyz[points] = self.block.xyz_m[points]
         return replace(moved, xyz_m=xyz)
+
+
+def _residuals(result: BundleResult) -> list[Float]:
+    """Whitened residuals of what is used, kind by kind, (n, m)."""
+    state = result.adjusted.state
+    return [standardised(o.observed, state, np.flatnonzero(o.used)) for o in result.observations]
+
+
+def _scales(result: BundleResult) -> Float:
+    """Residuals of each kind over those of normal errors of its standard deviations, by their medians, at least 1."""
+    sizes = [np.abs(v).max(axis=1, initial=0.0) for v in _residuals(result)]
+    return np.array([max(float(np.median(each)) / MEDIAN_OF_NORMAL, 1.0) if len(each) else 1.0 for each in sizes])
