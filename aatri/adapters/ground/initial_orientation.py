@@ -43,6 +43,7 @@ from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody,
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.frame import first_base_one
+from aatri.orientation.graph.joining import FEWEST
 from aatri.orientation.graph.on_ground import fits_bent
 
 IMAGES_ALONE = (
@@ -107,20 +108,24 @@ def to_ground(
         notes += of_part
         done += [] if beside is None else [beside]
     if not done:
-        raise _nowhere(ground, failed[0][1], failed[0][2])
+        raise _nowhere(ground, failed[0][1], failed[0][2], len(components))
     return done, notes
 
 
-def _nowhere(ground: GroundObserved, what: str, reason: AatriError) -> AatriError:
+def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: int) -> AatriError:
     """The error of a block that nothing places; where it has positions alone its images may still be oriented."""
     text = (
         reason.what if reason.what.startswith(what) else f"{what}: control and positions do not place it: {reason.what}"
     )
+    remedy = reason.remedy
+    if components > 1:
+        text += f"; the images stay in {components} components, as too few points that fit are common to them"
+        remedy = f"measure points in three images or more, {FEWEST} join two components; {remedy}"
     error = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
     if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():
-        return error(text, remedy=reason.remedy)
-    return error(text, remedy=f"{reason.remedy}; {IMAGES_ALONE}")
+        return error(text, remedy=remedy)
+    return error(text, remedy=f"{remedy}; {IMAGES_ALONE}")
 
 
 def _otherwise(

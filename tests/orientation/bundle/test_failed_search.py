@@ -76,7 +76,7 @@ def test_an_adjustment_that_has_failed_is_not_made_again() -> None:
 
 
 def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two control points and rough positions of a telephone: adjustments of 60 iterations each said the same again and again."""
+    """Two control points and rough positions of a telephone: each adjustment after the second said the same."""
     tilt = OpenCombination("rotation about X of the whole block", frozenset({"tilt"}), True)
     weak_image = OpenCombination("X0 of image 1", unknowns=(("X0", POSE),))
     starts = []

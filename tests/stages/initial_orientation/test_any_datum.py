@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +146,20 @@ def test_positions_that_place_nothing_leave_the_images_to_be_oriented_alone(tmp_
     with pytest.raises(GeometryError, match=r"^component 1 \(4 images\).*") as caught:
         adjusted_by("graph", made.write(tmp_path / "block"))
     assert "`use_positions: false`, in the bundle `datum: free`" in caught.value.remedy
+
+
+def test_points_in_two_images_alone_leave_components_and_the_message_says_how_many(tmp_path: Path) -> None:
+    """Nothing carries the scale from one pair to the next, and each pair has two control points at most."""
+    made = flown(1, 4, points=40)
+    made.observed = {}
+    images = sorted(made.position_m)
+    pairs = list(pairwise(images))
+    for number, point in enumerate(sorted(made.xyz_m)):
+        there = {image for image, seen in made.rays if seen == point}
+        both = [pair for pair in pairs if set(pair) <= there]
+        keep = both[number % len(both)] if both else ()
+        for image in there - set(keep):
+            del made.rays[image, point]
+    with pytest.raises(GeometryError, match="the images stay in 3 components, as too few points") as refused:
+        adjusted_by("graph", made.write(tmp_path / "b"))
+    assert refused.value.remedy.startswith("measure points in three images or more, 5 join two components; ")
