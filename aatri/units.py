@@ -29,7 +29,7 @@ UNITS_OF_MODEL = "units of the model"
 """What lengths of a block without a scale are in."""
 
 METRES_OF_MODEL = "m and mm"
-"""The fact of such a block alone."""
+"""Key of the fact that a report states only of a block without a scale."""
 
 DASH = "–"
 """For what is not determined."""

@@ -57,4 +57,4 @@ def _row(tag: str, cells: Sequence[str]) -> str:
 def _figure(picture: Picture) -> str:
     from aatri.report.drawing.svg import drawn
 
-    return f"{drawn(picture)}<figcaption>{escape(picture.caption)}</figcaption>"
+    return f"<figure>{drawn(picture)}<figcaption>{escape(picture.caption)}</figcaption></figure>"

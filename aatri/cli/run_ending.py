@@ -66,7 +66,9 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
     texts = [
         f"warning: {problem['stage']}: {problem['text']}"
         for problem in problems
-        if problem["stage"] and problem["text"] not in judged and not (refused and CONTRADICTION in problem["text"])
+        if problem["stage"]
+        and not _is_told(problem["text"], judged)
+        and not (refused and CONTRADICTION in problem["text"])
     ]
     for text in texts[:MOST_WARNINGS]:
         say(text)
@@ -74,3 +76,9 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
         say(f"{several(len(texts) - MOST_WARNINGS, 'more warning')}, in the report")
     if texts:
         say()
+
+
+def _is_told(text: str, judged: str) -> bool:
+    """Whether the judgement has it: as it is, or as a list of the same head that names fewer."""
+    head, colon, _ = text.partition(": ")
+    return text in judged or (bool(colon) and f"{head}: " in judged)

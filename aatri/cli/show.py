@@ -35,7 +35,7 @@ def show(
     all_rows: Annotated[bool, typer.Option("--all", help="All rows of the table, not the first 20.")] = False,
 ) -> None:
     """Show what an artifact holds and where it comes from, or the values of one of its tables."""
-    from aatri.cli.terminal.figures import number
+    from aatri.cli.terminal.show_values import cell
     from aatri.tables.hdf5 import read_header
 
     path = _file(what)
@@ -52,7 +52,7 @@ def show(
         return
     say(f"{header['kind']}  {path}")
     say()
-    attributes = [[name, number(_finite(value))] for name, value in header["attributes"].items()]
+    attributes = [[name, cell(_finite(value))] for name, value in header["attributes"].items()]
     say_table(("attribute", "value"), attributes)
     for name, contents in header["tables"].items():
         say()

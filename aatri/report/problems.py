@@ -32,10 +32,12 @@ OF_OBSERVATIONS = {
     "control": "compare numbers and coordinates with their source, then measure again in the images",
     "position": "compare times and antenna with the record of the flight",
 }
-MOST_NAMED = 10
+MOST_LISTED = 10
 """Of what is left out by name; the section has the others."""
 OF_EXCHANGE = ("`aatri edit` proposes the exchange", "tests")
+"""What to do about points that fit with exchanged numbers, and the section that has them."""
 OF_IMAGE_POINTS = "measure them again; `aatri edit` proposes how to set them right"
+"""What to do about image points that are left out."""
 OTHERWISE = "compare with the field book or the measurement"
 REMEDIES = {
     "Convergence": ("see at which iteration it stays; a better start or fewer free parameters help", "convergence"),
@@ -135,9 +137,9 @@ def _of_solution(run: RunView) -> list[ReportedProblem]:
         ReportedProblem(
             text, f"{OF_OBSERVATIONS.get(kind, OTHERWISE)}; `aatri edit` proposes how to set it right", stage, "tests"
         )
-        for kind, text in wrong_observations(solution, MOST_NAMED).items()
+        for kind, text in wrong_observations(solution, MOST_LISTED).items()
     ]
-    if text := wrong_image_points(solution, run.last(Block), MOST_NAMED):
+    if text := wrong_image_points(solution, run.last(Block), MOST_LISTED):
         made.append(ReportedProblem(text, OF_IMAGE_POINTS, stage, "tests"))
     if text := not_oriented(solution):
         made.append(ReportedProblem(text, "see their ties; the log of the stage says why", stage, "ties"))

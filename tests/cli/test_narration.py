@@ -217,6 +217,19 @@ def test_the_end_names_once_what_bears_on_the_result(tmp_path: Path, capsys: pyt
         assert lines == [f"warning: bundle: {text}" for text in told]
 
 
+def test_a_list_of_which_the_judgement_names_the_worst_is_not_told_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The judgement names three of four rejected control points, the list of problems ten."""
+    head, names = "4 control points are left out: ", ["p00, 4 m", "p03, 3 m", "p40, 2 m", "p43, 1 m"]
+    problems = [{"text": f"{head}{'; '.join(names)}.", "stage": "bundle"}, {"text": "p1: far", "stage": "bundle"}]
+    page = {"judgement": f"{head}{'; '.join(names[:3])}; and 1 more.", "problems": problems}
+    (tmp_path / "report.json").write_text(json.dumps(page))
+    say_end(tmp_path, [], tmp_path / "report.html", [])
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
+    assert lines == ["warning: bundle: p1: far"]
+
+
 def test_lengths_of_a_block_without_a_scale_are_units_of_the_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -48,9 +48,15 @@ def test_numbers_are_printed_to_two_digits_of_their_standard_deviations_and_read
     points = replace(made.points, xyz_m=xyz_m, covariance_m2=covariance_m2)
     write(replace(made, points=points), tmp_path / "s.h5")
     row = _show(str(tmp_path / "s.h5"), "points").stdout.splitlines()[1].split()
-    assert row[1:7] == ["443303.472", "4.4330347195691e+05", "443303.4720", "0.031", "1.5e-07", "0"]
+    assert row[1:7] == ["443303.472", "443303.47195691", "443303.4720", "0.031", "1.5e-07", "0"]
     full = json.loads(_show(str(tmp_path / "s.h5"), "points", "--json").stdout)["rows"][0]
     assert full["X_m"] == 443303.4719569073
+
+
+def test_attributes_have_their_digits(tmp_path: Path) -> None:
+    write(replace(made_solution(made_block()), sigma0_um=443303.4719), tmp_path / "s.h5")
+    lines = [line.split() for line in _show(str(tmp_path / "s.h5")).stdout.splitlines()]
+    assert ["sigma0_um", "443303.4719"] in lines
 
 
 def test_cameras_have_the_standard_deviations_that_exported_tables_have(tmp_path: Path) -> None:

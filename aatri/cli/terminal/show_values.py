@@ -60,11 +60,12 @@ def _cells(row: Mapping[str, Any], sigmas: Mapping[str, str]) -> list[str]:
         if isinstance(value, float) and isinstance(sigma, float) and sigma > 0:
             cells.append(rounded(value, sigma))
         else:
-            cells.append(f"{value:.2f}" if name in TESTS and value is not None else _cell(value))
+            cells.append(f"{value:.2f}" if name in TESTS and value is not None else cell(value))
     return cells
 
 
-def _cell(value: Any) -> str:
+def cell(value: Any) -> str:
+    """A value as text: six digits, large numbers to four decimals, `-` if it was not determined."""
     if value is None:
         return "-"
     if isinstance(value, bool):

@@ -40,7 +40,10 @@ _SIGMAS = {
     **{f"d{axis}_m": f"s{axis}_m" for axis in "XYZ"},
     **dict.fromkeys(("value", "size", "x", "y", "z"), "sigma"),
 }
-"""Columns whose standard deviations are not called as they are, with an s before."""
+"""Columns whose standard deviations are not called as they are, with an s before.
+
+`size`, `x`, `y` and `z` are the errors of Suspects, `value` that of Parameters; their column is `sigma`.
+"""
 
 _IDS = {
     "ImageOrientations": "image",

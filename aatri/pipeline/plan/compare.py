@@ -69,11 +69,10 @@ def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
     """Methods and options that differ among the runs that made the stage: the name, the value in each or None."""
     rows = []
     for stage in _stages(runs):
-        records = [run.records.get(stage) for run in runs]
-        there = [r for r in records if r is not None]
-        made = [{"use": r["plugin"], **options} for r, options in zip(there, flat_alike([r["options"] for r in there]))]
-        left = iter(made)
-        values = [None if r is None else next(left) for r in records]
+        records = {k: run.records[stage] for k, run in enumerate(runs) if stage in run.records}
+        options = flat_alike([record["options"] for record in records.values()])
+        by_run = {k: {"use": r["plugin"], **stated} for (k, r), stated in zip(records.items(), options)}
+        made, values = list(by_run.values()), [by_run.get(k) for k in range(len(runs))]
         for name in dict.fromkeys(key for each in made for key in each):
             row = [None if each is None else each.get(name) for each in values]
             if any(each.get(name) != made[0].get(name) for each in made):

@@ -131,7 +131,10 @@ def flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def flat_alike(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Options of several runs by dotted name; a group that one of them does without is one option, told as a whole."""
+    """Options of several runs by dotted name; a group that one of them does without is one option, told as a whole.
+
+    Such groups are looked for on the first level alone, not within other groups.
+    """
     groups = {name for options in runs for name, value in options.items() if value is None}
     return [
         flat({name: value for name, value in options.items() if name not in groups})

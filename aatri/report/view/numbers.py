@@ -11,7 +11,7 @@ from typing import Any
 from aatri.units import ANGLE_RAD, DASH, decimals, digits
 
 SMALL = 1e-4
-"""Standard deviations below are written with a power of ten."""
+"""Standard deviations below are written with a power of ten, and so are values below 1 that have them."""
 
 NOUNS = {
     "control": "control point",
@@ -82,8 +82,8 @@ def estimate(value: float, sigma: float, unit: str) -> tuple[str, str, str]:
 
 
 def rounded(value: float, sigma: float) -> str:
-    """A value to two digits of its standard deviation."""
-    if sigma < SMALL:
+    """A value to two digits of its standard deviation, from 1 on with fixed decimals."""
+    if sigma < SMALL and abs(value) < 1:
         places = max(floor(log10(abs(value))) - floor(log10(sigma)) + 1, 0) if value else 0
         return f"{value:.{places}e}"
     return digits(decimals(sigma))(value)
