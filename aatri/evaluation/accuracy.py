@@ -24,7 +24,7 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.alignment import Alignment, aligned
+from aatri.evaluation.alignment import Alignment, aligned, aligned_to_check
 from aatri.evaluation.differences import (
     NO_DIFFERENCES,
     PointDifferences,
@@ -56,7 +56,7 @@ def evaluate(
     enough : int
         From how many check points on the check figures are taken without reserve.
     """
-    at_check, at_truth = _aligned_to_check(block, solution), _aligned_to_truth(block, solution)
+    at_check, at_truth = aligned_to_check(block, solution), _aligned_to_truth(block, solution)
     control = control_differences(block, solution)
     check = check_differences(block, at_check.solution) if at_check else NO_DIFFERENCES
     truth = truth_differences(block, at_truth.solution) if at_truth else NO_DIFFERENCES
@@ -106,11 +106,6 @@ def beyond_every_bound(block: Block, check: PointDifferences, sigma0: float) -> 
         f"{ratio[k, worst[k]]:.1f} sigma)"
         for k in rows[np.argsort(-ratio.max(axis=1, initial=0.0)[rows], kind="stable")]
     )
-
-
-def _aligned_to_check(block: Block, solution: Solution) -> Alignment | None:
-    ground = block.ground_points
-    return aligned(block, solution, ground.point, np.where(ground.role == CHECK, ground.xyz_m, np.nan))
 
 
 def _aligned_to_truth(block: Block, solution: Solution) -> Alignment | None:

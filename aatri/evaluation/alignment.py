@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.solution import Solution
 from aatri.geometry.similarity import IDENTITY, UNKNOWNS, Similarity, closed_form, jacobian, transform, updated
 from aatri.ids import rows_of
@@ -90,6 +90,20 @@ def aligned(block: Block, solution: Solution, point: Int, xyz_m: Float) -> Align
         return None
     similarity, components = fit
     return Alignment(_moved(solution, similarity), components, over_datum)
+
+
+def aligned_to_check(block: Block, solution: Solution) -> Alignment | None:
+    """The solution fitted to the check points of its block, as `aligned`."""
+    ground = block.ground_points
+    return aligned(block, solution, ground.point, np.where(ground.role == CHECK, ground.xyz_m, np.nan))
+
+
+def in_frame_of_check(block: Block, solution: Solution) -> bool:
+    """Whether check points compare with the solution as it stands: nothing is open of its datum, or there are none."""
+    if not (block.ground_points.role == CHECK).any():
+        return True
+    alignment = aligned_to_check(block, solution)
+    return alignment is not None and alignment.components == 0
 
 
 def _determined(block: Block, solution: Solution) -> Determined:

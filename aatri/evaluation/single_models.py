@@ -103,7 +103,13 @@ def y_parallax(poses: Poses, rays: ModelRays) -> Float:
 
 
 def single_models(
-    block: Block, solution: Solution, poses: Poses, xyz_m: Float, to_block: Callable[[Float], Float]
+    block: Block,
+    solution: Solution,
+    poses: Poses,
+    xyz_m: Float,
+    to_block: Callable[[Float], Float],
+    *,
+    compared: bool,
 ) -> SingleModels | None:
     """Restitute every model of a block; None where it has none.
 
@@ -115,6 +121,8 @@ def single_models(
         In the same.
     to_block : callable
         Coordinates of the frame of the adjustment -> of the block.
+    compared : bool
+        Check points are in the frame of the solution (`alignment.in_frame_of_check`).
     """
     rays = ray_pairs(block, solution, poses, xyz_m)
     if rays is None:
@@ -126,7 +134,7 @@ def single_models(
         values[block.ground_points.point] = np.where(
             block.ground_points.role == role, block.ground_points.xyz_m, np.nan
         )
-    if solution.datum is not None:  # free: check points are in a frame of their own
+    if not compared:
         reference[CHECK][:] = np.nan
     to_control, to_check = (X - reference[role][rays.point] for role in (CONTROL, CHECK))
     n = len(rays.left)
@@ -163,8 +171,8 @@ def single_models(
     )
 
 
-def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluation:
-    """The evaluation with its models, their figures and a sentence."""
+def with_models(evaluation: Evaluation, models: SingleModels | None, *, compared: bool) -> Evaluation:
+    """The evaluation with its models, their figures and a sentence, and why they are not compared with check points."""
     if models is None or not np.isfinite(models.parallax_max_um).any():
         return evaluation
 
@@ -190,9 +198,10 @@ def with_models(evaluation: Evaluation, models: SingleModels | None) -> Evaluati
     figures = {name: value for name, value in figures.items() if np.isfinite(value)}
     digits = ".2g" if parallax < 10 else ".0f"
     count = f"{len(models)} single model{'' if len(models) == 1 else 's'}"
+    why = " Models are not compared with check points: the datum is free, and they are in another frame."
     return replace(
         evaluation,
-        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:{digits}} um RMS in {count}.",
+        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:{digits}} um RMS in {count}.{'' if compared else why}",
         figures=Figures(
             name=np.concatenate([evaluation.figures.name, list(figures)]),
             value=np.concatenate([evaluation.figures.value, list(figures.values())]),

@@ -62,13 +62,14 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
     return made
 
 
-def without_comparison(block: Block | None) -> str:
-    """Why nothing is compared at check points: there are none, or the result is in another frame."""
+def without_comparison(block: Block | None, figures: Mapping[str, float | int | None]) -> str:
+    """Why nothing is compared at check points: there are none, they cannot carry the datum, or none is determined."""
     count = 0 if block is None else int((block.ground_points.role == CHECK).any(axis=1).sum())
     if not count:
         return "no check points"
-    why = "" if has_scale(block) else ", as nothing gives the scale"
-    return f"{counted(count, 'check')} cannot be compared{why}"
+    free = figures.get("check_aligned_components") == -1
+    why = "the datum is free, and they cannot carry what is open of it" if free else "none of them is determined"
+    return f"{counted(count, 'check')} cannot be compared: {why}"
 
 
 def has_scale(block: Block | None) -> bool:

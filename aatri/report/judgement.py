@@ -115,7 +115,7 @@ def _accuracy(figures: Mapping[str, float], block: Block | None) -> str:
     theory = {axis.upper(): figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures}
     size = (together(theory.values()) if has_scale(block) else listed(*of_model(theory.values()))) if theory else ""
     known = f"; by their standard deviations new points are known to {size} in {_and(theory)}" if theory else ""
-    return f"Nothing independent is known of the accuracy ({without_comparison(block)}){known}."
+    return f"Nothing independent is known of the accuracy ({without_comparison(block, figures)}){known}."
 
 
 def _theory(figures: Mapping[str, float], what: str) -> str:

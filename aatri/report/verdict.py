@@ -58,7 +58,7 @@ def external_lights(run: RunView) -> list[Light]:
         return [Light("Independent check", NONE, "accuracy was not evaluated")]
     figures = evaluations[-1].metrics
     expected = _expected(figures)
-    check = Light("Independent check", NONE, without_comparison(run.last(Block)))
+    check = Light("Independent check", NONE, without_comparison(run.last(Block), figures))
     if figures.get("check_points"):
         check = _check(figures, expected)
     lights = [check, *_far_off(run.last(Evaluation))]
@@ -138,11 +138,16 @@ def _by_kind(solution: Solution, rows: Bool) -> str:
 
 
 def _check(figures: Mapping[str, float | int | None], expected: Light) -> Light:
-    """RMSE at check points: good where theory and chance explain it, or of many points without a theory."""
+    """RMSE at check points: good where theory and chance explain it, or of many points without a theory.
+
+    Points to which a free datum was fitted are no independent check.
+    """
     n = int(figures["check_points"] or 0)
     values = {axis.upper(): figures[name] for axis in "xyz" if figures.get(name := f"check_rmse_{axis}_m") is not None}
     texts, unit = rms_alike([float(value) for value in values.values() if value is not None], n)
     words = f"RMSE {', '.join(f'{axis} {text}' for axis, text in zip(values, texts))} {unit} at {counted(n, 'check')}"
+    if (figures.get("check_aligned_components") or 0) > 0:
+        return Light("Independent check", NONE, f"{words}, after the open datum was fitted to them")
     enough = n >= ENOUGH_CHECK_POINTS
     state = GOOD if expected.state == GOOD or (enough and expected.state == NONE) else LOOK
     return Light("Independent check", state, words if enough else f"{words}, fewer than {ENOUGH_CHECK_POINTS}")

@@ -11,6 +11,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
+from aatri.evaluation.alignment import in_frame_of_check
 from aatri.evaluation.doming import check_notes
 from aatri.evaluation.single_models import single_models, with_models
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
@@ -40,8 +41,11 @@ def evaluation(
     frame = frame_of(block)
     poses = poses_into(frame, solution.images.position_m, solution.images.ground_from_image)
     xyz_m = points_into(frame, solution.points.xyz_m)
-    models = single_models(block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X))
-    result = with_models(result, models)
+    compared = in_frame_of_check(block, solution)
+    models = single_models(
+        block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X), compared=compared
+    )
+    result = with_models(result, models, compared=compared)
     context.log(result.verdict)
     tell(check_notes(result, block, solution), context)
     return result

@@ -18,6 +18,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
+from aatri.evaluation.alignment import in_frame_of_check
 from aatri.evaluation.ray_pairs import ray_pairs
 from aatri.evaluation.set_ups import set_ups
 from aatri.evaluation.single_models import single_models, with_models
@@ -52,7 +53,10 @@ def plotter(
     poses = poses_into(frame, solution.images.position_m, solution.images.ground_from_image)
     xyz_m = points_into(frame, solution.points.xyz_m)
     rays = ray_pairs(block, solution, poses, xyz_m)
-    models = single_models(block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X))
+    compared = in_frame_of_check(block, solution)
+    models = single_models(
+        block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X), compared=compared
+    )
     if rays is None or models is None:
         raise InputError(
             "no stereo model: no two neighbouring images share six points with residuals",
@@ -64,7 +68,7 @@ def plotter(
     evaluation = Evaluation(
         verdict=verdict, figures=Figures.empty(), differences=Differences.empty(), set_ups=made, pass_points=points
     )
-    result = with_models(evaluation, models)
+    result = with_models(evaluation, models, compared=compared)
     context.log(result.verdict)
     bad = np.flatnonzero(models.w_rms > options.warn_beyond)
     if len(bad):

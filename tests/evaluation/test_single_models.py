@@ -105,10 +105,22 @@ def test_check_points_of_a_model_are_compared_with_what_is_given(chain: Chain) -
 def test_models_of_a_free_datum_are_not_compared_with_check_points_of_another_frame(chain: Chain) -> None:
     """A free block of a quarry had model differences of 4,400 km."""
     datum = DatumCarriers(kind=["point"] * 3, id=chain.block.points.id[:3])
-    found = evaluation(chain.block, replace(chain.bundle, datum=datum)).models
-    assert found is not None
-    assert found.points.sum() > 0
-    assert found.check_points.sum() == 0
+    rays = chain.bundle.residuals.take(chain.bundle.residuals.kind == "image_point")
+    result = evaluation(chain.block, replace(chain.bundle, residuals=rays, datum=datum))
+    assert result.models is not None
+    assert result.models.points.sum() > 0
+    assert result.models.check_points.sum() == 0
+    assert result.verdict.endswith("not compared with check points: the datum is free, and they are in another frame.")
+
+
+def test_models_are_compared_with_check_points_where_control_determines_all_of_a_free_datum(chain: Chain) -> None:
+    datum = DatumCarriers(kind=["point"] * 3, id=chain.block.points.id[:3])
+    result, given = (evaluation(chain.block, s) for s in (replace(chain.bundle, datum=datum), chain.bundle))
+    assert result.models is not None
+    assert given.models is not None
+    np.testing.assert_array_equal(result.models.check_rms_m, given.models.check_rms_m)
+    assert result.models.check_points.sum() > 0
+    assert "not compared" not in result.verdict
 
 
 def test_images_without_a_strip_are_paired_with_the_image_they_share_most_points_with(chain: Chain) -> None:

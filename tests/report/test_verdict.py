@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK, Block
-from aatri.artifacts.solution import Solution
+from aatri.artifacts.solution import DatumCarriers, Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.notes import EXCHANGED, REJECTED
 from aatri.report.judgement import judgement
@@ -155,18 +155,41 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
     assert all(bar.endswith(" units of the model") for bar in bars)
 
 
-def test_check_points_of_a_block_without_a_scale_are_not_said_to_be_missing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("free", "reason"),
+    [
+        (True, "2 check points cannot be compared: the datum is free, and they cannot carry what is open of it"),
+        (False, "2 check points cannot be compared: none of them is determined"),
+    ],
+)
+def test_why_check_points_are_not_compared_is_told(tmp_path: Path, free: bool, reason: str) -> None:
+    """Two points leave a turn about their line open; points without rays are not determined."""
     block = made_block(truth=False)
-    given = block.ground_points
-    block = replace(block, ground_points=given.take((given.role == CHECK).any(axis=1)))
+    ground = block.ground_points
+    checks = np.flatnonzero((ground.role == CHECK).any(axis=1))[:2]
+    block = replace(block, ground_points=ground.take(checks))
     solution = made_solution(block)
-    figures = evaluate(replace(block, ground_points=given.take(np.zeros(0, dtype=np.int64))), solution)
-    run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": figures})
+    if free:
+        rays = solution.residuals.take(solution.residuals.kind == "image_point")
+        carriers = DatumCarriers(kind=np.full(len(block.points), "point"), id=block.points.id)
+        solution = replace(solution, residuals=rays, datum=carriers)
+    else:
+        xyz_m = solution.points.xyz_m.copy()
+        xyz_m[ground.point[checks]] = np.nan
+        solution = replace(solution, points=replace(solution.points, xyz_m=xyz_m))
+    run = make_run(tmp_path / "run", {"block": block, "bundle": solution, "accuracy": evaluate(block, solution)})
     write_report(run)
     page = json.loads((run / "report.json").read_text())
-    told = "cannot be compared, as nothing gives the scale"
-    assert told in page["judgement"]
-    assert told in page["external"][0]["words"]
+    assert f"({reason})" in page["judgement"]
+    assert page["external"][0]["words"] == reason
+
+
+def test_check_points_to_which_a_free_datum_was_fitted_are_no_independent_check() -> None:
+    figures = {"check_points": 40, "check_rmse_x_m": 0.012, "check_aligned_components": 7}
+    light = _check(figures, Light("", "good", ""))
+    assert light.state == "none"
+    assert light.words.endswith("at 40 check points, after the open datum was fitted to them")
+    assert _check(figures | {"check_aligned_components": 0}, Light("", "good", "")).state == "good"
 
 
 def test_what_fits_with_exchanged_numbers_has_a_remedy(tmp_path: Path) -> None:

@@ -105,9 +105,10 @@ def _made(
     clock, processor = time.perf_counter(), time.process_time()
     card = _card(task)
     inputs = {port: _input(task, card, port, memory) for port in task.inputs}
-    compile_s: list[float] = []
-    with _compilation_told(context, compile_s.append):
+    compilations = [(0.0, 0.0)]
+    with _compilation_told(context, lambda *seconds: compilations.append(seconds)):
         artifact = _call(task, card, inputs, context)
+    compile_s, compile_processor_s = map(sum, zip(*compilations))  # no later run compiles
     metrics = {name: _plain(value) for name, value in artifact.metrics().items()}
     record = {
         "plugin": task.use,
@@ -125,8 +126,8 @@ def _made(
         "offers": [offer.plain() for offer in artifact.offers()],
         "started": started,
         "ended": now(),
-        "seconds": round(time.perf_counter() - clock - sum(compile_s), 3),  # no later run compiles
-        "processor_seconds": round(time.process_time() - processor, 3),
+        "seconds": round(time.perf_counter() - clock - compile_s, 3),
+        "processor_seconds": round(time.process_time() - processor - compile_processor_s, 3),
         "environment": environment(),
     }
     return artifact, record
@@ -175,7 +176,7 @@ def _call(task: Task, card: StageCard, inputs: Mapping[str, Artifact], context: 
     return artifact
 
 
-def _compilation_told(context: LoggedContext, took: Callable[[float], None]) -> AbstractContextManager[object]:
+def _compilation_told(context: LoggedContext, took: Callable[[float, float], None]) -> AbstractContextManager[object]:
     """Tell of kernels that are compiled within, and how long; a stage without kernels does not import the compiler."""
     if "numba" not in sys.modules:
         return nullcontext()

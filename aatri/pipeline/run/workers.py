@@ -222,4 +222,5 @@ def begin_worker(queue: Any, parent: int) -> None:
 def _perform(task: Task) -> TaskOutcome:
     from aatri.pipeline.run.worker import perform
 
+    _give_back()
     return perform(task, lambda *event: _queue.put((task.stage, *event)))

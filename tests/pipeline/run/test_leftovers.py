@@ -6,11 +6,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
+from aatri.pipeline.run import worker, workers
 from aatri.pipeline.run.context import FileCheckpoint
+from aatri.pipeline.run.task import Task
 from aatri.pipeline.store.events import Events
 from tests.made_up_stages import write_pipeline
 from tests.pipeline.made_runs import read_events, run
@@ -82,3 +85,11 @@ def test_large_arrays_of_a_stage_go_back_to_the_system_when_they_are_freed() -> 
     )
     freed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert int(freed) > 19 * 8 * 2**20
+
+
+def test_a_stage_in_a_process_of_its_own_begins_with_what_is_free_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+    monkeypatch.setattr(workers, "_give_back", lambda: order.append("given back"))
+    monkeypatch.setattr(worker, "perform", lambda *_: order.append("stage"))
+    workers._perform(cast("Task", None))
+    assert order == ["given back", "stage"]
