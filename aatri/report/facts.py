@@ -68,7 +68,8 @@ def without_comparison(block: Block | None, figures: Mapping[str, float | int | 
     if not count:
         return "no check points"
     free = figures.get("check_aligned_components") == -1
-    why = "the datum is free, and they cannot carry what is open of it" if free else "none of them is determined"
+    they, none = ("it", "it is not") if count == 1 else ("they", "none of them is")
+    why = f"the datum is free, and {they} cannot carry what is open of it" if free else f"{none} determined"
     return f"{counted(count, 'check')} cannot be compared: {why}"
 
 

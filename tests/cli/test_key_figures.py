@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from aatri.cli.compare_page import _figure
 from aatri.cli.terminal.compare_tables import shown_value
 from aatri.cli.terminal.key_figures import key_figures, pasted, say_key_figures
 from aatri.pipeline.plan.compare import Compared, option_rows
+from aatri.report.drawing.picture import Marks, Picture
 
 
 def _run(name: str, check_m: float, sigma0: float, points: int = 50) -> Compared:
@@ -94,3 +97,10 @@ def test_options_that_come_with_another_are_told_with_it_in_one_line() -> None:
         "bundle.calibration": [None, {"set": "brown", "sigma_um": 50.0}],
     }
     assert shown_value(rows["bundle.calibration"][1]) == "set brown, sigma_um 50"
+
+
+def test_a_picture_and_its_caption_are_one_figure_of_the_page() -> None:
+    marks = [Marks("dots", np.array([[0.0, 0.0], [1.0, 1.0]]), "blue", "points")]
+    text = _figure(Picture("plan", "Plan", "Where they are.", marks))
+    assert text.startswith("<figure>")
+    assert text.endswith("<figcaption>Where they are.</figcaption></figure>")

@@ -156,17 +156,19 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("free", "reason"),
+    ("free", "count", "reason"),
     [
-        (True, "2 check points cannot be compared: the datum is free, and they cannot carry what is open of it"),
-        (False, "2 check points cannot be compared: none of them is determined"),
+        (True, 1, "1 check point cannot be compared: the datum is free, and it cannot carry what is open of it"),
+        (False, 1, "1 check point cannot be compared: it is not determined"),
+        (True, 2, "2 check points cannot be compared: the datum is free, and they cannot carry what is open of it"),
+        (False, 2, "2 check points cannot be compared: none of them is determined"),
     ],
 )
-def test_why_check_points_are_not_compared_is_told(tmp_path: Path, free: bool, reason: str) -> None:
+def test_why_check_points_are_not_compared_is_told(tmp_path: Path, free: bool, count: int, reason: str) -> None:
     """Two points leave a turn about their line open; points without rays are not determined."""
     block = made_block(truth=False)
     ground = block.ground_points
-    checks = np.flatnonzero((ground.role == CHECK).any(axis=1))[:2]
+    checks = np.flatnonzero((ground.role == CHECK).any(axis=1))[:count]
     block = replace(block, ground_points=ground.take(checks))
     solution = made_solution(block)
     if free:
