@@ -20,8 +20,13 @@ from aatri.observations.observed import ObservationSource
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms, with_converged_terms
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.earlier_rejections import search_anew, with_datum_again, with_sets_again
-from aatri.orientation.bundle.blunders.failed_search import failing_once, without_search
+from aatri.orientation.bundle.blunders.earlier_rejections import (
+    failing_once,
+    search_anew,
+    with_datum_again,
+    with_sets_again,
+)
+from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -73,10 +78,7 @@ def _searched(
     if options.variance_components is not None and searching.sigmas == "estimated":
         searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
-    adjust_once = failing_once(partial(adjusted, options=options, context=context))
-
-    def adjust(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
-        return adjust_once(block, adjusting)
+    adjust = failing_once(partial(adjusted, options=options, context=context))
 
     def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
         if searching.method == "none":

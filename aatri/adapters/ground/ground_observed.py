@@ -135,6 +135,7 @@ def oriented_by(
     GeometryError
         If something is not determined.
     ConvergenceError
+        If the first kinds contradict each other, and attitudes do not tell what is wrong.
     """
     kinds = {o.kind for o in ground.of(body, chosen, attitudes=True)(NOWHERE) if not o.components}
     first: tuple[str, ...] = (*PLACES, *DISTANCES) if settings.stiff else PLACES
@@ -145,6 +146,8 @@ def oriented_by(
     images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError | ConvergenceError]()
     drifts = ((True, True), (False, True), (False, False)) if _drifting(ground, body) else ((True, True),)
     for (used, weakest), (drift, rejects) in product(ways, drifts):
+        if not drift and failed and isinstance(failed[0], ConvergenceError):
+            continue  # what does not fit is not what shift and drift leave open
 
         def taking_part(o: Observed, used: tuple[str, ...] = used) -> bool:
             return chosen(o) and (bool(o.components) or o.kind in used)

@@ -119,8 +119,9 @@ def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: 
     )
     remedy = reason.remedy
     if components > 1:
-        text += f"; the images stay in {components} components, as too few points that fit are common to them"
-        remedy = f"measure points in three images or more, {FEWEST} join two components; {remedy}"
+        text += f"; the images stay in {components} components"
+        join = f"measure points in three images or more: {FEWEST} common points join two components"
+        remedy = "; ".join(filter(None, [join, remedy]))
     error = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
     if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():

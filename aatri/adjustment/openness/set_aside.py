@@ -18,7 +18,6 @@ from aatri.adjustment.structure.weights import with_set_aside
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
-from aatri.ids import several
 from aatri.notes import Note
 
 Blocks = dict[str, Bool]
@@ -88,12 +87,13 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
     GeometryError
     """
     open_ = vanishing(problem, state, factored)
-    if are_seen_motions(problem, state, open_.texts):
+    if factored.lost and are_seen_motions(problem, state, open_.texts):
         named = "; ".join(map(str, open_.texts))
         raise GeometryError(
-            f"the observations leave {several(open_.count, 'unknown')} open: {named}; those that fix it have less than "
-            f"{LOST:.0e} of the weight of the rays, and rounding leaves nothing of it",
-            remedy="state smaller standard deviations of control, positions and what else fixes the block",
+            f"rounding leaves nothing of {named}: the observations that determine it have less than {LOST:.0e} of the "
+            "weight of all others",
+            remedy="state smaller standard deviations of control and positions, if they are better than stated, or "
+            "larger ones of the image points",
         )
     open_.refuse()
     group, rays = next(u for u in problem.unknowns if u.eliminated), problem.rays

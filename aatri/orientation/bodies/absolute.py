@@ -13,6 +13,7 @@ Start: see `datum_start`. What the observations leave open is found beforehand a
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -147,24 +148,15 @@ def orient_body(
     problem = tied_problem([*ties, *observed, *fixed], state, ids, f"absolute orientation of {what}")
     n, first = len(problem.components), problem.n_ties
     began = np.append(np.ones(first, dtype=bool), use[: n - first])
-
-    def by(began: Bool) -> OrientedBody:
-        tied = _adjusted(problem, began, settings)
-        to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
-        oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
-        if not (settings.free or any(o.kind == ATTITUDE for o in observed)):
-            places = oriented.places
-            refuse_mirrored(places, tied.active[places.row], to, body.up, what)
-        return oriented
-
+    placed_from = partial(_placed, problem, analysis, body, centre, settings, what)
     try:
-        oriented = by(began)
+        oriented = placed_from(began)
     except (ConvergenceError, GeometryError) as failure:
-        near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start)[: n - first])
+        near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start, settings.limit)[: n - first])
         if not (began & ~near).any():
             raise
         try:
-            oriented = by(began & near)
+            oriented = placed_from(began & near)
         except (ConvergenceError, GeometryError):
             raise failure from None
     if settings.free:
@@ -172,6 +164,25 @@ def orient_body(
     # What remains must still determine the body: what is rejected does not count.
     use[: n - first] = oriented.tied.active[first:]
     return replace(oriented, analysis=_analysed(observed, use, body, oriented.ground_from_body, settings, what))
+
+
+def _placed(
+    problem: TiedProblem,
+    analysis: DatumAnalysis,
+    body: FreeBody,
+    centre: Float,
+    settings: OrientationSettings,
+    what: str,
+    began: Bool,
+) -> OrientedBody:
+    """The body adjusted from what takes part at first, (n,) bool; an error where it lies mirrored."""
+    tied = _adjusted(problem, began, settings)
+    to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
+    oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
+    if not (settings.free or any(o.kind == ATTITUDE for o in problem.ground)):
+        places = oriented.places
+        refuse_mirrored(places, tied.active[places.row], to, body.up, what)
+    return oriented
 
 
 def _start(

@@ -36,7 +36,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
-from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
+from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody, state_of
 from aatri.orientation.bodies.similarity_ties import LABELS
@@ -87,27 +87,26 @@ def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bo
     return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * _distance(body, start)
 
 
-def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity) -> Bool:
-    """Observations, but control, positions and lengths farther off a start than right ids leave them, (n,).
+def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity, limit: float) -> Bool:
+    """Which observations lie as near a start as right ids leave them; control, positions and lengths are asked, (n,).
 
     Least squares follow two images far apart with each other's id, or a length in another unit, until the scale is
-    nothing or the block upside down; the start, of the least sum of distances of places, does not.
+    nothing or the block upside down; the start, of the least sum of distances of places, does not. Height differences
+    count as lengths. What is off by less than `limit` standard deviations is near.
     """
     state, farthest_m = state_of(observed, body, start), START * _distance(body, start)
-    places = given_places(observed, state)
-    off = np.where(places.given, places.xyz - places.observed_m, 0.0)
-    near = np.ones(sum(map(len, observed)), dtype=bool)
-    of_ground = np.isin(places.kind, (CONTROL, POSITION))
-    near[places.row] = ~of_ground | (np.linalg.norm(off, axis=1) <= farthest_m)
-    for o, first in zip(observed, np.cumsum([0, *map(len, observed)])):
-        if o.unit == "m" and o.records.rows == 1 and o.records.groups <= {POSE, POINT}:
-            off_m = o.records.evaluate(state, np.arange(len(o)))[0][:, 0]
-            near[first : first + len(o)] = np.abs(off_m) <= farthest_m
-    return near
+    near = [np.ones(len(o), dtype=bool) for o in observed]
+    for o, part in zip(observed, near):
+        is_length = o.unit == "m" and o.records.rows == 1 and o.records.groups <= {POSE, POINT}
+        if len(o) and (o.kind in (CONTROL, POSITION) or is_length):
+            off_m = np.where(observed_components(o), o.records.evaluate(state, np.arange(len(o)))[0], 0.0)
+            by_chance = np.abs(off_m) <= limit * np.nan_to_num(o.sigmas())
+            part[:] = by_chance.all(axis=1) | (np.linalg.norm(off_m, axis=1) <= farthest_m)
+    return np.concatenate(near)
 
 
 def _distance(body: FreeBody, start: Similarity) -> float:
-    """Of the points from the middle of the images, on the ground."""
+    """Median distance of the points from the middle of the images, on the ground, m."""
     centre, points = np.mean(body.poses.position_m[body.has[POSE]], axis=0), body.xyz[body.has[POINT]]
     return start.scale * float(np.median(np.linalg.norm(points - centre, axis=1)))
 

@@ -38,8 +38,9 @@ SAME, IDEAL_MM = 1e-4, 1e-6
 MOST_ROUNDS = 10
 
 FARTHEST = 0.1
-"""Part of c by which an adjusted coordinate is at most off the measured one: beyond it (6 degrees) the point is
-another, and the seventh power of a coordinate metres off would outweigh all others of its column."""
+"""Part of c by which each adjusted coordinate is at most off the measured one. A start that fits is off by `NEAR`
+standard deviations, 30 um or 0.0003 c of film; at 0.1 c (6 degrees) the point is another one, and the seventh power of
+a coordinate metres off would outweigh all others of its column."""
 
 
 def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:

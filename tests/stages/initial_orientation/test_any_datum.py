@@ -160,6 +160,8 @@ def test_points_in_two_images_alone_leave_components_and_the_message_says_how_ma
         keep = both[number % len(both)] if both else ()
         for image in there - set(keep):
             del made.rays[image, point]
-    with pytest.raises(GeometryError, match="the images stay in 3 components, as too few points") as refused:
+    with pytest.raises(GeometryError, match="the images stay in 3 components") as refused:
         adjusted_by("graph", made.write(tmp_path / "b"))
-    assert refused.value.remedy.startswith("measure points in three images or more, 5 join two components; ")
+    assert refused.value.remedy.startswith(
+        "measure points in three images or more: 5 common points join two components; "
+    )

@@ -9,18 +9,20 @@ what earlier stages have rejected, what is observed of points comes back, and, w
 is no ray.
 
 Correlated sets of which they have rejected a row, by neglecting the covariances, are asked again at once.
+
+Searches made again ask for the same adjustments; one that has failed is not tried again (`failing_once`).
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
-from aatri.orientation.bundle.blunders.robust import Adjust
+from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit
@@ -91,3 +93,26 @@ def search_anew(
 
 def _rejected(o: Observed) -> bool:
     return o.rejected is not None and bool(o.rejected.any()) and not is_ray(o)
+
+
+def failing_once(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
+    """An adjustment by a block and, or not, `AdjustOptions`, that raises the error of before where it has failed.
+
+    Coarse least squares that do not converge do not converge to their end, either. The blocks that failed are kept.
+    """
+    failures: list[tuple[BundleInput, AdjustOptions, AatriError]] = []
+
+    def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
+        for before, weighted, error in failures:
+            if before is not block or weighted.huber != adjusting.huber or weighted.weights is not adjusting.weights:
+                continue
+            diverges = isinstance(error, ConvergenceError) and adjusting.huber is None
+            if weighted.coarse == adjusting.coarse or (weighted.coarse and diverges):
+                raise error
+        try:
+            return adjust(block, adjusting)
+        except (ConvergenceError, GeometryError) as error:
+            failures.append((block, adjusting, error))
+            raise
+
+    return once

@@ -3,8 +3,6 @@
 Without some observations, or by other weights, weak points may run away, and with them the search. Nothing calls for
 rejections where sigma0 of least squares is not above what chance explains: that result stands, and a warning says that
 nothing was searched for. Where sigma0 is larger the failure stands.
-
-The steps of a search ask for the same adjustment several times; one that fails is not tried again (`failing_once`).
 """
 
 from dataclasses import replace
@@ -14,29 +12,7 @@ from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
-from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
-
-
-def failing_once(adjust: Adjust) -> Adjust:
-    """The same adjustment, which raises the error of a block that has failed before without adjusting it again.
-
-    A coarse adjustment that fails fails to its end, too.
-    """
-    failures: list[tuple[BundleInput, AdjustOptions, AatriError]] = []
-
-    def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
-        for before, weighted, error in failures:
-            same_weights = weighted.huber == adjusting.huber and weighted.weights is adjusting.weights
-            if before is block and same_weights and (weighted.coarse or not adjusting.coarse):
-                raise error
-        try:
-            return adjust(block, adjusting)
-        except (ConvergenceError, GeometryError) as error:
-            failures.append((block, adjusting, error))
-            raise
-
-    return once
 
 
 def without_search(block: BundleInput, adjust: Adjust, failure: AatriError) -> AdjustedBlock:

@@ -96,13 +96,17 @@ def robust_from_start(block: BundleInput, adjust: Adjust) -> BundleResult:
 
 
 def _widened(o: Observed, state: State, rows: Int, before: Float) -> Float:
-    """Cauchy's weights of some records by their size over the usual one; the others keep those of before."""
+    """Cauchy's weights of the rows by their size over the usual one; other records keep those of before, (n,)."""
     weight = before.copy()
     if not (o.components or o.exact or not len(rows)):
         size = np.abs(standardised(o, state, rows)).max(axis=1)
-        usual = max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
-        weight[rows] = np.where(np.isfinite(size), weights("cauchy", size / usual, BOUNDS["cauchy"]), 1.0)
+        weight[rows] = np.where(np.isfinite(size), weights("cauchy", size / usual_size(size), BOUNDS["cauchy"]), 1.0)
     return weight
+
+
+def usual_size(size: Float) -> float:
+    """Median of the sizes of whitened residuals, (n,), over that of normal errors, at least 1; 1 without any."""
+    return max(float(np.nanmedian(size)) / MEDIAN_OF_NORMAL, 1.0) if np.isfinite(size).any() else 1.0
 
 
 def _reweighted(

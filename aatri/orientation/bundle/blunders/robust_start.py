@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.rejection import room_left
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
@@ -20,7 +19,14 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
-from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions, robust, robust_from_start, standardised
+from aatri.orientation.bundle.blunders.robust import (
+    Adjust,
+    AdjustOptions,
+    robust,
+    robust_from_start,
+    standardised,
+    usual_size,
+)
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
@@ -186,6 +192,5 @@ def _residuals(result: BundleResult) -> list[Float]:
 
 
 def _scales(result: BundleResult) -> Float:
-    """Residuals of each kind over those of normal errors of its standard deviations, by their medians, at least 1."""
-    sizes = [np.abs(v).max(axis=1, initial=0.0) for v in _residuals(result)]
-    return np.array([max(float(np.median(each)) / MEDIAN_OF_NORMAL, 1.0) if len(each) else 1.0 for each in sizes])
+    """Usual sizes of the residuals, kind by kind, in standard deviations."""
+    return np.array([usual_size(np.abs(v).max(axis=1, initial=0.0)) for v in _residuals(result)])
