@@ -113,6 +113,8 @@ def _of_models(block: Block, photo: Artifact | None, made: Models) -> Iterator[P
         yield Property("residuals", "model_points.parallax_mm", p.parallax_mm, near_but_for_sign(own_mm, sigma_mm))
     if block.true_images is None:
         return
+    # the errors of example blocks are those that their standard deviations say
+    yield Property("standard deviations", "orientations.sigma0", o.sigma0, sized(1.0, FACTOR))
     truth = _Truth(block)
     X0, R = truth.position_m[o.left], truth.ground_from_image[o.left]
     base = np.einsum("nji,nj->ni", R, truth.position_m[o.right] - X0)

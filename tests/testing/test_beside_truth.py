@@ -52,6 +52,10 @@ def thousandfold(values: Any) -> Any:
     return 1e3 * values
 
 
+def fivefold(values: Any) -> Any:
+    return 5.0 * values
+
+
 def one_turned(values: Any) -> Any:
     turned = values.copy()
     turned[1] = turned[1] @ np.diag([-1.0, -1.0, 1.0])
@@ -78,6 +82,7 @@ FAULTS: list[tuple[tuple[str, ...], str, Change, str]] = [
     (("relative_orientation",), "model_points.xyz", negated, "points"),
     (("relative_orientation",), "model_points.xyz", thousandfold, "points"),
     (("relative_orientation",), "model_points.parallax_mm", thousandfold, "residuals"),
+    (("relative_orientation",), "orientations.sigma0", fivefold, "standard deviations"),
     (("strip_formation",), "strip_images.strip_from_image", transposed, "orientations"),
     (("strip_formation",), "strip_images.position", negated, "orientations"),
     (("strip_formation",), "strip_points.xyz", negated, "points"),
