@@ -14,7 +14,16 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import ImageOrientations, Parameters, Residuals, Solution, Tests
 from aatri.artifacts.suspects import Suspects
-from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
+from aatri.codes import (
+    ANTENNA,
+    APPROXIMATE,
+    APPROXIMATE_VALUE,
+    CHECK,
+    CONTROL,
+    NO_ROLE,
+    OBSERVED_VALUE,
+    PROJECTION_CENTRE,
+)
 from aatri.errors import SpecError
 from aatri.formats.results.column_names import ANGLES, SIGMAS_M, angle_sigmas_deg, named, standard_deviations
 from aatri.formats.results.interior_orientation import interior_sigmas
@@ -32,6 +41,13 @@ _HOW = {
     "variance_components": "set `variance_components: {groups: [kind]}` in the stage",
 }
 _ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
+_USES = {APPROXIMATE_VALUE: "approximate", OBSERVED_VALUE: "observed"}
+_WORDS = {
+    "position_use": _USES,
+    "angle_use": _USES,
+    "refers_to": {PROJECTION_CENTRE: "projection_centre", ANTENNA: "antenna"},
+}
+"""Words of exterior.csv for the codes of a column."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +131,8 @@ def _column(
             return {name: ("", [ids[k] for k in values.tolist()])}
     if name == "role":
         return {f"role_{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate("xyz")}
+    if name in _WORDS:
+        return {name: ("", [_WORDS[name][code] for code in values.tolist()])}
     if name == "ground_from_image":
         angles = np.degrees(angles_from_rotation(values, _SYSTEM))
         return {angle: ("deg", _plain(angles[:, k])) for k, angle in enumerate(ANGLES[_SYSTEM])}

@@ -17,6 +17,7 @@ from aatri.errors import SpecError
 from aatri.formats.results.readable import as_records, readable
 from aatri.formats.results.solution_tables import write_solution_tables
 from tests.made_solutions import made_block, made_solution
+from tests.stages.chain import simulated
 
 
 def full_solution():
@@ -127,6 +128,14 @@ def test_rows_of_other_tables_are_shown_by_id_and_rotations_as_angles() -> None:
     image = as_records(readable(made_solution(block), "images", most=1))[0]
     assert image["omega_deg"] == image["phi_deg"] == image["kappa_deg"] == 0.0
     assert image["image"] == "1-0"
+
+
+def test_codes_of_the_exterior_are_shown_as_the_words_of_its_file() -> None:
+    block, one = simulated(1, preset="uav", flight={"strips": 1, "images_per_strip": 2}), np.array([0, 1])
+    exterior = replace(block.exterior.take(one), position_use=one, angle_use=1 - one, refers_to=1 - one)
+    rows = as_records(readable(replace(block, exterior=exterior), "exterior"))
+    shown = [(r["position_use"], r["angle_use"], r["refers_to"]) for r in rows]
+    assert shown == [("approximate", "observed", "antenna"), ("observed", "approximate", "projection_centre")]
 
 
 def test_an_unknown_table_and_one_without_values_say_what_there_is() -> None:
