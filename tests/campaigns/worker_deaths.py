@@ -49,9 +49,9 @@ def told() -> Iterator[str]:
 
 
 def _with_a_death(before: int) -> tuple[Any, bool]:
-    """Values and covariances from a cluster of its own, and whether a worker has died in it."""
+    """Values and covariances from a cluster of its own, which has a worker to spare, and whether one has died in it."""
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
+        distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster) as client,
         tempfile.TemporaryDirectory() as folder,
     ):

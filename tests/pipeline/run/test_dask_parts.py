@@ -102,12 +102,13 @@ def test_parts_are_dealt_out_to_the_workers_in_sight_and_wait_for_any_while_ther
 def test_a_worker_that_dies_in_an_iteration_changes_no_bit(tmp_path: Path) -> None:
     """Before each of its first four messages, and with the result made."""
     state, groups = _adjusted(Threads())
+    deaths = (0, 1, 2, 3, RESULT)
+    workers = len(deaths) + 2  # two are left, also where no nanny starts another one
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
+        distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster) as client,
     ):
-        for before in (0, 1, 2, 3, RESULT):
-            cluster.scale(2)  # a nanny that gives up is replaced
+        for before in deaths:
             client.wait_for_workers(2, timeout=120)
             first = min(client.scheduler_info(n_workers=-1)["workers"])
             found = client.submit(_on_cluster, tmp_path, before, workers=[first], pure=False).result(timeout=60)
