@@ -93,7 +93,7 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
             f"rounding leaves nothing of {named}: the observations that determine it have less than {LOST:.0e} of the "
             "weight of all others",
             remedy="state smaller standard deviations of control and positions, if they are better than stated, or "
-            "larger ones of the image points",
+            "larger ones of the image points; if both are right, look for control or images with each other's id",
         )
     open_.refuse()
     group, rays = next(u for u in problem.unknowns if u.eliminated), problem.rays
