@@ -67,7 +67,7 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
         f"warning: {problem['stage']}: {problem['text']}"
         for problem in problems
         if problem["stage"]
-        and not _is_told(problem["text"], judged)
+        and not _is_in_judgement(problem["text"], judged)
         and not (refused and CONTRADICTION in problem["text"])
     ]
     for text in texts[:MOST_WARNINGS]:
@@ -78,7 +78,7 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
         say()
 
 
-def _is_told(text: str, judged: str) -> bool:
+def _is_in_judgement(text: str, judged: str) -> bool:
     """Whether the judgement has it: as it is, or as a list of the same head that names fewer."""
     head, colon, _ = text.partition(": ")
     return text in judged or (bool(colon) and f"{head}: " in judged)

@@ -126,7 +126,7 @@ def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: 
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
     if not positions or np.isin(ground.block.ground_points.role, CONTROL_CODE).any():
         return error(text, remedy=remedy)
-    return error(text, remedy=f"{remedy}; {IMAGES_ALONE}")
+    return error(text, remedy="; ".join(filter(None, [remedy, IMAGES_ALONE])))
 
 
 def _otherwise(

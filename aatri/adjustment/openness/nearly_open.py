@@ -127,7 +127,21 @@ def least_certain(problem: IndexedProblem, factored: Factored, state: State) -> 
 
 
 def leading(problem: IndexedProblem, factored: Factored, D: Float, harmless: float) -> tuple[Float, Float]:
-    """Leading eigenvalues (k,) and vectors (n_kept, k) of D Q D; none where all eigenvalues are below `harmless`."""
+    """Leading eigenvalues and vectors of D Q D, with Q the cofactors of the kept unknowns.
+
+    Parameters
+    ----------
+    D : (n_kept,) float64
+        Inverse units of the unknowns, or the roots of their diagonal of the normal matrix.
+    harmless : float
+        None are returned where all eigenvalues are below it; of D Q D, without unit.
+
+    Returns
+    -------
+    values : (k,) float64
+        The largest first.
+    vectors : (n_kept, k) float64
+    """
     used = ~problem.layout.fixed & (factored.diagonal > 0) & (D > 0)
     scale = np.where(used, D, 0.0)[:, None]
     count = min(COLUMNS, int(used.sum()))

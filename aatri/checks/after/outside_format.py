@@ -30,7 +30,7 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
         text = f"{len(rows)} of {total} image points lie outside the format: {shown(names)}"
         remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
         if exchanged := _y_exchanged(block, image_points, np.unique(block.images.camera[measured.image[rows]])):
-            remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): all its points lie inside then"
+            remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): y of its points lies inside then"
         where = read_at(block, block.image_points, rows[0])
         return [Finding("outside_format", "error", text, remedy, where=where)]
     findings = []
@@ -48,12 +48,13 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
 
 
 def _y_exchanged(block: Block, image_points: ImagePoints, cameras: Int) -> list[str]:
-    """Those of the cameras, (n,) rows, whose points all lie inside the format where y counts the other way."""
+    """Those of the cameras, (n,) rows, of all whose points y lies inside the format where it counts the other way."""
     measured, half_mm = image_points.measurements, half_format_of(block)[:, 1]
     camera = block.images.camera[measured.image]
     y_mm = measured.xy_mm[:, 1] + block.cameras.principal_point_mm[camera, 1]
     # as y from the middle, it grows from the edge that it is counted from: by one format it is on the other side
     off_mm = np.abs(np.abs(y_mm) - 2 * half_mm[camera])
-    inside = off_mm <= half_mm[camera]
-    digital = block.cameras.kind == "digital"
-    return [str(block.cameras.id[k]) for k in cameras if digital[k] and inside[camera == k].all()]
+    outside = np.isfinite(y_mm) & ~(off_mm <= half_mm[camera])
+    from_corner = (block.cameras.kind == "digital") & (block.cameras.image_coordinates == "pixel")
+    from_corner &= block.cameras.pixel_origin != "image-centre"
+    return [str(block.cameras.id[k]) for k in cameras if from_corner[k] and not outside[camera == k].any()]

@@ -14,16 +14,7 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import ImageOrientations, Parameters, Residuals, Solution, Tests
 from aatri.artifacts.suspects import Suspects
-from aatri.codes import (
-    ANTENNA,
-    APPROXIMATE,
-    APPROXIMATE_VALUE,
-    CHECK,
-    CONTROL,
-    NO_ROLE,
-    OBSERVED_VALUE,
-    PROJECTION_CENTRE,
-)
+from aatri.codes import WORDS_OF_PLACES, WORDS_OF_ROLES, WORDS_OF_USES
 from aatri.errors import SpecError
 from aatri.formats.results.column_names import ANGLES, SIGMAS_M, angle_sigmas_deg, named, standard_deviations
 from aatri.formats.results.interior_orientation import interior_sigmas
@@ -40,13 +31,7 @@ _HOW = {
     "uncontrolled": "it takes standard deviations, and no down-weighted observations",
     "variance_components": "set `variance_components: {groups: [kind]}` in the stage",
 }
-_ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
-_USES = {APPROXIMATE_VALUE: "approximate", OBSERVED_VALUE: "observed"}
-_WORDS = {
-    "position_use": _USES,
-    "angle_use": _USES,
-    "refers_to": {PROJECTION_CENTRE: "projection_centre", ANTENNA: "antenna"},
-}
+_WORDS = {"position_use": WORDS_OF_USES, "angle_use": WORDS_OF_USES, "refers_to": WORDS_OF_PLACES}
 """Words of exterior.csv for the codes of a column."""
 
 
@@ -130,7 +115,9 @@ def _column(
             ids = [*target.id.tolist(), ""]
             return {name: ("", [ids[k] for k in values.tolist()])}
     if name == "role":
-        return {f"role_{a}": ("", [_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate("xyz")}
+        return {
+            f"role_{a}": ("", [WORDS_OF_ROLES[code] for code in values[:, k].tolist()]) for k, a in enumerate("xyz")
+        }
     if name in _WORDS:
         return {name: ("", [_WORDS[name][code] for code in values.tolist()])}
     if name == "ground_from_image":

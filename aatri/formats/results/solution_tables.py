@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Bool, Int, Text
-from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
+from aatri.artifacts.block import NO_ROLE, Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import (
     ParameterCovariances,
@@ -31,6 +31,7 @@ from aatri.artifacts.solution import (
     Tests,
 )
 from aatri.artifacts.suspects import Suspects
+from aatri.codes import WORDS_OF_ROLES
 from aatri.errors import ResourceError
 from aatri.formats.results.column_names import (
     ANGLES,
@@ -49,8 +50,6 @@ from aatri.frames.axes import columns_in_order
 from aatri.observations.poses import ADDITIONAL
 
 Columns = Mapping[str, npt.NDArray[Any]]
-
-_ROLES = {NO_ROLE: "", CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate"}
 
 
 def write_solution_tables(solution: Solution, block: Block, folder: Path) -> list[Path]:
@@ -238,11 +237,11 @@ def point_roles(block: Block) -> Text:
 
 def _role_text(code: Int) -> str:
     if len(set(code.tolist())) == 1:
-        return _ROLES[int(code[0])]
+        return WORDS_OF_ROLES[int(code[0])]
     parts: dict[str, str] = {}
     for axis, value in zip("XYZ", code.tolist()):
         if value != NO_ROLE:
-            parts[_ROLES[value]] = parts.get(_ROLES[value], "") + axis
+            parts[WORDS_OF_ROLES[value]] = parts.get(WORDS_OF_ROLES[value], "") + axis
     return " ".join(f"{axes}:{role}" for role, axes in parts.items())
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE
+from aatri.codes import WORDS_OF_PLACES
 from aatri.formats.text.csv_table import CsvColumn
 
 ID, OPTIONAL_ID, TEXT, NUMBER = CsvColumn("id", "cell"), CsvColumn("id"), CsvColumn("text"), CsvColumn("number")
@@ -82,7 +82,7 @@ EXTERIOR = {
     **{f"a{k + 1}": Stated(TEXT, "angles_rad", k, "angle") for k in range(3)},
     **{f"s{k + 1}": Stated(NUMBER, "angle_sigma_rad", k) for k in range(3)},
     "use": Stated(TEXT),
-    "refers_to": Stated(TEXT, "refers_to", words={"projection_centre": PROJECTION_CENTRE, "antenna": ANTENNA}),
+    "refers_to": Stated(TEXT, "refers_to", words={word: code for code, word in WORDS_OF_PLACES.items()}),
     "frame": Stated(TEXT),
     "drift_group": Stated(TEXT, "drift_group"),
 }

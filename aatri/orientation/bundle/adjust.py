@@ -286,7 +286,7 @@ def _observations(o: Observed, rows: np.ndarray, record_covariance: Float | None
     used = np.zeros(len(o), dtype=bool)
     used[rows[o.records.active[rows]]] = True
     m = o.records.rows
-    if record_covariance is not None and len(rows) == len(o):
+    if record_covariance is not None and len(rows) == len(o):  # all rows, in their order
         return AdjustedObservations(o, rows, used, record_covariance)
     covariance = np.full((len(o), m, m), np.nan)
     if record_covariance is not None:

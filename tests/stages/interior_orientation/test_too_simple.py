@@ -48,3 +48,14 @@ def test_y_of_pixels_that_counts_the_other_way_is_named(y: str, origin: str) -> 
     with pytest.raises(InputError, match="outside the format") as raised:
         calibrated(wrong)
     assert f"turn y of camera {aerial.cameras.id[0]} " in raised.value.remedy
+
+
+def test_points_that_count_from_the_middle_and_lie_outside_are_not_told_to_turn_y() -> None:
+    """Off by one format they would lie inside after a turn from a corner; from the middle a turn moves none inside."""
+    aerial = simulated(**{**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 2}})
+    m, width_height = aerial.image_points, aerial.cameras.format[0]
+    centred = replace(aerial.cameras, pixel_origin=np.array(["image-centre"]), pixel_y=np.array(["up"]))
+    xy = (m.xy - width_height / 2) * [1.0, -1.0] + [0.0, width_height[1]]
+    with pytest.raises(InputError, match="outside the format") as raised:
+        calibrated(replace(aerial, cameras=centred, image_points=replace(m, xy=xy)))
+    assert raised.value.remedy.startswith("check the camera's format")
