@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ import typer
 
 from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.options import AsJson, Into, LocalPlugins, Methods, Settings, Variant
+from aatri.cli.block_reading import block_reading
 from aatri.cli.terminal.console import report_error, reports_errors, say, say_json, say_table
 from aatri.errors import AatriError, Errors, ResourceError
 from aatri.ids import amounts
@@ -161,24 +161,12 @@ def _import(nodes: tuple[StageNode, ...], local: Path | None) -> None:
 def _read(
     spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], local: Path | None
 ) -> tuple[_Check, list[Mapping[str, Any]]]:
-    """Read the block into a folder that is removed again, and compare it with what the stages use and need.
-
-    Gives the records of what was read, too.
-    """
-    from aatri.pipeline.plan.decisions import Selection
-    from aatri.pipeline.run.runner import RunSettings, run_pipeline
-    from aatri.pipeline.run.task import StageSource
-
-    listener = _Listener()
-    with tempfile.TemporaryDirectory() as folder:
-        elsewhere = replace(spec, run=Path(folder) / "run")
-        settings = RunSettings(Selection(sources), source=StageSource(local=local, runs_code=local is not None))
-        _, block = _tried("block", lambda: run_pipeline(elsewhere, nodes, listener, settings))
-    block.warnings = listener.warnings
-    figures = [listener.records[name]["metrics"] for name in sorted(sources) if name in listener.records]
+    """Read the block, and compare it with what the stages use and need; gives the records of what was read, too."""
+    reading = block_reading(spec, nodes, sources, local)
+    figures = [reading.records[name]["metrics"] for name in sorted(sources) if name in reading.records]
     names = ("images", "points", "image_points", "control_points", "check_points")
-    block.detail = "; ".join(amounts({name: of_block.get(name) for name in names}) for of_block in figures)
-    return block, list(listener.records.values())
+    detail = "; ".join(amounts({name: of_block.get(name) for name in names}) for of_block in figures)
+    return _Check("block", detail, reading.error, reading.warnings), list(reading.records.values())
 
 
 def _without_start(nodes: tuple[StageNode, ...], figures: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -196,27 +184,6 @@ def _without_start(nodes: tuple[StageNode, ...], figures: Mapping[str, Mapping[s
         and "image_points" in node.inputs
         and "initial" not in node.inputs
     ]
-
-
-class _Listener:
-    """Keeps warnings and records of what is read."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-        self.records: dict[str, Any] = {}
-
-    def warned(self, stage: str, message: str) -> None:
-        """Take a warning."""
-        self.warnings.append(f"{stage}: {message}")
-
-    def finished(self, record: Any) -> None:
-        """Take a record."""
-        self.records[record["stage"]] = record
-
-    def planned(self, *_: object) -> None:
-        """Drop it, as all that follows."""
-
-    started = logged = advanced = failed = planned
 
 
 def _disk(spec: Spec, nodes: tuple[StageNode, ...], read: list[Mapping[str, Any]]) -> _Check:

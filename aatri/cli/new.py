@@ -202,12 +202,33 @@ def new(
         misfit = [] if lens_misfit is None else [Setting("", "lens_misfit_px", lens_misfit)]
         text = pipeline_from(sources, folder, [*misfit, *settings_of(set_ or ())], without=without or ())
         _write({written: text})
+        _refuse_as_a_run(written)
     else:
         _write({written: _text(block, folder, path), **_tables(block, folder)})
     where = "" if folder == Path() else f" {written}"
     complete = sources or path is not None or block in (BlockSource.simulate, BlockSource.sample)
     fill = "" if complete else f"your data, as the head of {written} says, then aatri check{where}, then "
     narrate(f"next: {fill}aatri run{where}")
+
+
+def _refuse_as_a_run(pipeline: Path) -> None:
+    """Read the block as a run will: what that refuses is refused at once, in the same words.
+
+    The pipeline stays, as an option or an edit in it may be the remedy.
+    """
+    from aatri.cli.block_reading import block_reading
+    from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.plan.graph import wire
+    from aatri.pipeline.run.workers import share_cores
+    from aatri.pipeline.spec.pipeline_file import load_spec
+
+    share_cores(1)
+    spec = load_spec(pipeline)
+    sources = {name for name, stage in spec.stages.items() if not stage.inputs}
+    reading = block_reading(spec, wire(spec, Catalogue()), sources)
+    if reading.error is not None:
+        narrate(f"{pipeline} is written; as it stands, a run of it is refused:")
+        raise reading.error
 
 
 def _tables(block: BlockSource, folder: Path) -> dict[Path, str]:

@@ -112,6 +112,9 @@ def test_formats_with_a_stage_of_their_own_are_read_by_it(tmp_path: Path, name: 
     source = tmp_path / "source"
     source.mkdir()
     READERS[name].write(source)
+    if name == "tables":  # a lever arm to which no position refers is refused
+        yaml = source / "block.yaml"
+        yaml.write_text(re.sub(r"    lever_arm: .*\n", "", yaml.read_text()))
     result = invoked("new", tmp_path / "mine", "--from", source / file)
     assert result.exit_code == 0, result.stderr
     path = tmp_path / "mine" / "pipeline.yaml"
