@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import OrientedPart, levelled_part, oriented_part, pooled
-from aatri.adapters.ground.ground_fit import CHECK_DISTANCE, fit_notes, height_notes, misfitting_strips, stretched
+from aatri.adapters.ground.ground_fit import fit_notes, height_notes, misfitting_strips, stretched_start
 from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
@@ -106,10 +106,9 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         without = None if max_sigma0 is not None else _without_misfits(block_strips, joining, oriented)
         if without is not None:
             return without
-        texts = filter(None, (stretched(block_strips.ground.block, part.result) for part in oriented.parts))
-        if (text := next(texts, "")) == "":
-            raise
-        raise ConvergenceError(f"{error.what}; {text}", where=error.where, remedy=CHECK_DISTANCE) from error
+        block, strips = block_strips.ground.block, block_strips.strips
+        stretched = stretched_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
+        return oriented.with_notes([stretched])
     if oriented.strips < len(block_strips.strips.strips) and (level := _levelled(block_strips, joining)) is not None:
         return level if level.strips > oriented.strips else fitting
     return fitting

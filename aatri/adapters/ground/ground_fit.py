@@ -16,11 +16,15 @@ from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
-from aatri.orientation.bodies.deformation import Misfit, rms_m, sigma0_notes
+from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, rms_m, sigma0_notes
 from aatri.orientation.bodies.height_factor import height_factor
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
+
+VERTICAL = np.cos(np.radians(10.0))
+"""Cosine of the tilt up to which the sine of it, the share of a stretch along the axis that heights do not take, is a
+digit of its size and no more."""
 
 CHECK_DISTANCE = "check principal distance and pixel size, both in mm, and unit and reference of the heights"
 
@@ -115,11 +119,32 @@ def _farthest(parts: Sequence[OrientedPart]) -> str:
     return f"; farthest off: {', '.join(texts)}" if texts else ""
 
 
-def stretched(block: Block, body: OrientedBody) -> str:
+def stretched_start(
+    block: Block, strips: Strips, parts: Sequence[OrientedPart], misfit: ConvergenceError, *, may_begin: bool
+) -> Note:
+    """A warning where a principal distance explains a misfit and the bundle, which estimates or names it, can begin.
+
+    Raises
+    ------
+    ConvergenceError
+        The misfit, where nothing explains it, it is beyond `FARTHEST_START`, or the bundle is not to begin from it.
+    """
+    text = next(filter(None, (_stretch(block, part.result) for part in parts)), "")
+    if text == "":
+        raise misfit
+    off = max(map(_misfit_m, parts)) / _distance_m(strips, parts)
+    if not may_begin or off > FARTHEST_START:
+        raise ConvergenceError(f"{misfit.what}; {text}", where=misfit.where, remedy=CHECK_DISTANCE) from misfit
+    text = f"{misfit.what}; {text}; that is {off:.1%} of the distance of the images: the bundle can begin from there"
+    return Note("warning", f"{text}; {CHECK_DISTANCE}, or estimate the principal distance (`self_calibration`)")
+
+
+def _stretch(block: Block, body: OrientedBody) -> str:
     """In words, by what factor control and positions together ask for another principal distance; else empty.
 
     A principal distance too long by f stretches a model along its rays: its heights, and the flying height above it.
-    Over flat ground a common error of the heights of all positions does the same.
+    Over flat ground a common error of the heights of all positions does the same. Of oblique images the stretch is
+    not one of the heights, which tell it, but not its size.
     """
     places = body.places
     factor = height_factor(places.xyz, places.observed_m, places.given)
@@ -132,7 +157,8 @@ def stretched(block: Block, body: OrientedBody) -> str:
     ]
     c_mm = np.unique(block.cameras.principal_distance_mm[block.images.camera])
     share = f"{factor.factor:.3f} (+- {factor.sigma:.2g}) times as much as those of the models"
-    if len(levels_m) < 2 or len(c_mm) > 1:
+    oblique = np.nanmedian(body.state[POSE].ground_from_image[:, 2, 2]) < VERTICAL
+    if len(levels_m) < 2 or len(c_mm) > 1 or oblique:
         return f"given heights vary {share}: their unit or a principal distance is wrong"
     off_m = (levels_m[1] - levels_m[0]) * (1 / factor.factor - 1)
     distance = f"a principal distance of {c_mm[0] * factor.factor:.2f} mm instead of {c_mm[0]:.2f} mm"

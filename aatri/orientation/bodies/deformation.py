@@ -43,6 +43,9 @@ START = 0.005
 """Misfit, as a share of the distance between images and points, that no block of right ids, units and axes has: a tenth
 of what the bundle can begin from (docs/convergence.md)."""
 
+FARTHEST_START = 10 * START
+"""Misfit from which the bundle can begin where its cause is one that it estimates or names (docs/convergence.md)."""
+
 NAMED = 3
 """So many bodies are named where they do not fit."""
 

@@ -103,18 +103,22 @@ def test_a_bent_strip_is_left_out_by_name() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_a_principal_distance_that_is_a_tenth_off_is_named_with_the_right_one(factor: float) -> None:
+def test_a_principal_distance_that_is_a_tenth_off_is_named_by_strips_and_by_the_bundle(factor: float) -> None:
     """Positions and control lie on two levels, which the models hold apart by the wrong share."""
     flight = {"strips": 2, "images_per_strip": 4, "cross_strips": 0}
     block = simulated(5, preset="rc30", flight=flight, ties={"new_points": 80}, known={"full": 6})
     c_mm = block.cameras.principal_distance_mm
     block = replace(block, cameras=replace(block.cameras, principal_distance_mm=c_mm * factor))
-    points = affine(block)
+    points, told = affine(block), Told()
+    strips = scale_transfer(block, dependent(block, points))
+    with pytest.raises(ConvergenceError, match="max_sigma0 = 20"):
+        similarity(block, strips, points, options=SimilarityOptions(max_sigma0=20.0))
+    solution = similarity(block, strips, points, context=told)
     with pytest.raises(ConvergenceError) as refused:
-        similarity(block, scale_transfer(block, dependent(block, points)), points)
-    named = re.search(r"a principal distance of ([0-9.]+) mm instead of", refused.value.what)
-    assert named is not None
-    assert abs(float(named[1]) / c_mm[0] - 1) < 0.002
+        bundle(block, points, solution)
+    texts = [*told.warnings, refused.value.remedy]
+    named = [re.search(r"a principal distance of ([0-9.]+) .*mm instead of", text) for text in texts]
+    assert [abs(float(one[1]) / c_mm[0] - 1) < 0.002 for one in named if one] == [True, True]
 
 
 def test_where_many_strips_do_not_fit_it_is_another_cause() -> None:
