@@ -6,7 +6,8 @@ over control and check points, r the plan distance from their middle. Images tha
 uncorrected radial distortion, a wrong principal distance or refraction into such a bend, which control at the edges
 does not show. A bend is told where Student's test of b finds it (0.1 %), and where it is beyond what the standard
 deviations of the heights allow: where they are large, in the middle of a block with control at its edges, errors of
-neighbouring points are alike, and bend without any distortion.
+neighbouring points are alike, and bend without any distortion. Errors of models and strips add up to bends, too: where
+no height has a standard deviation, as after absolute orientation, the bend is a note.
 
 Source: James and Robson 2014 (systematic errors of vertical blocks: doming).
 """
@@ -44,11 +45,12 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
     notes = _far(evaluation)
     determined = np.isfinite(d.difference_m[is_reference, 2])
     by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(determined.sum() - 2, 1 - ALARM / 2))
-    allowed = float(np.nan_to_num(d.sigma_m[is_reference, 2]).max(initial=0.0)) * float(ndtri(1 - ALARM / 2))
+    sigma_m = d.sigma_m[is_reference, 2]
+    allowed = float(np.nan_to_num(sigma_m).max(initial=0.0)) * float(ndtri(1 - ALARM / 2))
     if bent is not None and abs(bent[0]) > max(by_chance, allowed, NOTHING_M):
         notes.append(
             Note(
-                "warning",
+                "warning" if np.isfinite(sigma_m).any() else "note",
                 f"heights bend by {about(bent[0])} (+- {about(bent[1])}) from the middle of control "
                 "and check points to their edge: a distortion not corrected, or little height control "
                 "inside; oblique images, observed positions or control inside hold them",

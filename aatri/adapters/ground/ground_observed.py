@@ -10,7 +10,7 @@ from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.similarity import Similarity
 from aatri.ids import several
@@ -18,6 +18,7 @@ from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
+from aatri.observations.exposure_time import EXPOSURE_TIME
 from aatri.observations.geodetic.distances import HORIZONTAL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.kinds import catalogue
@@ -64,6 +65,8 @@ class GroundObserved:
     """See `ObservationSource`."""
     beside: tuple[Observed, ...] = ()
     """Further observations, such as what neighbours of a body tell of it."""
+    time_offset: bool = False
+    """Positions have an exposure-time offset for each camera."""
 
     def of(self, body: FreeBody, chosen: Chosen, *, attitudes: bool = False, drift: bool = True) -> Observe:
         """Observations that concern a body, wherever it lies.
@@ -79,7 +82,11 @@ class GroundObserved:
         """
         options = KindOptions.model_validate(
             {
-                "positions": {"use": self.use_positions, "drift": "linear" if drift else "none"},
+                "positions": {
+                    "use": self.use_positions,
+                    "drift": "linear" if drift else "none",
+                    "time_offset": self.time_offset,
+                },
                 "attitudes": {"use": attitudes},
                 "rigs": {"use": False},
             }
@@ -167,6 +174,22 @@ def oriented_by(
         return replace(oriented, neglects=not drift), notes
     left_open = [error for error in failed if isinstance(error, GeometryError)]
     raise left_open[-1] if isinstance(failed[0], GeometryError) else failed[0]
+
+
+def by_time_offsets(
+    ground: GroundObserved, body: FreeBody, settings: OrientationSettings, what: str
+) -> tuple[OrientedBody, Note] | None:
+    """A body that all fits if the times of its positions are off; None where it does not, or no velocity is known."""
+    try:
+        oriented, _ = oriented_by(replace(ground, time_offset=True), body, settings, what)
+    except (ConvergenceError, GeometryError, InputError):
+        return None
+    if oriented.tied.tau_m > 0 or EXPOSURE_TIME not in oriented.state:
+        return None
+    offsets = zip(ground.block.cameras.id, np.atleast_1d(np.squeeze(oriented.state[EXPOSURE_TIME])))
+    by = ", ".join(f"{camera} {offset:.3g} s" for camera, offset in offsets)
+    text = f"{what}: control and positions fit it with another exposure time ({by}), which a bundle estimates or tests"
+    return oriented, Note("note", text)
 
 
 def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: str) -> Note:

@@ -13,6 +13,7 @@ from aatri.adapters.ground.ground_observed import (
     NOWHERE,
     Chosen,
     GroundObserved,
+    by_time_offsets,
     everything,
     oriented_by,
     placed,
@@ -212,7 +213,7 @@ def _free(
     turned = sum(len(o) for o in observed if o.kind == ATTITUDE)
     datum = [f"its scale that of {several(scaled, 'distance')}" if scaled else "the first base is 1"]
     datum += [f"its rotation that of {several(turned, 'attitude')}"] if turned else []
-    note = Note("warning", f"no control and no observed positions: the datum is free, {', '.join(datum)}")
+    note = Note("note", f"no control and no observed positions: the datum is free, {', '.join(datum)}")
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]
     images, points = ground.block.images.id, ground.block.points.id
@@ -247,6 +248,8 @@ def _oriented(
 
     if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, part(seated).component, seated, rays):
         return part(seated), [*notes, *notes_of(seated)]
+    if timed := by_time_offsets(ground, body, settings, what):
+        return part(timed[0]), [timed[1], *notes_of(timed[0])]
     for kind, others in _without_one(seated.tied.problem.ground):
         try:
             reduced, by_attitudes = oriented_by(ground, body, settings, what, chosen=others)

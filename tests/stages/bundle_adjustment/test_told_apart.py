@@ -65,3 +65,27 @@ def test_where_nothing_tells_which_all_that_may_be_wrong_are_named() -> None:
     assert "control GCP02" in text
     assert "image_point 0104/GCP02" in text
     assert solution.suspects.verdict.tolist() == ["kept", "kept"]
+
+
+def test_a_ray_wrong_along_the_base_is_one_of_three_on_a_line_and_no_second_object_of_the_number(fourth: Chain) -> None:
+    """Each of the three rays explains it as well: x = c dX / h, of two unknowns X and h three x are one too many."""
+    measured, true = fourth.refined.measurements, fourth.block.true_images
+    assert true is not None
+    strip = fourth.block.images.strip[measured.image]
+    counts = np.bincount(measured.point)
+    triple = next(
+        rows
+        for point in np.flatnonzero(counts == 3)
+        if len(set(strip[rows := np.flatnonzero(measured.point == point)].tolist())) == 1
+    )
+    first, middle, last = measured.image[triple]
+    base, xy = true.position_m[last] - true.position_m[first], measured.xy_mm.copy()
+    base = true.ground_from_image[middle].T @ base
+    along = fourth.block.cameras.principal_distance_mm[0] * base[:2] + base[2] * xy[triple[1]]
+    xy[triple[1]] += 0.2 * along / np.linalg.norm(along)
+    wrong = replace(fourth.refined, measurements=replace(measured, xy_mm=xy))
+    told = Told()
+    initial = replace(fourth.strip_block, suspects=Suspects.empty())
+    s = bundle(fourth.block, wrong, initial, context=told).suspects
+    assert sorted(s.row[s.verdict == "undecidable"].tolist()) == triple.tolist()
+    assert not [text for text in told.warnings if "more than one object" in text]

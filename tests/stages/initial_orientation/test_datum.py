@@ -12,7 +12,8 @@ from aatri.adapters.ground.initial_tests import left_out_table
 from aatri.artifacts.block import CONTROL, Block, Geodetic
 from aatri.artifacts.solution import Solution
 from aatri.observations.control import Control, observed_control
-from tests.stages.initial_orientation.unordered import SMALL_UAV, far_off, initial_of, simulated, without_strips
+from aatri.observations.exposure_time import velocities
+from tests.stages.initial_orientation.unordered import SMALL_UAV, Told, far_off, initial_of, simulated, without_strips
 
 
 def with_distances(block: Block, ends: np.ndarray, wrong_m: float = 0.0) -> Block:
@@ -69,6 +70,20 @@ def test_positions_of_wrong_images_are_rejected_by_name() -> None:
     wrong = found.suspects.image[(found.suspects.kind == "position") & (found.suspects.verdict == "rejected")]
     assert sorted(wrong.tolist()) == sorted(block.images.id[[2, 20]].tolist())
     assert far_off(block, found)[0] < 0.2
+
+
+def test_positions_of_another_exposure_time_are_no_deformation_as_the_bundle_estimates_or_tests_it() -> None:
+    """Two strips flown to and fro, images 2 s apart, positions of 0.05 s later."""
+    block = simulated(**{**SMALL_UAV, "flight": {"strips": 2, "images_per_strip": 6}})
+    images, e = block.images, block.exterior
+    order = np.arange(len(images))
+    timed = replace(block, images=replace(images, time_s=1000.0 * images.strip + 2.0 * order))
+    along = velocities(timed, e.image, e.position_m)
+    later, told = replace(e, position_m=e.position_m + 0.05 * along), Told()
+    found = initial_of(replace(timed, exterior=later), told)
+    assert not [text for text in told.warnings if "fit it only with" in text]
+    assert not rejected_of(found, "position")
+    assert far_off(block, found)[0] < 0.2 < 0.05 * float(np.linalg.norm(along, axis=1).min())
 
 
 def test_without_control_and_positions_distances_give_the_scale() -> None:

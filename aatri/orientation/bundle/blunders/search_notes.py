@@ -85,7 +85,7 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
         ids = tuple(_renumbering(block, one) for one in outcome.renumbered)
         text_of_category = "these fit under another number, which may be theirs"
         notes.append(Note("warning", f"image_point: {len(ids)} rejected, {text_of_category}", ids))
-    notes += _mostly_rejected(block, records, rejected)
+    notes += _mostly_rejected(block, records, rejected, outcome.undecided)
     return [*notes, *_by_chance(records, outcome)]
 
 
@@ -108,10 +108,10 @@ def _renumbering(block: BundleInput, renumbered: OtherNumber) -> str:
     return f"{image}/{own} (fits {points[renumbered.point]})"
 
 
-def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool) -> list[Note]:
-    """Images and points most of whose observations are rejected."""
+def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool, undecided: Bool) -> list[Note]:
+    """Images and points most of whose observations are rejected; of what is undecided one wrong ray is enough."""
     images = _most_of_rays(block, records, rejected, POSE) >= REJECTED_SHARE
-    points = _most_of_rays(block, records, rejected, POINT) >= 0.5
+    points = _most_of_rays(block, records, rejected & ~undecided, POINT) >= 0.5
     otherwise = _observed_otherwise(block, records, rejected)
     many = "points of which half of the rays or more are rejected"
     texts = (
