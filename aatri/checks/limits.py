@@ -142,6 +142,9 @@ WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.rad
 found that scatters by this share of it; readings that agree up to the factor are one: some are the same rotations by
 other names, and the simplest is told. Fewer images say nothing of a convention."""
 
+SHARES_OF_ATTITUDES = (0.5, 0.9)
+"""Of the attitudes that agree or not: half of them, robust, then nearly all; a reading is proposed by either."""
+
 # --- after: models, joints
 
 OUT_OF_SEQUENCE = 1.5

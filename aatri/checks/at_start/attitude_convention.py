@@ -3,10 +3,10 @@
     exp([b]x) = R_obs' B' R      of every image: the turn of the camera that its attitude lacks
 
 Seen: attitudes that contradict the images, all of them.
-Test: the b of a camera scatter by more than `WRONG_ATTITUDES_RAD` in the median. Then the angles are tried in the other
-conventions in use: the other system, opposite signs, the transposed matrix, another mount; the one in which they agree
-is proposed. What all b of a camera have in common, its boresight, is tested after the adjustment, with the covariance
-of the orientations.
+Test: the b of a camera scatter by more than `WRONG_ATTITUDES_RAD` in the median, or in nine of ten, as one strip of
+three flown the other way does. Then the angles are tried in the other conventions in use: the other system, opposite
+signs, the transposed matrix, another unit; the one in which as many agree is proposed. What all b of a camera have in
+common, its boresight, is tested after the adjustment, with the covariance of the orientations.
 """
 
 import itertools
@@ -16,9 +16,14 @@ import numpy as np
 
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, finite_rows
-from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
-from aatri.checks.limits import AGREEING_READING, FEWEST_ATTITUDES, SAME_READING, WRONG_ATTITUDES_RAD
+from aatri.checks.limits import (
+    AGREEING_READING,
+    FEWEST_ATTITUDES,
+    SAME_READING,
+    SHARES_OF_ATTITUDES,
+    WRONG_ATTITUDES_RAD,
+)
 from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, nearest_rotation
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.attitudes import attitudes_of
@@ -27,6 +32,14 @@ from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+UNITS = {
+    "gon, declared as degrees": 0.9,
+    "degrees, declared as gon": 1 / 0.9,
+    "radians, declared as degrees": 180 / np.pi,
+    "radians, declared as gon": 200 / np.pi,
+    "thousandths of the unit declared": 1e-3,
+}
+"""What angles may be in instead, and their factor."""
 
 
 def attitude_conventions(
@@ -54,35 +67,43 @@ def attitude_conventions(
         of_camera = np.flatnonzero(usable & (rows.camera == camera))
         if len(of_camera) < FEWEST_ATTITUDES:
             continue
-        scatter = _scatter(rows.observed[of_camera], rotation[of_camera])
-        if scatter > WRONG_ATTITUDES_RAD:
-            angles = block.exterior.angles_rad[rows.row[of_camera]]
-            findings.append(
-                _of_camera(block, str(block.cameras.id[camera]), angles, rotation[of_camera], scatter, before)
-            )
+        angles, name = block.exterior.angles_rad[rows.row[of_camera]], str(block.cameras.id[camera])
+        seen = _of_camera(block.rotation, name, angles, rows.observed[of_camera], rotation[of_camera], before)
+        findings += [] if seen is None else [seen]
     return findings
 
 
-def _of_camera(block: Block, camera: str, angles: Float, rotation: Float, scatter: float, before: bool) -> Finding:
-    readings = [(_scatter(R, rotation), what) for what, R in _readings(angles)]
-    least = min(readings)[0]
-    best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
-    text = f"attitudes as {block.rotation} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
-    text += "beyond any common offset"
-    level: Level = "warning"
+def _of_camera(
+    declared: str, camera: str, angles: Float, observed: Float, rotation: Float, before: bool
+) -> Finding | None:
+    """What is wrong with the attitudes of a camera."""
     remedy = "check the angle system, its unit and the times of the attitudes"
-    if best <= AGREEING_READING * scatter:
-        level = "error" if before else "warning"
-        text += f"; read as {what} they agree to {np.degrees(best):.2g} deg"
-        remedy = f"declare them as {what} (rotation, heading, mount in block.yaml)"
-    return Finding("attitude_convention", level, text, remedy, where=f"camera {camera}", statistic=scatter)
+    unread: Finding | None = None
+    for share in SHARES_OF_ATTITUDES:
+        scatter = _scatter(observed, rotation, share)
+        if scatter <= WRONG_ATTITUDES_RAD:
+            continue
+        readings = [(_scatter(R, rotation, share), what) for what, R in _readings(angles)]
+        least = min(readings)[0]
+        best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
+        text = f"attitudes as {declared} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
+        text += "beyond any common offset"
+        place = f"camera {camera}"
+        if best <= AGREEING_READING * scatter:
+            level: Level = "error" if before else "warning"
+            text += f"; read as {what} they agree to {np.degrees(best):.2g} deg"
+            remedy = f"declare them as {what} (rotation, heading, mount, units in block.yaml), or convert them"
+            return Finding("attitude_convention", level, text, remedy, where=place, statistic=scatter)
+        if share <= 0.5:  # more than half of them
+            unread = Finding("attitude_convention", "warning", text, remedy, where=place, statistic=scatter)
+    return unread
 
 
-def _scatter(observed: Float, rotation: Float) -> float:
-    """Median turn between attitudes and orientations beyond a common one, rad."""
+def _scatter(observed: Float, rotation: Float, share: float) -> float:
+    """Turn between attitudes and orientations beyond a common one that this share of them does not exceed, rad."""
     lacking = observed.swapaxes(1, 2) @ rotation
     common = nearest_rotation(np.median(lacking, axis=0))
-    return float(np.median(np.linalg.norm(log_rotation(lacking @ common.T), axis=1)))
+    return float(np.quantile(np.linalg.norm(log_rotation(lacking @ common.T), axis=1), share))
 
 
 def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
@@ -92,21 +113,22 @@ def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
         "phi-omega-kappa": ("phi", "omega", "kappa"),
         "roll-pitch-heading": ("roll", "pitch", "heading"),
     }
+
+    def observed(angles_rad: Float, system: str, *, transposed: bool = False) -> Float:
+        R, _ = angle_axes(angles_rad, system)
+        R = R.swapaxes(1, 2) if transposed else R
+        return NED @ R @ body_from_mount(np.zeros(len(R))) if system == "roll-pitch-heading" else R
+
     flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
     for transposed, signs, system in itertools.product((False, True), flips, names):
-        R, _ = angle_axes(angles * np.array(signs), system)
         turned = [name for name, sign in zip(names[system], signs) if sign < 0]
         what = system + (f" with {', '.join(turned)} of opposite sign" if turned else "")
-        if transposed:
-            what, R = f"{what}, the transposed matrix (image from ground)", R.swapaxes(1, 2)
-        if system == "roll-pitch-heading":
-            R = NED @ R @ body_from_mount(np.zeros(len(R)))
-        yield what, R
+        what += ", the transposed matrix (image from ground)" if transposed else ""
+        yield what, observed(angles * np.array(signs), system, transposed=transposed)
+    for unit, factor in UNITS.items():
+        yield from ((f"{system} in {unit}", observed(factor * angles, system)) for system in names)
     for a, b in ((0, 1), (1, 2), (0, 2)):
         order = [0, 1, 2]
         order[a], order[b] = order[b], order[a]
         for system in names:
-            R, _ = angle_axes(angles[:, order], system)
-            if system == "roll-pitch-heading":
-                R = NED @ R @ body_from_mount(np.zeros(len(R)))
-            yield f"{system} with a{a + 1} and a{b + 1} exchanged", R
+            yield f"{system} with a{a + 1} and a{b + 1} exchanged", observed(angles[:, order], system)

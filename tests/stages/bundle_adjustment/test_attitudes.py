@@ -102,13 +102,9 @@ def test_a_small_offset_is_told_after_the_adjustment_and_a_right_one_is_not() ->
 
 def mirrored(block: Block, how: str) -> Block:
     """The block with attitudes declared or written otherwise than they are."""
-    e, sign = block.exterior, np.array([1.0, 1.0, 1.0])
-    if how == "kappa":
-        return replace(block, exterior=replace(e, angles_rad=e.angles_rad * np.array([1.0, 1.0, -1.0])))
-    if how == "omega":
-        return replace(block, exterior=replace(e, angles_rad=e.angles_rad * np.array([-1.0, 1.0, 1.0])))
-    assert how == "system"
-    return replace(block, rotation="omega-phi-kappa", exterior=replace(e, angles_rad=e.angles_rad * sign))
+    factor = {"kappa": [1, 1, -1], "omega": [-1, 1, 1], "all": -1, "milli": 1000, "degrees": 0.9, "system": 1}[how]
+    e = replace(block.exterior, angles_rad=block.exterior.angles_rad * np.array(factor))
+    return replace(block, exterior=e, rotation="omega-phi-kappa" if how == "system" else block.rotation)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +115,9 @@ def mirrored(block: Block, how: str) -> Block:
         ("phi-omega-kappa", "system", "phi-omega-kappa"),
         ("roll-pitch-heading", "system", "roll-pitch-heading"),
         ("roll-pitch-heading", "kappa", "heading of opposite sign"),
+        ("roll-pitch-heading", "all", "roll, pitch, heading of opposite sign"),
+        ("omega-phi-kappa", "milli", "omega-phi-kappa in thousandths of the unit declared"),
+        ("phi-omega-kappa", "degrees", "phi-omega-kappa in degrees, declared as gon"),
     ],
 )
 def test_a_mirrored_convention_is_recognised_and_the_right_one_proposed(system: str, how: str, proposed: str) -> None:
@@ -128,7 +127,7 @@ def test_a_mirrored_convention_is_recognised_and_the_right_one_proposed(system: 
             "images_per_strip": 4,
             "scale_number": 10_000.0,
             "side_overlap": 40.0,
-            "cross_strips": 1,
+            "cross_strips": int(how != "degrees"),  # without, two strips of three agree
             "tilt_sigma_deg": 5.0,
             "tilt_max_deg": 12.0,
         }
