@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from aatri.pipeline.methods.kernel_cache import use_kernel_cache
 
+# as Python does unless it is told otherwise: else each of the hundreds of processes of the tests compiles all modules
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # before NumPy is imported: as in the processes of a run, so that workers of pytest do not wait for each other's threads
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # before Numba is imported: an edit of a kernel leads to another folder, in the processes of tests too
@@ -41,11 +46,24 @@ def shared_data() -> Path:
 
 def _leaves_out_slow_tests(config: pytest.Config) -> bool:
     """Unless a mark is asked for, or tests by name."""
-    return not config.option.markexpr and not any("::" in argument for argument in config.args)
+    by_name = config.option.keyword or any("::" in argument for argument in config.args)
+    return not config.option.markexpr and not by_name
 
 
+def _unmark_first_cases(items: list[pytest.Item]) -> None:
+    """Of a parametrised test marked `slow(after=n)` the first n cases stand for all among the quick tests."""
+    cases: Counter[str] = Counter()
+    for item in items:
+        test = item.nodeid.partition("[")[0]
+        marks = [mark for mark in item.own_markers if mark.name == "slow" and cases[test] < mark.kwargs.get("after", 0)]
+        item.own_markers = [mark for mark in item.own_markers if mark not in marks]
+        cases[test] += 1
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` is looked at
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """What takes seconds is run by `-m slow`."""
+    """What takes half a second is run by `-m slow`."""
+    _unmark_first_cases(items)
     if _leaves_out_slow_tests(config):
         slow = [item for item in items if item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)

@@ -176,6 +176,7 @@ _PIECES = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(st.one_of(st.lists(_PIECES, max_size=25).map("".join), st.text(max_size=60)))
 def test_whatever_the_text_only_the_given_error_comes_out(text: str) -> None:

@@ -39,9 +39,14 @@ def _room(module: list[str]) -> str:
     return module[1]
 
 
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _imported(path: Path) -> Iterator[list[str]]:
     """Modules of aatri that a file imports when it runs, also within functions."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = _tree(path)
     checks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
     for_types = {id(inner) for check in checks for inner in ast.walk(check)}
     for node in ast.walk(tree):
@@ -151,7 +156,7 @@ _NO_TESTS = {
 
 def _numbers(path: Path) -> Iterator[tuple[str, str]]:
     """Names of a module's numeric constants, with what is said of each."""
-    body = ast.parse(path.read_text(encoding="utf-8")).body
+    body = _tree(path).body
     for node, after in zip(body, [*body[1:], None]):
         if isinstance(node, ast.Assign) and not any(isinstance(n, ast.Call | ast.Name) for n in ast.walk(node.value)):
             values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
@@ -184,7 +189,7 @@ def test_variables_say_what_they_hold() -> None:
         for top in ("aatri", "stages")
         for path in sorted((ROOT / top).rglob("*.py"))
         if "kernels" not in path.parts
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(_tree(path))
         if isinstance(node, ast.Name | ast.arg | ast.FunctionDef)
         for name in [getattr(node, "id", getattr(node, "arg", getattr(node, "name", "")))]
         if name in PRIVATE_WORDS

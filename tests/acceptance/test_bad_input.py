@@ -64,6 +64,7 @@ def _on_a_line(block: Path) -> None:
     lines(GROUND, lambda line: line if line.split(",")[0] in kept or line.startswith("CHK") else None)(block)
 
 
+@pytest.mark.slow
 def test_a_missing_file_is_one_error(project: Path) -> None:
     without(f"block/{IMAGES}")(project)
     result = aatri("run", "-q")
@@ -73,6 +74,7 @@ def test_a_missing_file_is_one_error(project: Path) -> None:
     assert current(project) == set()
 
 
+@pytest.mark.slow
 def test_a_missing_block_folder_is_named(project: Path) -> None:
     shutil.rmtree(project / "block")
     _fails(3, "path is 'block', which does not exist", "mend the path")

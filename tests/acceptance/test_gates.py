@@ -17,6 +17,7 @@ def gated(project: Path) -> Path:
     return project
 
 
+@pytest.mark.slow
 def test_a_run_passes_fails_and_is_judged_by_what_was_asked_for(gated: Path) -> None:
     done = aatri("run", "-q")
     assert done.exit_code == 0, done.stderr
@@ -35,6 +36,7 @@ def test_a_run_passes_fails_and_is_judged_by_what_was_asked_for(gated: Path) -> 
     assert "accuracy" in current(gated)
 
 
+@pytest.mark.slow
 def test_without_check_points_a_gate_on_the_check_fails(gated: Path) -> None:
     path = gated / "block" / "ground_points.csv"
     header, *rows = path.read_text().splitlines()

@@ -56,6 +56,7 @@ def samples(shared_data: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", MISSING)
 def test_a_sample_folder_is_refused_by_new_with_what_is_missing(
     samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
@@ -100,6 +101,7 @@ def test_a_model_of_visualsfm_runs_and_says_that_its_principal_points_were_never
     assert "estimate it (`self_calibration`)" in result.stderr
 
 
+@pytest.mark.slow
 def test_borea_adjusts_with_the_grid_of_the_geoid(samples: Path, tmp_path: Path) -> None:
     """Altitudes above RAF20 and ellipsoidal control in one block: residuals below 1 px."""
     folder = samples / "borea"

@@ -124,6 +124,7 @@ BLOCKS: dict[str, tuple[Small, tuple[str, ...], list[str], str]] = {
 """Block, chains, images that are left out, what a warning has to name."""
 
 
+@pytest.mark.slow(after=2)
 @pytest.mark.parametrize(("name", "chain"), [(name, chain) for name, row in BLOCKS.items() for chain in row[1]])
 def test_a_legal_block_ends_well(tmp_path: Path, name: str, chain: str) -> None:
     small, _, lost, named = BLOCKS[name]

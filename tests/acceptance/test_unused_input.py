@@ -73,6 +73,7 @@ def _used() -> set[str]:
     return {name for card in cards for name in card.used_with(card.options() if card.options else None) or ()}
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", CASES)
 def test_what_no_stage_uses_is_refused_with_file_column_and_remedy(project: Path, name: str) -> None:
     edit, place = CASES[name]

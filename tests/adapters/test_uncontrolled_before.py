@@ -106,6 +106,7 @@ def test_every_image_point_of_one_model_is_listed_once_with_its_row(made: Any) -
     assert np.hypot(*u.direction[:, :2].T) == pytest.approx(np.ones(len(u)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_ray_in_no_model_is_listed_by_every_stage_without_direction_and_its_error_shows_nowhere(made: Any) -> None:
     block, points, clean = made
     m = points.measurements
@@ -152,6 +153,7 @@ def test_five_points_control_no_parallax() -> None:
     assert listed.redundancy[across] == pytest.approx(np.zeros(10), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_control_without_redundancy_is_listed_and_control_of_twice_as_many_points_is_not(made: Any) -> None:
     few = block_of({"full": 2, "height": 1})
     points = systematic(few, calibrated(few))

@@ -59,6 +59,7 @@ def _expected_covariances(unknowns, records, state):
     return {u.name: padded[c[:, :, None], c[:, None, :]] for u, c in zip(unknowns, free_columns(unknowns).values())}
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("fronts", ["one", "many"])
 @pytest.mark.parametrize("ordering", ORDERINGS)
 @pytest.mark.parametrize("maker", MAKERS)

@@ -152,6 +152,7 @@ def test_a_stage_is_called_in_memory_and_refuses_what_it_does_not_know() -> None
         bundle(calibrated(block))
 
 
+@pytest.mark.slow
 def test_a_pipeline_of_a_dict_is_written_for_the_command_line_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,6 +171,7 @@ def test_a_pipeline_of_a_dict_is_written_for_the_command_line_too(
         aatri.run({"stages": {}})
 
 
+@pytest.mark.slow
 def test_pictures_of_a_run_are_shown_and_saved(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     run = aatri.open(make_run(tmp_path / "run", made_artifacts(made_block(columns=6))))

@@ -73,6 +73,7 @@ def test_the_errors_of_the_notes_pair_are_found_and_measured_and_nobody_else_is_
     assert 0.6 < rms < 1.4  # of some 52 deviations, four standard deviations of it
 
 
+@pytest.mark.slow
 def test_with_six_control_points_no_ray_is_blamed_for_the_other() -> None:
     _, alarms, _ = outcome(1, control=6)
     assert alarms <= 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from tests.campaigns.fuzz_programs import OF_OTHER_PROGRAMS
 from tests.campaigns.fuzz_seeds import OF_BLOCKS, READERS, Reader
 from tests.campaigns.number_texts import WRONG, meaning
 
-COUNT = 40
+COUNT = 20
 
 
 @pytest.mark.parametrize(
@@ -64,13 +65,13 @@ def numbers(request: pytest.FixtureRequest, tmp_path: Path) -> Numbers:
     return numbers_of(READERS[request.param], tmp_path)
 
 
-def complaints(numbers: Numbers, seed: str = "numbers") -> list[str]:
-    chance = random.Random(seed)
-    return [said for _ in range(COUNT) if (said := numbers.wrong(chance))]
+def complaints(numbers: Numbers, count: int = COUNT) -> Iterator[str]:
+    chance = random.Random("numbers")
+    return (said for _ in range(count) if (said := numbers.wrong(chance)))
 
 
 def test_the_numbers_of_every_reader_are_taken_rightly_or_refused_with_their_line(numbers: Numbers) -> None:
-    assert complaints(numbers) == []
+    assert list(complaints(numbers)) == []
     looked_at = list(numbers.cells.values())
     assert sum(cell is not None for cell in looked_at) >= 5
 
@@ -78,7 +79,7 @@ def test_the_numbers_of_every_reader_are_taken_rightly_or_refused_with_their_lin
 @pytest.mark.parametrize("name", OF_OTHER_PROGRAMS)
 def test_numbers_of_other_programs_are_taken_rightly_or_refused_with_their_line(tmp_path: Path, name: str) -> None:
     numbers = numbers_of(OF_OTHER_PROGRAMS[name], tmp_path)
-    assert complaints(numbers) == []
+    assert list(complaints(numbers)) == []
     assert any(cell is not None for cell in numbers.cells.values())
 
 
@@ -90,4 +91,4 @@ def test_a_loosened_parser_is_found_out(numbers: Numbers, monkeypatch: pytest.Mo
         monkeypatch.setattr(module, "what_is_wrong", lambda _: "not a number")
     of_yaml = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(_[0-9]+)*(\.[0-9]*(_[0-9]+)?)?)([eE][-+]?[0-9]+)?")
     monkeypatch.setattr(strict_yaml, "_FLOAT", of_yaml)
-    assert any(complaints(numbers, f"{k}") for k in range(10))
+    assert any(complaints(numbers, 400))

@@ -54,6 +54,7 @@ def refused(result: Result, code: int, *words: str) -> None:
 # -- code that a project names --
 
 
+@pytest.mark.slow
 def test_python_named_by_an_option_runs_only_with_local_plugins(tmp_path: Path) -> None:
     write_pipeline(tmp_path, BUNDLE)
     (tmp_path / "mine.py").write_text(SPY)
@@ -65,6 +66,7 @@ def test_python_named_by_an_option_runs_only_with_local_plugins(tmp_path: Path) 
     assert not (tmp_path / "executed").exists()
 
 
+@pytest.mark.slow
 def test_the_stage_executes_it_where_it_is_permitted(tmp_path: Path) -> None:
     block = "{preset: rc30, flight: {strips: 2, images_per_strip: 5}}"
     lines = BUNDLE.replace("{preset: rc30}", block).replace("self_cal", "datum: minimal, self_cal")
@@ -74,6 +76,7 @@ def test_the_stage_executes_it_where_it_is_permitted(tmp_path: Path) -> None:
     assert (tmp_path / "executed").exists()
 
 
+@pytest.mark.slow
 def test_a_run_folder_cannot_permit_its_own_code(tmp_path: Path, made_up: None) -> None:
     write_pipeline(tmp_path, LINES)
     (tmp_path / "stages").mkdir()
@@ -153,6 +156,7 @@ def test_an_export_does_not_write_through_links(tmp_path: Path) -> None:
 # -- remedies --
 
 
+@pytest.mark.slow
 def test_the_report_says_the_command_that_makes_the_run_again(tmp_path: Path, made_up: None) -> None:
     write_pipeline(tmp_path, LINES + "variants:\n  far: {s: {with: {offset: 9.0}}}\n")
     assert aatri("run", "--set", "a.count=4", "--use", "s=sum/add", "--into", "other place").exit_code == 0
@@ -172,6 +176,7 @@ def test_the_report_says_the_command_that_makes_the_run_again(tmp_path: Path, ma
     assert sorted(again) == sorted(digests)
 
 
+@pytest.mark.slow
 def test_a_run_folder_and_a_project_folder_serve_as_the_pipeline(tmp_path: Path, made_up: None) -> None:
     write_pipeline(tmp_path, LINES)
     assert aatri("run", ".", "--set", "a.count=4").exit_code == 0
@@ -226,6 +231,7 @@ def found() -> registry.Origin:
     return registry.Origin("built-in", "aatri.stages.block.tables", "tables")
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of address space")
 @pytest.mark.parametrize("megabytes", [150, 300, 450])
 def test_a_limit_of_memory_ends_with_its_exit_code_and_does_not_hang(tmp_path: Path, megabytes: int) -> None:

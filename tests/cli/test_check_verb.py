@@ -32,6 +32,7 @@ def replaced(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_project_in_order_is_read_and_left_alone(project: Path) -> None:
     before = sorted(project.rglob("*"))
     result = check(project)
@@ -41,6 +42,7 @@ def test_a_project_in_order_is_read_and_left_alone(project: Path) -> None:
     assert sorted(project.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_what_is_wrong_in_pipeline_and_tables_is_told_together(project: Path) -> None:
     replaced(project / "pipeline.yaml", "bundle_adjustment/bundle", "bundle_adjustment/bundl")
     replaced(project / "quarry" / "image_points.csv", "0101,101,", "0199,101,")
@@ -62,6 +64,7 @@ def test_a_file_that_is_not_there_is_told_at_its_line_before_anything_is_made(pr
     assert not list((project / "run").glob("failed/*"))
 
 
+@pytest.mark.slow
 def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> None:
     """Without them the run orients the images that show control, one of fifteen here."""
     (project / "quarry" / "exterior.csv").unlink()
@@ -72,6 +75,7 @@ def test_a_bundle_without_start_values_is_told_before_it_runs(project: Path) -> 
     assert "warning: bundle: no start values: block has neither orientations nor positions" in result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("use", ["", "approximate", "observed"])
 def test_a_sigma_of_positions_that_are_start_values_for_want_of_a_word_is_told(project: Path, use: str) -> None:
     path = project / "quarry" / "exterior.csv"
@@ -82,6 +86,7 @@ def test_a_sigma_of_positions_that_are_start_values_for_want_of_a_word_is_told(p
     assert (told in result.stdout) == (not use)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("positions", "exit_code"), [(False, 4), (True, 0)])
 def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
     project: Path, positions: bool, exit_code: int
@@ -106,6 +111,7 @@ def test_two_control_points_and_nothing_else_do_not_say_how_a_block_lies(
         assert check(project, "--set", "bundle.datum=free").exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_finished_run_on_a_disk_that_may_only_be_read_has_nothing_to_write(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,6 +132,7 @@ def test_a_finished_run_on_a_disk_that_may_only_be_read_has_nothing_to_write(
     assert check(project, "--set", "block.max_reject_share=0.5").exit_code == 8
 
 
+@pytest.mark.slow
 def test_warnings_of_the_block_are_told(project: Path) -> None:
     replaced(project / "pipeline.yaml", "seed: 1", "seed: 1\nignore: [geodetic]")
     result = check(project)
@@ -133,6 +140,7 @@ def test_warnings_of_the_block_are_told(project: Path) -> None:
     assert "warning: block: pipeline.yaml, ignore: geodetic: there is nothing of that name" in result.stdout
 
 
+@pytest.mark.slow
 def test_options_of_variants_and_a_folder_that_may_not_be_written(project: Path) -> None:
     path = project / "pipeline.yaml"
     path.write_text(path.read_text(encoding="utf-8") + "variants:\n  odd: {bundle: {with: {datums: free}}}\n")

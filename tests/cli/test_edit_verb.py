@@ -99,6 +99,7 @@ def test_a_block_with_ten_mistakes_edited_is_the_clean_one_without_them(
     assert "switch_off control point" in _aatri("edit")
 
 
+@pytest.mark.slow
 def test_a_number_that_is_no_proposal_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     flight = {"strips": 2, "images_per_strip": 4}

@@ -64,6 +64,7 @@ def test_status_and_a_run_with_nothing_to_do_import_nothing_heavy(tmp_path: Path
     assert again.endswith(" []\n")
 
 
+@pytest.mark.slow
 def test_dry_run_status_and_dag_tell_one_plan(project: Path) -> None:
     write_pipeline(project, LINES.replace("source/fixed}", "source/fixed, with: {count: 5}}"), HEAD)
     dry = json.loads(aatri("run", "--dry-run", "--json").stdout)["stages"]
@@ -91,6 +92,7 @@ def test_a_failure_tells_how_to_go_on(project: Path, monkeypatch: pytest.MonkeyP
     assert "to go on" not in wrong.stderr  # nothing was begun
 
 
+@pytest.mark.slow
 def test_a_run_with_nothing_to_do_says_so(project: Path) -> None:
     again = aatri("run")
     assert "nothing to do: 2 stages up to date" in again.stderr
@@ -107,6 +109,7 @@ def test_exec_makes_one_stage(tmp_path: Path) -> None:
     assert "nothing to do" not in aatri("run").stderr  # the report is missing yet
 
 
+@pytest.mark.slow
 def test_exec_takes_up_a_result_that_was_made_before_another(project: Path) -> None:
     """An option changed and changed back: the first result is there yet, and becomes the current one again."""
     first = (project / "out" / "current" / "s.h5").resolve()
@@ -133,6 +136,7 @@ def test_slurm_gets_a_job_per_stage(project: Path) -> None:
     assert aatri("export", "pipeline.yaml", "slurm", "jobs.sh").exit_code == 2
 
 
+@pytest.mark.slow
 def test_variants_are_run_and_compared(project: Path) -> None:
     assert aatri("run", "--variant", "far").exit_code == 0
     told = json.loads(aatri("compare", "pipeline.yaml", "--variants", "--json").stdout)

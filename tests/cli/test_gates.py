@@ -30,6 +30,7 @@ def aatri(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments))
 
 
+@pytest.mark.slow
 def test_a_gate_that_fails_is_told_a_line_each_and_ends_with_6() -> None:
     project("{s: {total: {max: 5}, sigma0: {max: 2}}, a: {sigma0: {max: 2}}}")
     for _ in range(2):  # also where nothing is to be done
@@ -64,6 +65,7 @@ def test_json_and_status_carry_the_gates() -> None:
     assert {stage["state"] for stage in told["stages"]} == {"done"}
 
 
+@pytest.mark.slow
 def test_gates_that_pass_end_with_0() -> None:
     project("{s: {total: {max: 6}}}")
     done = aatri("run")
@@ -83,6 +85,7 @@ def test_a_misspelt_metric_ends_with_2() -> None:
     assert aatri("run", "-q", "--until", "a").exit_code == 0
 
 
+@pytest.mark.slow
 def test_every_variant_is_judged_and_compared() -> None:
     project(
         "{s: {total: {max: 6}}}", "variants: {far: {s: {with: {offset: 9.0}}}, near: {s: {with: {offset: -1.0}}}}\n"

@@ -151,6 +151,7 @@ def test_compilation_is_told_while_a_pipeline_is_planned(
     assert "of 3 modules ready" in (capsys.readouterr().err if terminal else told[1])
 
 
+@pytest.mark.slow
 def test_where_the_narration_has_no_place_to_go_the_work_goes_on(tmp_path: Path) -> None:
     """Closed, opened for reading only, or on a disk that is full."""
     said = "from aatri.cli.main import main; main()"
@@ -170,6 +171,7 @@ def test_standard_files_that_are_closed_leave_their_numbers_to_nothing_else() ->
     assert (done.returncode, done.stdout) == (0, "2\n")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_internal_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
@@ -179,6 +181,7 @@ def test_a_reader_that_has_seen_enough_is_no_internal_error() -> None:
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.slow
 def test_where_nobody_reads_the_narration_the_work_goes_on(tmp_path: Path) -> None:
     """`aatri run 2>&1 | head -1`: what is told later has no reader, which is no failure of a stage, nor of the verb."""
     reader, writer = os.pipe()

@@ -82,6 +82,7 @@ def test_a_distortion_of_micmac_is_exact_and_needs_no_leave(tmp_path: Path, shar
     assert "lens-misfit" not in result.stderr
 
 
+@pytest.mark.slow
 def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, shared_data: Path) -> None:
     """A camera of MicMac whose distortion is centred 100 px beside the principal point, as none of aatri is."""
     name = "AutoCal_Foc-60000_Cam-NIKON_D810.xml"
@@ -132,6 +133,7 @@ def test_formats_are_listed_and_described() -> None:
     assert invoked("formats", "odm_gpc").exit_code == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "has"),
     [

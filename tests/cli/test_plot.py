@@ -26,6 +26,7 @@ def test_pictures_are_listed_and_a_wrong_name_is_answered(run: Path) -> None:
     assert "did you mean 'plan'" in wrong.output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_a_picture_is_a_file_and_the_same_each_time(run: Path, tmp_path: Path, form: str, begin: bytes) -> None:
     pytest.importorskip("matplotlib")

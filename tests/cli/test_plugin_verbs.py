@@ -99,6 +99,7 @@ def test_stages_tells_where_a_variant_comes_from(tmp_path: Path) -> None:
     assert aatri("stages", "interior_orientation/mine").exit_code == 9
 
 
+@pytest.mark.slow
 def test_a_broken_role_of_the_project_does_not_hide_the_others(tmp_path: Path) -> None:
     (tmp_path / "stages" / "odd_role").mkdir(parents=True)
     (tmp_path / "stages" / "odd_role" / "mine.py").write_text("")

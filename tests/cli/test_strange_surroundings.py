@@ -140,6 +140,7 @@ def test_no_thread_is_no_memory() -> None:
     assert not lacks_memory(RuntimeError("another"))
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="address space is limited on Linux")
 @pytest.mark.parametrize("verb", ["run", "check"])
 @pytest.mark.parametrize("mebibytes", [450, 520, 600])

@@ -61,6 +61,7 @@ def test_run_ends_with_a_table_and_tells_where_things_lie(tmp_path: Path) -> Non
     assert aatri("run", "-q").stderr.count("[") == 0
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     ("line", "code", "message"),
     [
@@ -109,6 +110,7 @@ def test_control_characters_do_not_reach_the_terminal(project: Path) -> None:
     assert "warning: a: seven is \\x1b[31mmany" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_warning_is_on_the_terminal_in_the_artifact_in_the_record_and_in_the_report(project: Path) -> None:
     result = aatri("run", "-q", "--set", "a.count=7")
     assert "warning: a: seven is" in result.stderr

@@ -121,6 +121,7 @@ def test_too_few_check_points_are_no_check_and_no_figure() -> None:
     assert not [n for n, value in result.metrics().items() if n.startswith("check_rmse") and value is not None]
 
 
+@pytest.mark.slow
 def test_a_free_bundle_has_the_errors_that_its_standard_deviations_say() -> None:
     flight = {"strips": 3, "images_per_strip": 6, "cross_strips": 0}
     made = run_chain(simulated(preset="rc30", flight=flight, ties={"new_points": 400}))

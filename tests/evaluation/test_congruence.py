@@ -78,6 +78,7 @@ def test_a_singular_covariance_of_free_networks_is_taken() -> None:
         congruence(project @ d, free, object_of)
 
 
+@pytest.mark.slow
 def test_without_movement_false_alarms_have_the_stated_level() -> None:
     rng = np.random.default_rng(4)
     xyz_m, C = _network(rng, 20)
@@ -93,6 +94,7 @@ def test_without_movement_false_alarms_have_the_stated_level() -> None:
     assert alarms / n >= LEVEL / 2 - 3 * np.sqrt(LEVEL / 2 / n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noncentrality", [10.0, 20.0, 40.0])
 def test_a_movement_is_found_as_the_noncentral_distribution_says(noncentrality: float) -> None:
     rng = np.random.default_rng(5)

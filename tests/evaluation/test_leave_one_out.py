@@ -29,6 +29,7 @@ def _block() -> Block:
     return replace(block, ground_points=replace(g, covariance_m2=np.tile(skew, (len(g), 1, 1))))
 
 
+@pytest.mark.slow
 def test_it_is_what_an_adjustment_without_the_point_predicts() -> None:
     block = _block()
     points = calibrated(block)

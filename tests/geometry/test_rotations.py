@@ -49,6 +49,7 @@ def test_omega_phi_kappa_is_the_product_of_the_elementary_turns() -> None:
     np.testing.assert_allclose(rotation_from_angles([w, p, k]), expected, atol=1e-15)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("system", SYSTEMS)
 @settings(max_examples=200, deadline=None)
 @given(angle, st.floats(-1.5, 1.5), angle)

@@ -67,6 +67,7 @@ def test_without_a_default_a_click_has_a_standard_deviation_of_half_a_pixel(tmp_
     assert text == "image,fiducial,x,y,sx,sy\na,1,50.0000,450.0000,10,10\n"  # 0.5 px of 20 um
 
 
+@pytest.mark.slow
 def test_a_click_makes_the_stages_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     session = Session(made_folder(tmp_path / "block"))
     (tmp_path / "pipeline.yaml").write_text(PIPELINE)

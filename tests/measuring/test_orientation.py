@@ -59,6 +59,7 @@ def test_a_point_of_the_run_is_where_it_was_measured(orientation: RunOrientation
     assert 0.8 < np.mean(t) < 2.4  # residuals of an adjustment, which has taken up some of the errors
 
 
+@pytest.mark.slow(after=1)
 def test_of_two_clicks_the_others_follow_within_their_ellipses(orientation: RunOrientation) -> None:
     t = []
     for point in _of_many_rays(orientation, 4):
@@ -73,6 +74,7 @@ def test_of_two_clicks_the_others_follow_within_their_ellipses(orientation: RunO
     assert 0.3 < np.mean(t) < 3.5  # chi-square with 2, less where poses that are taken as independent err alike
 
 
+@pytest.mark.slow
 def test_a_wrong_click_is_told_by_its_test_and_good_ones_are_not(orientation: RunOrientation) -> None:
     called_wrong = 0
     points = _of_many_rays(orientation, 4)

@@ -114,6 +114,7 @@ def _value(solution: Solution, name: str, of: str) -> float:
     return float(p.value[(p.name == name) & (p.object == of)][0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [np.inf, 0.5])
 def test_lever_arm_and_time_offset_put_in_are_found(block: Block, sigma: float) -> None:
     solution = _adjusted(_free_arm(_moved(block), sigma), drift="none", time_offset=True)
@@ -124,6 +125,7 @@ def test_lever_arm_and_time_offset_put_in_are_found(block: Block, sigma: float) 
     assert ("lever_arm_prior" in solution.residuals.kind) == bool(np.isfinite(sigma))
 
 
+@pytest.mark.slow
 def test_a_shift_of_the_block_put_in_is_found_and_taken_off(block: Block) -> None:
     s = np.array([1.5, -2.0, 0.7])
     e = block.exterior

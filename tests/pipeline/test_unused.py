@@ -42,6 +42,7 @@ def test_what_is_used_passes() -> None:
     assert "not used" not in result.output
 
 
+@pytest.mark.slow
 def test_what_no_stage_uses_is_an_error_with_place_name_and_remedy_before_the_next_stage() -> None:
     result = run(UNUSED)
     assert result.exit_code == 3
@@ -62,6 +63,7 @@ def test_what_a_stage_needs_and_does_not_get_is_an_error_before_the_next_stage()
     assert run("  a: {use: source/given, with: {count: 2}}\n" + needy).exit_code == 0
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", ["[list.observed]", "[list]"])
 def test_ignored_it_is_a_warning_on_the_terminal_and_in_the_report_and_changes_no_key(name: str) -> None:
     assert run(GIVEN + "  s: {use: sum/careful, from: {numbers: a}}\n").exit_code == 0
@@ -101,6 +103,7 @@ def test_a_result_that_no_stage_takes_is_left_alone() -> None:
     assert run(GIVEN).exit_code == 0
 
 
+@pytest.mark.slow
 def test_where_a_stage_does_not_say_what_it_uses_it_is_a_warning_that_names_the_stage() -> None:
     result = run(GIVEN + "  s: {use: sum/mute, from: {numbers: a}}\n")
     assert result.exit_code == 0

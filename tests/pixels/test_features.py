@@ -18,6 +18,7 @@ def grey() -> np.ndarray:
     return np.clip(texture()[:600, :800], 0, 255).astype(np.uint8)
 
 
+@pytest.mark.slow
 def test_a_turned_image_has_its_features_at_the_turned_places(grey: np.ndarray) -> None:
     """OpenCV's default lies 0.25 px off in each image, 0.5 between them."""
     here, turned = keypoints_of(grey, 3000), keypoints_of(np.ascontiguousarray(grey[::-1, ::-1]), 3000)

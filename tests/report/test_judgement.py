@@ -146,11 +146,13 @@ def test_what_nobody_evaluated_is_not_said_to_lack_check_points(tmp_path: Path) 
     assert words["Suspects"] == ("look", "bundle: 1 image point rejected; listed below")
 
 
+@pytest.mark.slow
 def test_a_contradiction_is_said_first(tmp_path: Path) -> None:
     page = _page(tmp_path, contradictions=1)
     assert page["judgement"].startswith("The result contradicts its own tests")
 
 
+@pytest.mark.slow
 def test_images_that_are_not_oriented_are_named(tmp_path: Path) -> None:
     solution = made_solution(made_block())
     oriented = solution.images.oriented.copy()
@@ -273,6 +275,7 @@ def test_a_result_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     assert page["problems"][0]["text"].startswith("The result of block cannot be read")
 
 
+@pytest.mark.slow
 def test_angles_are_told_in_gon_where_that_is_asked_and_from_then_on(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts(made_block(columns=6)))
     seconds = write_report(run).read_text()

@@ -117,6 +117,7 @@ def test_the_page_loads_nothing_and_runs_its_one_script_alone(tmp_path: Path) ->
     assert "url(" not in text
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("payload", ["".join(PAYLOADS), PAYLOADS[0]])
 def test_text_from_the_data_is_never_markup(tmp_path: Path, payload) -> None:
     block = made_block(
@@ -156,6 +157,7 @@ def test_text_from_the_data_is_never_markup(tmp_path: Path, payload) -> None:
     assert not {"src", "style"} & {name for name, _ in found.attributes}
 
 
+@pytest.mark.slow
 def test_the_same_folder_gives_the_same_page(tmp_path: Path) -> None:
     run = make_run(tmp_path / "run", made_artifacts())
     assert write_report(run).read_bytes() == write_report(run).read_bytes()
@@ -214,6 +216,7 @@ def test_without_check_points_there_is_no_check_figure_on_the_page(tmp_path: Pat
     assert "No independent check" in text
 
 
+@pytest.mark.slow
 def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path: Path) -> None:
     block = made_block(columns=1000, rows=10, rays=False)
     page = write_report(make_run(tmp_path / "run", made_artifacts(block)))
@@ -222,6 +225,7 @@ def test_a_large_block_is_thinned_and_the_page_says_so(tmp_path: Path) -> None:
     assert "400 of 2000 footprints" in text
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     ("verdict", "words"),
     [
@@ -270,6 +274,7 @@ def test_ties_that_earlier_stages_rejected_are_no_suspects_of_the_bundle(tmp_pat
     assert next(one for one in lights if one.title == "Suspects").state == "look"
 
 
+@pytest.mark.slow
 def test_a_page_says_of_which_block_of_several_it_is(tmp_path: Path) -> None:
     artifacts = made_artifacts()
     assert "Blocks of this run" not in write_report(make_run(tmp_path / "one", artifacts)).read_text("utf-8")

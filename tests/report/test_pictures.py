@@ -271,6 +271,7 @@ def test_the_weakest_of_the_strongest_ties_is_drawn_and_the_median() -> None:
     assert ": 72 common points are used, 0 left out" in pictures["pair_median"].caption
 
 
+@pytest.mark.slow
 def test_photographs_stand_behind_the_points_where_their_files_are_there(tmp_path: Path) -> None:
     pil = pytest.importorskip("PIL.Image", reason="pip install 'aatri[images]'")
     file = tmp_path / "a.png"

@@ -98,6 +98,7 @@ def test_check_points_are_good_where_theory_explains_their_errors_or_many_withou
     assert light.words.startswith(f"RMSE X 12, Y 100 mm at {points} check points")
 
 
+@pytest.mark.slow
 def test_the_accuracy_of_a_start_is_not_that_of_a_result_that_is_still_to_be_evaluated(tmp_path: Path) -> None:
     """A run that was stopped between its bundle and the evaluation of it; the start has its own."""
     block = made_block()
@@ -155,6 +156,7 @@ def test_a_block_without_a_scale_is_told_in_units_of_the_model(tmp_path: Path) -
     assert all(bar.endswith(" units of the model") for bar in bars)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     ("free", "count", "reason"),
     [

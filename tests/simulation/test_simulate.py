@@ -236,6 +236,7 @@ SWITCHES = list(
 )
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("kind", ["film", "digital"])
 def test_every_combination_of_switches_gives_a_valid_block(kind: str, tmp_path: Path) -> None:
     digital = {

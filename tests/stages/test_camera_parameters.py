@@ -59,6 +59,7 @@ def _corrected(z: np.ndarray, R: np.ndarray, xy: np.ndarray, at: np.ndarray) -> 
     return np.stack([-24.0 * u[:, 0] / u[:, 2] - dx, -24.0 * u[:, 1] / u[:, 2] - dy], axis=1) - xy
 
 
+@pytest.mark.slow
 def test_image_variant_and_block_invariant_parameters_have_the_covariances_of_a_dense_computation(block: Block) -> None:
     plain = _undistorted(block)
     points = measured(plain)
@@ -197,6 +198,7 @@ def test_parts_that_make_no_set_are_refused(block: Block, per: dict[str, list[st
         bundle(plain, measured(plain), options=BundleOptions(self_calibration={"set": "brown_conrady", "per": per}))
 
 
+@pytest.mark.slow
 def test_flights_that_the_block_does_not_name_are_told(block: Block) -> None:
     plain, told = _undistorted(block), Told()
     sets = {"set": "brown_conrady", "per": {"camera": ["k1", "k2"], "flight": ["c"]}}

@@ -79,6 +79,7 @@ def test_a_pipe_and_a_folder_do_not_hang_the_reader(tmp_path: Path) -> None:
             read_header(tmp_path / f"{name}.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the peak of memory is read from /proc")
 def test_no_other_file_is_opened_and_little_memory_taken(path: Path) -> None:
     """In a process of 1 GB of address space, with the other file removed: the refusal comes from the guard."""
@@ -111,6 +112,7 @@ def test_attributes_that_are_not_finite_are_null_in_json(path: Path) -> None:
     assert '"height": null' in told.stdout
 
 
+@pytest.mark.slow
 def test_flipped_bits_end_as_one_kind_of_error(path: Path) -> None:
     whole = path.read_bytes()
     rng = np.random.default_rng(4)

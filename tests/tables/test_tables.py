@@ -74,6 +74,7 @@ def test_an_artifact_comes_back_as_it_was_written(tmp_path: Path) -> None:
     assert back.extra is None
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=20), max_size=5))
 def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, ids: list[str]) -> None:

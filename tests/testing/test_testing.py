@@ -96,6 +96,7 @@ def examined(folder: Path, text: str, role: str = "interior_orientation") -> Rep
     return examine_stage(f"{role}/mine", folder / "stages")
 
 
+@pytest.mark.slow
 def test_a_good_stage_passes_every_check(tmp_path: Path) -> None:
     report = examined(tmp_path, HEAD + "    return made\n")
     assert report.breaches == ()
@@ -105,6 +106,7 @@ def test_a_good_stage_passes_every_check(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", BODIES)
 def test_a_breach_of_behaviour_is_found_and_named(tmp_path: Path, name: str) -> None:
     body, said = BODIES[name]
@@ -116,6 +118,7 @@ def test_a_breach_of_behaviour_is_found_and_named(tmp_path: Path, name: str) -> 
     assert content_digest(example_block()) == digest  # what a stage does to its inputs does not reach the next check
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", EDITS)
 def test_a_breach_of_form_is_found_and_named(tmp_path: Path, name: str) -> None:
     old, new, said = EDITS[name]

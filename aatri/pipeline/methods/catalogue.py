@@ -187,6 +187,6 @@ def _origins(local: Path | None) -> dict[str, discovery.Origin]:
         if not one.declared:
             continue
         other = origins.setdefault(one.name, one.origin)
-        if not other.is_same(one.origin):
+        if other is not one.origin and not other.is_same(one.origin):
             doubtful.add(one.name)
     return {name: origin for name, origin in origins.items() if name not in doubtful}

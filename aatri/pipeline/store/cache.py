@@ -8,6 +8,7 @@ changed so shortly before that a second change within the clock's grain could ha
 """
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -52,8 +53,7 @@ class Cache:
         self._values: dict[str, Any] = {}
         if path is not None:
             with contextlib.suppress(OSError, ValueError, RecursionError):
-                loaded = json.loads(read_regular(path).decode("utf-8"))
-                self._values = loaded if isinstance(loaded, dict) else {}
+                self._values = dict(_values_of(path, *stat_of(path)))
 
     def get(self, key: str) -> Any:
         """The value, or None."""
@@ -79,6 +79,13 @@ class Cache:
             finally:
                 temporary.unlink(missing_ok=True)
         self._changed = False
+
+
+@functools.lru_cache(maxsize=8)
+def _values_of(path: Path, *_state: int) -> dict[str, Any]:
+    """What a cache file holds, read once a process for each state of it: writers replace it."""
+    loaded = json.loads(read_regular(path).decode("utf-8"))
+    return loaded if isinstance(loaded, dict) else {}
 
 
 def _remove_old(folder: Path) -> None:

@@ -61,6 +61,7 @@ def _solved(unknowns, records, constraints, start):
     return state, Q
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_small_fronts")
 @pytest.mark.parametrize("maker", MAKERS)
 def test_solution_and_covariances_under_constraints_equal_the_dense_reference(maker: str) -> None:
@@ -81,6 +82,7 @@ def test_solution_and_covariances_under_constraints_equal_the_dense_reference(ma
         np.testing.assert_allclose(block, padded[np.ix_(columns[g][i], columns[h][j])], rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.usefixtures("_small_fronts")
 @pytest.mark.parametrize("maker", MAKERS)
 def test_redundancy_counts_the_constraints_and_is_the_sum_of_the_redundancy_numbers(maker: str) -> None:

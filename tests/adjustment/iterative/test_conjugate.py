@@ -40,6 +40,7 @@ def _both(maker: str, seed: int, room: str) -> tuple[Adjusted, Adjusted]:
     return direct, adjust_large(unknowns, records, start, solver="conjugate_gradients", memory_gb=gb)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("room", ROOM)
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize("seed", range(2))
@@ -61,6 +62,7 @@ def test_the_direct_solution_to_a_millionth_of_its_standard_deviations(
         assert a.decrement == pytest.approx(b.decrement, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_damped_steps_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     _small_pieces(monkeypatch)
     unknowns, records, start = shared_problem(1, n_kept=14, n_points=40)
@@ -77,6 +79,7 @@ def test_damped_steps_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         assert [getattr(s, key) for s in found] == pytest.approx([getattr(s, key) for s in expected], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_same_bits_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     _small_pieces(monkeypatch)
     unknowns, records, start = joined_problem(2, n_kept=14, n_points=40)

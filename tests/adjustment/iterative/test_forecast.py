@@ -60,6 +60,7 @@ def test_the_factor_is_as_large_as_predicted() -> None:
     assert forecast(problem).factor_bytes == kept
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spill", [False, True])
 def test_the_peak_of_memory_is_near_the_prediction(spill: bool) -> None:
     unknowns, records, start = _tangled()
@@ -78,6 +79,7 @@ def test_the_peak_of_memory_is_near_the_prediction(spill: bool) -> None:
     assert 0.7 * peak < predicted < 1.3 * peak
 
 
+@pytest.mark.slow
 def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up() -> None:
     unknowns, records, start = _tangled()
     expected = forecast(prepare(unknowns, records))
@@ -93,6 +95,7 @@ def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up() -> No
     assert found == {"fits": (False, False), "on disk": (True, False), "neither": (False, True)}
 
 
+@pytest.mark.slow
 def test_a_disk_without_room_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     unknowns, records, start = _tangled()
     expected = forecast(prepare(unknowns, records))

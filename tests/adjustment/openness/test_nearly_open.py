@@ -164,6 +164,7 @@ def test_a_datum_that_only_too_large_sigmas_of_control_leave_open_is_adjusted_an
     np.testing.assert_allclose(np.einsum("nii->ni", s.points.covariance_m2[ours]), np.einsum("nii->ni", Q), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_datum_whose_control_is_as_bad_as_it_says_is_refused_by_name() -> None:
     block, points = _loosely_controlled(5e3, 2e3)
     with pytest.raises(GeometryError, match=r"leaves nothing of .*of the whole block"):

@@ -120,6 +120,7 @@ PROBLEMS: dict[str, Callable[[], Any]] = {
 }
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("parts", [2, 5])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_parts_give_the_result_of_the_whole(name: str, parts: int) -> None:
@@ -137,6 +138,7 @@ def test_parts_give_the_result_of_the_whole(name: str, parts: int) -> None:
     assert found.sigma0 == pytest.approx(whole.sigma0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_robust_weights_are_those_of_the_whole() -> None:
     unknowns, records, start = problem = _robust()
     whole, found = adjust_large(unknowns, records, start, settings=SETTINGS), _joint(problem, 3)
@@ -147,6 +149,7 @@ def test_robust_weights_are_those_of_the_whole() -> None:
         np.testing.assert_allclose(found.state[name], values, atol=1e-8)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("refusals", [1, 3])
 def test_a_step_that_one_part_refuses_is_damped_in_all(refusals: int) -> None:
     unknowns, records, start = made_problem(1, **SIZE)
@@ -164,6 +167,7 @@ def test_a_step_that_one_part_refuses_is_damped_in_all(refusals: int) -> None:
     _same(found, whole, marginal_covariances(whole))
 
 
+@pytest.mark.slow
 def test_the_bits_do_not_depend_on_who_comes_first() -> None:
     problem = made_problem(1, **SIZE)
     one, other = _joint(problem, 3), _joint(problem, 3, threads=2)
@@ -185,6 +189,7 @@ def test_every_record_and_block_is_in_one_part() -> None:
     assert max(rays) < 1.5 * min(rays)
 
 
+@pytest.mark.slow
 def test_what_a_part_cannot_tell_is_told_of_the_whole() -> None:
     """A point that one ray is left of, and a block that nothing determines."""
     unknowns, (ray, prior), start = posed_problem(1, **SIZE)

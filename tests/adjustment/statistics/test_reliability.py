@@ -25,6 +25,7 @@ def test_what_nothing_controls_has_no_test() -> None:
     assert np.isnan(found.detectable[0, 0])
 
 
+@pytest.mark.slow
 def test_statistics_are_standard_normal_and_errors_of_the_detectable_size_are_found_with_80_percent() -> None:
     rng = np.random.default_rng(8)
     A = rng.normal(size=(30, 5))

@@ -62,6 +62,7 @@ def test_right_ones_and_those_without_redundancy_keep_theirs() -> None:
     assert few.differing.tolist() == [1.0, 1.0]
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("n", [8, 40, 400])
 def test_right_standard_deviations_are_blamed_as_rarely_as_stated(n: int) -> None:
     rng, wrong = np.random.default_rng(4), 0
@@ -91,11 +92,13 @@ def _residuals(scale: float, seed: int, sigma: float = SIGMA) -> tuple[Float, Fl
     return axes @ (np.sqrt(variance) * np.random.default_rng(seed).standard_normal(39)), R
 
 
+@pytest.mark.slow
 def test_right_standard_deviations_are_left_alone() -> None:
     told = sum(small_class_scale(*_residuals(1.0, seed), RECORD)[0] > 1.0 for seed in range(600))
     assert told <= 3  # 0.6 by the level of 0.1 %; more than 3 once in 300
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("scale", [5.0, 10.0])
 def test_a_fraction_of_the_true_ones_is_told(scale: float) -> None:
     found = np.array([small_class_scale(*_residuals(scale, seed, 0.5), RECORD) for seed in range(40)])
@@ -194,6 +197,7 @@ def test_weights_fall_from_one_and_their_cost_is_concave_in_the_square(name: str
     assert (w >= FLOOR).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundancy", [3, 10, 100])
 def test_the_limit_of_tau_is_exceeded_as_often_as_that_of_w(redundancy: int) -> None:
     """tau of one of r independent residuals: x1 / rms(x); the share beyond is 1 % within 3 sigma of 400,000 samples."""

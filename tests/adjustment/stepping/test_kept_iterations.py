@@ -59,6 +59,7 @@ def _bundle(chain: Any, context: Any) -> Any:
     return bundle(chain.block, chain.refined, chain.absolute, options=BundleOptions(**OPTIONS), context=context)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("share", [0.3, 0.8])
 def test_what_is_killed_goes_on_to_the_same_bits(chain: Any, share: float) -> None:
     whole = Mortal(Files(float("inf")))

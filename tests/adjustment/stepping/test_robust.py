@@ -75,6 +75,7 @@ def _by_scipy(unknowns, records, start, x0):
     return least_squares(residual, x0, jac="cs", xtol=1e-12, ftol=1e-14, gtol=1e-10, max_nfev=200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fronts", ["one", "many"])
 @pytest.mark.parametrize(("maker", "seed"), [("plain", 1), ("shared", 2)])
 def test_the_solution_is_the_minimum_that_scipy_finds(
@@ -93,6 +94,7 @@ def test_the_solution_is_the_minimum_that_scipy_finds(
     assert result.down_weighted == sum(int((s > K).sum()) for s in sizes) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("maker", "seed"), [("plain", 2), ("joined", 0), ("joined", 2)])
 def test_records_at_the_bound_do_not_keep_the_iteration_from_the_minimum(maker: str, seed: int) -> None:
     unknowns, records, start = MAKERS[maker](seed, n_kept=8, n_points=16)
@@ -102,6 +104,7 @@ def test_records_at_the_bound_do_not_keep_the_iteration_from_the_minimum(maker: 
     assert result.cost == pytest.approx(2 * reference.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_records_of_one_residual_are_those_of_scipys_huber_loss() -> None:
     unknowns, records, start = made_problem(3, n_kept=8, n_points=16, rays=6)
     records = _single(_disturbed(records))
@@ -128,6 +131,7 @@ def test_records_of_one_residual_are_those_of_scipys_huber_loss() -> None:
     assert result.cost == pytest.approx(2 * reference.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_points_of_two_rays_with_gross_errors_do_not_hold_up_the_others(seed: int) -> None:
     unknowns, records, start = made_problem(seed, n_kept=8, n_points=30, rays=2)
@@ -193,6 +197,7 @@ def _with_one_changed(evaluate, row: int):
     return changed
 
 
+@pytest.mark.slow
 def test_the_same_bits_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     _many_fronts(monkeypatch)
     unknowns, records, start = made_problem(2, n_kept=14, n_points=40)

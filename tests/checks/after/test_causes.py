@@ -60,6 +60,7 @@ def test_images_of_a_network_are_noted_not_warned_of() -> None:
     assert not any("images)" in line for line in told.warnings)
 
 
+@pytest.mark.slow
 def test_a_block_with_sigmas_of_a_fifth_is_not_called_weak(tmp_path: Path) -> None:
     """Points are compared with what image points measure by the standard deviations that fit, as theirs are."""
     small = flown(strips=3, per_strip=5, noise=5.0)
@@ -72,6 +73,7 @@ def test_a_block_with_sigmas_of_a_fifth_is_not_called_weak(tmp_path: Path) -> No
 # The note on points whose wrong ray nothing could tell apart, against a count of the table of image points.
 
 
+@pytest.mark.slow
 def test_points_of_two_and_three_rays_are_counted() -> None:
     chain = run_chain(simulated(3, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 6}))
     told = Told()
@@ -205,6 +207,7 @@ def test_an_error_that_names_no_combinations_has_no_remedy_of_its_own() -> None:
 # Standard deviations of a few observations, of those that the images control well.
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("factor", "named"), [(1.0, False), (1000.0, True)])
 def test_three_distances_with_standard_deviations_in_m_for_mm_are_named(factor: float, named: bool) -> None:
     block = simulated(4, preset="uav", flight={"strips": 2, "images_per_strip": 4}, survey={"distances": 3})

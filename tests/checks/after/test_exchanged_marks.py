@@ -44,6 +44,7 @@ def test_a_film_image_with_a_mark_off_is_not_exchanged_with_another() -> None:
     assert _of_marks(replace(block, fiducial_points=replace(marks, xy=xy)), np.arange(len(block.images))) == []
 
 
+@pytest.mark.slow
 def test_film_images_that_see_no_solved_point_take_no_part() -> None:
     """Two images are oriented; the first of the others sees none of their points."""
     assert _of_marks(simulated(1, **FILMS), np.arange(8), not_oriented=[0, 1, 2, 3, 4, 5]) == []

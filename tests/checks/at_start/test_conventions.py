@@ -32,6 +32,7 @@ def _told(block: Block) -> list[str]:
     return [str(found) for found in other_conventions(block.geodetic, given)]
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     ("kind", "written", "said"),
     [
@@ -54,6 +55,7 @@ def test_a_kind_written_otherwise_is_named(kind: str, written: Callable[[np.ndar
     assert said in told[0]
 
 
+@pytest.mark.slow
 def test_what_is_as_declared_is_not_named() -> None:
     for seed in range(1, 5):
         assert not _told(made(seed, 1000.0, **SURVEY))

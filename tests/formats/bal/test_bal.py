@@ -68,6 +68,7 @@ def _cost_of_the_file(path: Path) -> float:
     return 0.5 * float(((predicted - problem.xy_px) ** 2).sum())
 
 
+@pytest.mark.slow
 def test_the_cost_at_the_start_is_that_of_the_file(block: Block, path: Path) -> None:
     expected = _cost_of_the_file(path)
     assert expected == pytest.approx(8.509125e5, rel=1e-6)  # README of the data set
@@ -101,6 +102,7 @@ def test_fixed_cameras_when_not_calibrating(path: Path) -> None:
     assert not read_bal(path, calibrate=False).camera_parameters.free.any()
 
 
+@pytest.mark.slow
 def test_writing_and_reading_again_gives_the_same_problem(block: Block, path: Path, tmp_path: Path) -> None:
     write_bal_problem(OrientedBlock(block, start_solution(block)), tmp_path)
     written = tmp_path / NAME
@@ -114,6 +116,7 @@ def test_writing_and_reading_again_gives_the_same_problem(block: Block, path: Pa
     assert _cost_of_the_file(written) == pytest.approx(_cost_of_the_file(path), rel=1e-11)
 
 
+@pytest.mark.slow
 def test_an_observation_rejected_by_the_solution_is_not_written(block: Block, tmp_path: Path) -> None:
     solution = start_solution(block, rejected=[0, 7])
     write_bal_problem(OrientedBlock(block, solution), tmp_path)

@@ -136,6 +136,7 @@ def test_a_model_written_and_read_again_is_the_same_block(folder: Path, tmp_path
     np.testing.assert_allclose(_reprojection_px(again), _reprojection_px(first), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_text_and_binary_hold_the_same(shared_data: Path, tmp_path: Path) -> None:
     block = read_bal(shared_data / "bal/problem-49-7776-pre.txt")
     solution = start_solution(block)
@@ -161,6 +162,7 @@ def _models(shared_data: Path) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("name", ["bal", "digital", "film"])
 def test_pycolmap_reads_what_is_written_with_equal_reprojection_errors(

@@ -143,6 +143,7 @@ def test_a_skew_or_affinity_beside_a_strong_radial_distortion_is_exact(form: str
     assert {n: v for n, v in back.lens.parameters.items() if v} == pytest.approx(parameters, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_distortion_about_another_centre_is_fitted_or_refused() -> None:
     wild = Lens("c", "micmac", (W, H), (F, F), parameters={"R1": 1e-8}, centre_px=(900.0, -700.0))
     with pytest.raises(InputError, match=r"camera c.*differs by up to .* px, more than 0.05 px"):

@@ -13,12 +13,7 @@ from aatri.artifacts.block import APPROXIMATE, CONTROL, Block
 from aatri.errors import AatriError, GeometryError
 from aatri.formats.dbat.files import read_export
 from aatri.geometry.collinearity import collinearity
-from aatri.geometry.rotations import (
-    angle_covariance,
-    angles_from_rotation,
-    exp_rotation,
-    rotation_from_angles,
-)
+from aatri.geometry.rotations import angle_covariance, angles_from_rotation, exp_rotation, rotation_from_angles
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.formats.dbat.dbat_report import SXB_OFFSET_M, DbatReport, read_report
 from tests.reading import read_dbat
@@ -175,6 +170,7 @@ def _adjust(block: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     return interior, R, X0, covariance * sigma0**2, sigma0
 
 
+@pytest.mark.slow
 def test_adjusting_the_calibration_block_gives_the_report_to_all_printed_digits(shared_data: Path) -> None:
     block = _camcal(shared_data)
     report = read_report(shared_data / DBAT / "camcal/camcal-dbatreport-model3.txt")

@@ -111,6 +111,7 @@ def test_a_block_cut_in_two_and_merged_is_the_block(name: str) -> None:
     assert [content_digest(part) for part in again] == [content_digest(part) for part in parts]
 
 
+@pytest.mark.slow
 def test_parts_by_the_stages_from_folders_and_artifacts_are_the_whole(tmp_path: Path) -> None:
     block = simulate(
         options=SimulateOptions.model_validate({"flight": {"strips": 2, "images_per_strip": 5}}),

@@ -91,6 +91,7 @@ def test_a_point_of_bundler_is_projected_by_its_formula(tmp_path: Path) -> None:
     assert misfit_px(block, "left.jpg", [[1000 * g * 0.1, 1000 * g * 0.05]], [[0.5, 0.25, -5.0]])[0] < 1e-9
 
 
+@pytest.mark.slow
 def test_nvm_and_colmap_of_one_scene_agree(shared_data: Path) -> None:
     """Two reconstructions of the same photographs, each by its own program: residuals and shape, not digits."""
     folder = shared_data / "interchange" / "sfm"

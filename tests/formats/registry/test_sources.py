@@ -115,6 +115,7 @@ def test_a_missing_grid_is_named(samples: Path, tmp_path: Path) -> None:
         borea(samples, Reading(), samples / "borea" / "fr_ign_RAF20.tif")
 
 
+@pytest.mark.slow
 def test_the_three_files_of_one_scene_agree(samples: Path) -> None:
     """OpenSfM's and COLMAP's are two programs' results of the same photographs: one rotation and scale between them."""
     folder = samples / "sfm"
@@ -147,6 +148,7 @@ def test_lists_are_found_by_the_name_that_people_give_them() -> None:
     assert format_named("opk").name == written_format("opk").name == "table"
 
 
+@pytest.mark.slow
 def test_of_a_folder_with_several_forms_of_one_block_the_fuller_one_is_taken(shared_data: Path) -> None:
     """Of five exports and control lists of DBAT one of each; of COLMAP, NVM and OpenSfM of one scene one."""
     told = Told()

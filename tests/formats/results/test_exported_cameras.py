@@ -79,6 +79,7 @@ def test_a_distortion_table_is_refused(made: tuple[Block, Solution], tmp_path: P
     assert not (tmp_path / "model").exists()
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("known", [False, True])
 def test_rays_are_exported_free_of_the_distortion_that_is_known_or_that_self_calibration_found(
     tmp_path: Path, known: bool

@@ -100,6 +100,7 @@ def test_another_frame_needs_pyproj_or_a_crs(tmp_path: Path) -> None:
 _mutations = st.tuples(st.sampled_from(sorted(FILES)), st.integers(0, 10_000), st.integers(0, 6), st.binary(max_size=6))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mutations=st.lists(_mutations, min_size=1, max_size=3))
 def test_mutated_files_give_a_block_or_an_error_of_ours(tmp_path: Path, mutations: list[Any]) -> None:

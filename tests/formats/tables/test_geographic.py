@@ -53,6 +53,7 @@ def _as_geographic(folder: Path) -> None:
         _geographic(folder, name)
 
 
+@pytest.mark.slow
 def test_a_geographic_block_is_that_of_the_map(tmp_path: Path) -> None:
     known = {"known": {"full": 4, "plan": 2, "height": 3, "check_full": 3}}
     block = made(2, 1000.0, **(IMU | SURVEY | known))

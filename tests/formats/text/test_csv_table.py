@@ -37,6 +37,7 @@ def test_nothing_else_is_a_number(text: str) -> None:
     assert what_is_wrong(text)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.one_of(st.just(""), st.floats(allow_nan=False, allow_infinity=False).map(repr), st.text(max_size=5)))
 )
@@ -51,6 +52,7 @@ def test_a_column_is_read_like_its_cells(cells: list[str]) -> None:
             assert k in bad
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.text(st.characters(exclude_characters="\r\n\0")).map(lambda t: t.strip(" \t")), min_size=1, max_size=5)
 )

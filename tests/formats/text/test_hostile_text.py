@@ -209,6 +209,7 @@ def test_what_is_clipped_says_how_long_it_was() -> None:
     assert clipped("short\x1b") == "short\\x1b"
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("line", ["x" * 1_000_000 + ",", '"' * 1_000_000, 'a"' * 500_000 + ",b", ',"' * 500_000])
 def test_the_place_of_a_cell_is_found_at_once_in_a_line_of_any_length(line: str) -> None:
     for index in (0, 1, 7):  # a scan that looks back at every quote would take hours

@@ -115,6 +115,7 @@ def test_precise_control_and_weaker_positions_work_together() -> None:
     assert off_m(found.ground_from_body) < 0.002
 
 
+@pytest.mark.slow
 def test_photographs_towards_a_wall_are_oriented_by_places_hardly_off_their_line() -> None:
     """No heading of an image that looks down is near; control far from the positions, which are poor."""
     along, across = np.array([0.0, 0.0, 700.0, 1600.0]), np.array([150.0, 0.0, 250.0, 500.0])

@@ -192,6 +192,7 @@ def height_sigma(block: Made, height: Any) -> float:
     return float(np.sqrt(variance.mean()) / 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("centre", [0.5e-4, 2e-4])
 def test_heights_grow_linearly_with_the_strips_and_the_distance_of_chains(centre: float) -> None:
     """C.4 iii, for two standard deviations of the perspective centres: a straight line explains the growth."""

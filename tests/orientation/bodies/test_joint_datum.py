@@ -96,6 +96,7 @@ def on_a_line(seed: int, sigma_rad: float = 0.0, wrong: int | None = None) -> Ma
     return made
 
 
+@pytest.mark.slow
 def test_attitudes_give_the_rotation_that_positions_on_a_line_leave_open() -> None:
     with pytest.raises(GeometryError, match="rotation about the line"):
         on_a_line(8).oriented(stiff=True)
@@ -105,6 +106,7 @@ def test_attitudes_give_the_rotation_that_positions_on_a_line_leave_open() -> No
     assert off_m(found.ground_from_body) < 0.3
 
 
+@pytest.mark.slow
 def test_a_wrong_attitude_is_found() -> None:
     found = on_a_line(8, 1e-4, wrong=2).oriented(stiff=True)
     assert active(found, "attitude") == [k != 2 for k in range(9)]

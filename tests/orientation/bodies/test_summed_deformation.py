@@ -194,6 +194,7 @@ def test_how_far_joints_err_is_told() -> None:
     assert joints == pytest.approx([4e-5] * 4, rel=0.3)
 
 
+@pytest.mark.slow
 def test_what_bases_err_by_alone_is_told_apart_from_what_lasts() -> None:
     found = [_errors_and_variances(seed, strips=9, passing=4e-4)[1].sigma for seed in range(1, 5)]
     assert np.mean([sigma["bases, azimuth"] for sigma in found]) == pytest.approx(4e-4, rel=0.2)

@@ -48,6 +48,7 @@ def test_two_of_three_are_found_beside_positions_which_nobody_exchanges(seed: in
 GROUND = np.concatenate([CORNERS, [[1000.0, 1100.0, 12.0], [1000.0, 100.0, 25.0]]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
 def test_two_of_three_full_points_are_found_by_all_that_is_observed(pair: tuple[int, int]) -> None:
     """Three full ones, one in plan, two in height: the rest determines the body alone."""
@@ -66,6 +67,7 @@ def test_what_two_exchanged_points_leave_open_names_them() -> None:
     assert raised.value.remedy.startswith("exchange the two numbers in the control")
 
 
+@pytest.mark.slow
 def test_a_single_wrong_point_is_no_exchange() -> None:
     given, error = [ALL, ALL, ALL, PLAN, HEIGHT, HEIGHT], np.zeros((6, 3))
     error[1] = [400.0, -300.0, 0.0]

@@ -23,6 +23,7 @@ def adjusted(seed: int, **options: object) -> Solution:
     return bundle(block, points, options=BundleOptions(**given))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_sigma0_of_four_images_with_default_weights_is_one() -> None:
     found = [adjusted(seed) for seed in range(1, BLOCKS + 1)]
     squares = np.array([s.sigma0**2 for s in found])

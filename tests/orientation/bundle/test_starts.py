@@ -91,6 +91,7 @@ def test_images_that_see_no_known_point_start_where_they_are_offered_if_their_ra
 # A block with a sphere of unknown radius whose images begin 10 m off: the sphere of the start is another one.
 
 
+@pytest.mark.slow
 def test_shapes_are_fitted_anew_where_the_start_of_their_points_is_far_off() -> None:
     found = one_block("relative sphere", 82)
     assert 0.7 < found.squares / found.redundancy < 1.3
@@ -190,6 +191,7 @@ def test_the_condition_vanishes_on_the_ray_and_its_jacobians_are_the_derivatives
             np.testing.assert_allclose((a - b) / (2 * step), J, rtol=1e-6, atol=1e-6 * np.abs(v).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle_deg", "share"), [(30.0, 0.3), (0.0, 0.5), (45.0, 0.3), (60.0, 0.5)])
 def test_starts_far_off_end_where_the_truth_does(
     block: tuple[Parts, BundleResult, float], angle_deg: float, share: float

@@ -210,6 +210,7 @@ def test_pixels_with_y_down_give_what_millimetres_give(model: str) -> None:
     assert found.covariance == pytest.approx(wanted.covariance, rel=1e-5, abs=1e-20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_what_the_marks_leave_open_is_what_the_photo_coordinates_scatter_by(model: str) -> None:
     """Covariance of the corrections against photo coordinates of many noisy measurements of the same marks."""

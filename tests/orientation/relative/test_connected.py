@@ -58,6 +58,7 @@ def test_derivatives_of_the_latent_errors_are_those_of_the_model_before() -> Non
     assert (sigma > 0).all()
 
 
+@pytest.mark.slow
 def test_scale_and_orientation_scatter_as_their_sigmas_say() -> None:
     normalised, sigma0 = [], []
     for seed in range(150):

@@ -32,6 +32,7 @@ def oriented(points: int, moved: int) -> RelativeOrientations:
     return relative_orientations(rays_of(np.concatenate(left), np.concatenate(right)), start, snooping_limit=4.0)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("points", [8, 10])
 def test_images_whose_points_are_shuffled_make_no_model(points: int) -> None:
     """One choice in the mean of all would fit; most pairs have none."""

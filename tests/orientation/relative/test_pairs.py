@@ -126,6 +126,7 @@ def _assert_as_alone(found: many.RelativeOrientations, rays: RayPairs, start: np
     np.testing.assert_array_equal(~(found.depth[rows] > 0).all(axis=1), alone.behind)
 
 
+@pytest.mark.slow
 def test_pairs_of_every_kind_come_out_as_each_alone() -> None:
     cases = _unlike()
     rays, start = _stacked(list(cases.values()))
@@ -140,6 +141,7 @@ def test_pairs_of_every_kind_come_out_as_each_alone() -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [0.0, 0.02, 0.1, 0.3])
 def test_the_compiled_loop_rejects_and_readmits_as_the_numpy_form(wrong: float) -> None:
     pairs = [_pair(seed, points=3 + seed % 9, wrong=wrong, size_mm=0.1 * 4.0 ** (seed % 5)) for seed in range(40)]

@@ -40,6 +40,7 @@ def test_points_with_wrong_numbers_give_no_orientation(n: int) -> None:
     assert accepted <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [4, 5, 6, 20])
 def test_right_numbers_give_the_orientation(n: int) -> None:
     """Four points may leave two orientations that nothing tells apart, and a start is none then; never a wrong one."""

@@ -66,6 +66,7 @@ def test_an_error_free_strip_is_reproduced_exactly(kappa) -> None:
     assert np.abs(strip.placed[together.first_row] - strip.placed[together.second_row]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_scale_and_discrepancies_have_the_spread_their_sigmas_say() -> None:
     rng = np.random.default_rng(7)
     X0, R, ground, xy = _strip(rng, 3)

@@ -78,6 +78,7 @@ def test_a_second_clone_compiles_nothing_and_an_edit_of_what_is_called_compiles_
     assert _called(tmp_path / "first", cache) == "7.0 1"
 
 
+@pytest.mark.slow
 def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
@@ -100,6 +101,7 @@ def test_a_module_that_fails_is_left_to_who_needs_it(tmp_path: Path, monkeypatch
     assert missing(kernels) == kernels
 
 
+@pytest.mark.slow
 def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,6 +124,7 @@ def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
     folder_name.cache_clear()
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_replaced_by_one_for_this_run(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     _clone(tmp_path / "clone", 2.0)
@@ -178,6 +181,7 @@ def test_of_more_folders_than_are_kept_the_oldest_are_removed(tmp_path: Path, mo
     assert {p.name for p in (tmp_path / "numba").iterdir()} == {*names, "other-0", "other-1"}
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("variant", "at_once"), [("dependent", False), ("essential", True)])
 def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, at_once: bool) -> None:
     path = PACKAGE.parent / "stages" / "relative_orientation" / f"{variant}.py"

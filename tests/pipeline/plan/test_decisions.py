@@ -245,6 +245,7 @@ def check_random_edits(nodes: tuple[StageNode, ...], seed: int) -> None:
         assert plan(nodes, shelf, 1).stale == ()
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(graphs(), st.integers(0, 10**9))
 def test_random_edits_rerun_exactly_the_stages_that_depend_on_them(nodes: tuple[StageNode, ...], seed: int) -> None:

@@ -74,6 +74,7 @@ def _on_cluster(folder: Path, before: int) -> Any:
     return _adjusted(MortalParts(folder, before))
 
 
+@pytest.mark.slow
 def test_who_waits_for_a_message_looks_for_it_when_the_bell_rings_and_not_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

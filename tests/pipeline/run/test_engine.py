@@ -37,6 +37,7 @@ def path(tmp_path: Path) -> Path:
     return write_pipeline(tmp_path, LINES + "variants:\n  far: {s: {with: {offset: 9.0}}}\n")
 
 
+@pytest.mark.slow
 def test_a_second_run_does_nothing_and_writes_nothing(path: Path) -> None:
     assert run(path)[0] == ["a", "r", "s", "t"]
     folder = path.parent / "out"
@@ -78,6 +79,7 @@ def test_equal_content_ends_the_work_below(path: Path) -> None:
     assert run(path, sets=("a.shape=down",))[0] == ["a"]
 
 
+@pytest.mark.slow
 def test_going_back_is_a_change_of_pointer(path: Path) -> None:
     _, first = run(path)
     _, other = run(path, sets=("s.offset=2",))
@@ -102,6 +104,7 @@ def test_after_a_failure_only_what_is_left_is_made_and_attempts_are_kept_apart(p
     assert store.failure(path.parent / "out", "s") is None
 
 
+@pytest.mark.slow
 def test_keep_going_makes_what_does_not_depend_on_the_failure(path: Path) -> None:
     lines = LINES + "  w: {use: loop/report_size, from: {total: s, numbers: r}}\n"
     path = write_pipeline(path.parent, lines)
@@ -130,6 +133,7 @@ def test_a_selection_touches_only_its_stages_and_needs_the_others(path: Path) ->
     assert run(path, {"select": {"force": ["r"]}}, sets=("s.offset=3",))[0] == ["r", "t"]
 
 
+@pytest.mark.slow
 def test_two_workers_give_what_one_gives(path: Path) -> None:
     _, alone = run(path)
     spread = write_pipeline(path.parent, LINES, head="run: other\nseed: 1\n")
@@ -220,6 +224,7 @@ def garbage_of(folder: Path, keep: int, older: float | None = None) -> list[str]
     return [one.stage for one in found]
 
 
+@pytest.mark.slow
 def test_gc_keeps_what_is_current_and_the_latest_others(path: Path) -> None:
     import datetime
 
@@ -263,6 +268,7 @@ def test_a_second_writer_leaves_at_once_and_a_killed_one_frees_the_lock(path: Pa
     assert run(path)[0] == []
 
 
+@pytest.mark.slow
 def test_single_stages_run_side_by_side_but_not_beside_a_run(path: Path) -> None:
     spec, nodes = opened(path)
     how = RunSettings(source=SOURCE)

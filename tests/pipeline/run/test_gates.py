@@ -79,6 +79,7 @@ def test_no_stage_is_named_like_the_gates(tmp_path: Path) -> None:
     assert "a stage cannot be named 'gates'" in wrong(path)[0]
 
 
+@pytest.mark.slow
 def test_a_gate_is_passed_on_its_bounds_and_fails_beyond(tmp_path: Path) -> None:
     path = project(tmp_path, "gates: {s: {total: {min: 6, max: 6}, sigma0: {max: 1.5}, seconds: {min: 0}}}")
     assert [v.passed for v in verdicts(path)] == [True, True, True]
@@ -117,6 +118,7 @@ def test_a_metric_that_the_stage_does_not_have_is_an_error_and_the_results_stay(
         run(project(tmp_path, "gates: {s: {totl: {max: 99}}}"))
 
 
+@pytest.mark.slow
 def test_a_changed_bound_makes_nothing_again_and_is_judged(tmp_path: Path) -> None:
     verdicts(project(tmp_path, "gates: {s: {total: {max: 6}}}"))
     for bound, status in ((5, "gate_failed"), (7, "done")):
@@ -153,6 +155,7 @@ def test_events_tell_every_gate_and_how_the_run_ended(tmp_path: Path) -> None:
     json.dumps(told)
 
 
+@pytest.mark.slow
 def test_the_command_line_sets_bounds_and_takes_gates_away(tmp_path: Path) -> None:
     path = project(tmp_path, "gates: {s: {total: {max: 5}}}")
     assert [v.passed for v in verdicts(path, sets=("gates.s.total.max=6",))] == [True]

@@ -41,6 +41,7 @@ def _items(log: Path, numbers: list[int]) -> list[Item]:
     return [Item(f"number {n}", (str(log),), (n,)) for n in numbers]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", ["1", "2"])
 def test_items_are_made_once_and_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: str) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", processes)
@@ -54,6 +55,7 @@ def test_items_are_made_once_and_in_order(tmp_path: Path, monkeypatch: pytest.Mo
     assert pair[0].load().pairs.left[0] == 34
 
 
+@pytest.mark.slow
 def test_a_damaged_item_is_made_again_and_an_error_names_its_item(tmp_path: Path) -> None:
     log, store = tmp_path / MADE, ItemStore(tmp_path / "run", "block")
     kept = store.results(squares, _items(log, [3]), Matches, "numbers", SILENT)[0]
@@ -80,6 +82,7 @@ def test_where_processes_end_at_once_the_guard_of_a_script_is_named(
     assert 'if __name__ == "__main__":' in caught.value.remedy
 
 
+@pytest.mark.slow
 def test_items_that_no_kept_result_has_used_are_garbage(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write_pipeline(tmp_path, "  r: {use: source/random}\n")

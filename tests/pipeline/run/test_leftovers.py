@@ -73,6 +73,7 @@ def test_a_checkpoint_is_whole_or_not_there(tmp_path: Path) -> None:
         kept.save("../x", {})
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the C library of Linux keeps what is freed")
 def test_large_arrays_of_a_stage_go_back_to_the_system_when_they_are_freed() -> None:
     """Without a limit of its own the C library keeps all below the largest one that was freed, here 30 MB."""

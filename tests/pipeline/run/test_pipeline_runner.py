@@ -103,6 +103,7 @@ def test_a_run_leaves_artifacts_records_logs_and_pointers(tmp_path: Path) -> Non
     assert list((folder / "running").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_keys_and_digests_and_the_seed_counts_only_where_asked_for(tmp_path: Path) -> None:
     path = write_pipeline(tmp_path, LINES)
     _, first, _ = run(path)

@@ -150,6 +150,7 @@ def test_set_reaches_nested_options_and_its_errors_name_the_command_line(tmp_pat
             with_set(spec, [wrong])
 
 
+@pytest.mark.slow
 def test_use_keeps_what_the_new_variant_knows_and_names_the_rest(tmp_path: Path) -> None:
     spec = load_spec(write_pipeline(tmp_path, "  a: {use: source/fixed, with: {count: 2}}\n"))
     catalogue = Catalogue(registry=made_up_registry())

@@ -199,6 +199,7 @@ NOT_JSON = {
 }  # fmt: skip
 
 
+@pytest.mark.slow(after=12)
 @pytest.mark.parametrize(
     "name", ["run.json", "current/s.json", "running/s.json", "objects", "failed/s/error.json", "accepted"]
 )

@@ -137,6 +137,7 @@ def test_two_components_with_control_of_their_own_are_both_oriented() -> None:
     assert any("have no common point" in text for text in heard.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("components", ["largest", "all"])
 def test_a_component_whose_control_contradicts_itself_does_not_take_the_others_with_it(components: str) -> None:
     made, rng = MadeBlock(2, 5, gap_m=400.0), np.random.default_rng(1)
@@ -272,6 +273,7 @@ def test_what_an_earlier_stage_rejected_begins_outside_and_is_tested_again(kind:
         assert suspects.sigma[0] < 1.0
 
 
+@pytest.mark.slow
 def test_control_that_is_rejected_does_not_count_as_datum() -> None:
     made = MadeBlock(2, 6, noise_m=0.005)
     line = np.flatnonzero(np.abs(made.truth[:, 1] - made.truth[:, 1].min()) < 8)

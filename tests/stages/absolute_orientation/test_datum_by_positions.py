@@ -42,6 +42,7 @@ def of() -> Hand:
     return hand()
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("stage", [absolute, initial])
 @pytest.mark.parametrize("given", ["Z", "XY"])
 def test_positions_in_part_are_those_whose_others_say_nothing(
@@ -61,6 +62,7 @@ def test_positions_in_part_are_those_whose_others_say_nothing(
     assert np.abs(found[0] - found[2]).max() > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", [absolute, initial])
 def test_heights_of_a_statoscope_level_a_block_of_plan_control(of: Hand, stage: object, tmp_path: Path) -> None:
     """Control in plan of four points, one height, and the heights of the images: what a photo block once had."""
@@ -118,11 +120,13 @@ def _assert_placed_by_control(block: Block, solution: Solution) -> None:
     assert "position" not in solution.suspects.kind.tolist()
 
 
+@pytest.mark.slow
 def test_strips_are_placed_by_control(block: Block) -> None:
     models = dependent(block, points := calibrated(block))
     _assert_placed_by_control(block, similarity(block, scale_transfer(block, models), points))
 
 
+@pytest.mark.slow
 def test_a_graph_is_placed_by_control(block: Block) -> None:
     _assert_placed_by_control(block, graph(block, calibrated(block), rng=np.random.default_rng(1)))
 
@@ -132,6 +136,7 @@ def test_a_graph_is_placed_by_control(block: Block) -> None:
 MAP = {"earth": "geodetic", "false_origin_m": (446000.0, 4505000.0)}
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("earth", [{}, MAP])
 @pytest.mark.parametrize(("control", "positions"), [(2, 0), (1, 1), (0, 2)])
 def test_a_line_of_control_and_attitudes_is_a_datum(control: int, positions: int, earth: dict[str, Any]) -> None:

@@ -54,6 +54,7 @@ def one_control_point(**flight: int) -> dict[str, Any]:
     return {**SHIFTED, "known": {"full": 1}, "flight": {**SHIFTED["flight"], **flight}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["chain", "graph"])
 def test_the_control_point_that_shifted_positions_outvote_comes_back_where_the_datum_rests_on_it(way: str) -> None:
     block = simulated(3, **one_control_point(cross_strips=1))

@@ -32,6 +32,7 @@ def attitudes(of: Hand) -> list[dict[str, float]]:
     return [dict(zip(names, [*row, 0.01, 0.01, 0.01])) for row in angles_deg(of, "omega-phi-kappa").tolist()]
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("kept", "wrong"), [([0, 4], []), ([1, 3, 5], [5]), ([0, 1, 4], [1])])
 def test_the_scale_hangs_on_a_control_point_that_strips_do_not_hold(
     kept: list[int], wrong: list[int], tmp_path: Path
@@ -89,6 +90,7 @@ def bent_block(bent: list[int]) -> tuple[Any, Any, Any]:
     return block, points, replace(strips, strip_points=replace(p, xyz=xyz), strip_images=replace(i, position=centres))
 
 
+@pytest.mark.slow
 def test_a_bent_strip_is_left_out_by_name() -> None:
     block, points, strips = bent_block([1])
     told = Told()
@@ -102,6 +104,7 @@ def test_a_bent_strip_is_left_out_by_name() -> None:
         similarity(block, strips, points, options=SimilarityOptions(max_sigma0=20.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_a_principal_distance_that_is_a_tenth_off_is_named_by_strips_and_by_the_bundle(factor: float) -> None:
     """Positions and control lie on two levels, which the models hold apart by the wrong share."""
@@ -121,6 +124,7 @@ def test_a_principal_distance_that_is_a_tenth_off_is_named_by_strips_and_by_the_
     assert [abs(float(one[1]) / c_mm[0] - 1) < 0.002 for one in named if one] == [True, True]
 
 
+@pytest.mark.slow
 def test_where_many_strips_do_not_fit_it_is_another_cause() -> None:
     block, points, strips = bent_block([0, 1, 3])
     with pytest.raises(ConvergenceError, match=r"strips and control do not fit each other(?!.*principal distance)"):
@@ -140,6 +144,7 @@ def apart(common: int) -> tuple[Any, Any, Any]:
     return block, points, scale_transfer(block, dependent(block, points))
 
 
+@pytest.mark.slow
 def test_strips_whose_positions_leave_a_turn_open_begin_level_and_hold_each_other_in_the_bundle() -> None:
     block, points, strips = apart(2)
     told = Told()
@@ -160,6 +165,7 @@ def test_strips_without_a_common_point_stay_open() -> None:
         similarity(block, strips, points)
 
 
+@pytest.mark.slow
 def test_a_ray_of_one_image_to_control_holds_a_strip_whose_control_is_on_a_line(tmp_path: Path) -> None:
     """Three points on a line, and a fourth that one image alone shows, which no strip can hold."""
     of = hand()

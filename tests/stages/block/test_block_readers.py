@@ -34,6 +34,7 @@ def test_dbat_refuses_undetermined_points_unless_they_are_to_be_set_aside(shared
     assert (block.ground_points.role == CONTROL).all(axis=1).sum() == 4
 
 
+@pytest.mark.slow
 def test_bal_and_colmap_blocks_survive_the_artifact_file(shared_data: Path, tmp_path: Path) -> None:
     first = bal(options=BalOptions(path=shared_data / "bal/problem-49-7776-pre.txt", image_sigma_px=2.0))
     assert (first.image_points.sigma_mm == 0.002).all()

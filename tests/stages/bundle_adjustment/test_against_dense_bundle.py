@@ -183,6 +183,7 @@ def two_by_four(**options: Any) -> Small:
     return small
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     "options",
     [{"ordering": o} for o in ("auto", "nested_dissection", "minimum_degree", "across_strips", "along_strips")]
@@ -202,6 +203,7 @@ def test_orientations_by_strips_are_a_start_of_six_iterations_at_most(tmp_path: 
     assert result.solution.iterations <= 6
 
 
+@pytest.mark.slow
 def test_standard_deviations_of_rows_and_groups_weight_as_in_dense_matrices(tmp_path: Path) -> None:
     """One image four times less precise row by row, control five times by its group."""
 
@@ -252,6 +254,7 @@ def test_plan_and_height_control_count_coordinate_by_coordinate(tmp_path: Path) 
     result.agree()
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("sigma_um", [50.0, None], ids=["50 um", "free"])
 @pytest.mark.parametrize(("name", "basis"), COLUMNS.items())
 def test_parameters_are_those_of_their_columns_written_out(

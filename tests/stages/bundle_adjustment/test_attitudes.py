@@ -52,6 +52,7 @@ def boresight_of(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     return np.degrees(p.value[mine]), np.degrees(p.sigma[mine])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["omega-phi-kappa", "phi-omega-kappa", "roll-pitch-heading"])
 def test_a_free_boresight_is_recovered_within_its_sigma(system: str) -> None:
     w, nees = [], []
@@ -88,6 +89,7 @@ def test_a_common_offset_of_a_fixed_boresight_is_a_warning_with_its_value() -> N
     np.testing.assert_allclose(values, [0.0, 3.0, 0.0], atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_small_offset_is_told_after_the_adjustment_and_a_right_one_is_not() -> None:
     heard = Told()
     block = flown(2, boresight="fixed", boresight_deg=(0.05, 0.0, 0.0))
@@ -139,6 +141,7 @@ def test_a_mirrored_convention_is_recognised_and_the_right_one_proposed(system: 
     assert f"read as {proposed}" in str(error.value) or f"with {proposed}" in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_drift_of_the_attitudes_of_each_strip_is_taken_up() -> None:
     w = []
     for seed in range(1, 4):

@@ -53,6 +53,7 @@ def _unsuspecting(initial: Solution) -> Solution:
     return replace(initial, suspects=Suspects.empty())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["robust_snooping", pytest.param("data_snooping", marks=pytest.mark.slow)])
 def test_gross_errors_of_all_kinds_are_found_and_the_block_is_as_good_as_without_them(
     chain: Chain, method: str
@@ -115,6 +116,7 @@ def test_what_is_told_of_few_control_points_is_the_same_whatever_is_guessed_of_i
     assert any(of_control[0]) == any(of_control[1])
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("kind", ["image_point", "control", "position"])
 @pytest.mark.parametrize("times", [0.2, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.5, 2.0)), 5.0])
 def test_standard_deviations_that_are_guessed_wrong_cost_no_good_point(chain: Chain, kind: str, times: float) -> None:
@@ -165,6 +167,7 @@ def test_of_a_kind_with_more_wrong_than_the_share_allows_all_stay_and_are_told(c
     assert all(name in line for name in names), told.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_several_wrong_control_points_are_found_without_any_option(chain: Chain, count: int) -> None:
     """Of ten control points one is too many for "5 % of a kind"; their redundancy answers for more."""
@@ -242,6 +245,7 @@ def test_an_image_point_with_the_number_of_a_point_elsewhere_is_named_with_its_o
     assert all(f"{image}/{a} (fits {b})" in line for (image, a), b in truth.items())
 
 
+@pytest.mark.slow
 def test_what_is_merely_wrong_is_given_no_other_number(chain: Chain) -> None:
     block, points, _, _ = _spoilt(chain)
     solution = bundle(block, points, _unsuspecting(chain.strip_block), options=BundleOptions(interior_unknowns=True))

@@ -169,6 +169,7 @@ def test_without_datum_the_seven_defects_are_named(shared_data: Path) -> None:
     assert "datum: minimal" in str(caught.value)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("datum", ["minimal", "free"])
 def test_a_datum_without_control_leaves_sigma0_and_the_camera_as_they_are(shared_data: Path, datum: Datum) -> None:
     """The four control points of the calibration are exact: 12 coordinates, 5 more than the datum needs."""

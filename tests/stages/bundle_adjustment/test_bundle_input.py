@@ -206,6 +206,7 @@ def test_film_corrections_are_found_where_fiducials_leave_them_open(tmp_path: Pa
     assert found.observations == 2 * len(OF.image) + 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("origin_m", [(0.0, 0.0, 0.0), MAP], ids=["near", "map"])
 @pytest.mark.parametrize("with_positions", [True, False])
 def test_a_start_far_off_is_left_for_one_by_object_space(tmp_path: Path, origin_m: tuple, with_positions: bool) -> None:

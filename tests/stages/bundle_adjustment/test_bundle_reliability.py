@@ -75,6 +75,7 @@ def test_with_priors_drift_and_self_calibration_the_numbers_sum_to_the_redundanc
     assert total == pytest.approx(solution.redundancy, abs=1e-7 * solution.redundancy)
 
 
+@pytest.mark.slow
 def test_an_error_of_the_detectable_size_moves_point_and_image_as_predicted(film: Chain) -> None:
     """One coordinate of an image point is changed and the block adjusted anew."""
     solution, tests = film.bundle, film.bundle.tests
@@ -126,6 +127,7 @@ def staying_in(chain: Chain) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 def test_an_error_in_an_uncontrolled_direction_changes_no_residual_and_one_across_it_does(chain: Chain) -> None:
     found, m = chain.bundle.uncontrolled, chain.refined.measurements
     assert found is not None

@@ -42,6 +42,7 @@ def _error(chain: Chain, solution: Solution) -> float:
     return float(np.sqrt(((solution.images.position_m - chain.bundle.images.position_m) ** 2).mean()))
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("weights", ["huber", "danish", "igg3", "li_posterior", "cauchy"])
 def test_gross_errors_do_little_harm(chain: Chain, disturbed: ImagePoints, weights: str) -> None:
     told = Told()

@@ -58,12 +58,14 @@ def _with(chain: Chain, context: Told | None = None, **self_calibration: object)
     return bundle(chain.block, chain.refined, chain.strip_block, options=options, context=context or Told())
 
 
+@pytest.mark.slow
 def test_without_self_calibration_the_loss_shows(error_free: Chain, distorted: Chain) -> None:
     loss = _rmse_m(distorted.block, distorted.bundle) / _rmse_m(error_free.block, error_free.bundle)
     assert loss.max() > 1.3
     assert distorted.bundle.sigma0 > 1.05 > error_free.bundle.sigma0
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", ["brown_conrady", "ebner12", "brown21"])
 def test_sets_bring_back_the_accuracy_of_the_error_free_camera(error_free: Chain, distorted: Chain, name: str) -> None:
     ratio = _rmse_m(distorted.block, _with(distorted, set=name)) / _rmse_m(error_free.block, error_free.bundle)
@@ -111,6 +113,7 @@ def _mean_residuals(chain: Chain, solution: Solution) -> tuple[np.ndarray, np.nd
     return means[0][full], means[1][full]
 
 
+@pytest.mark.slow
 def test_removal_keeps_what_was_put_in_and_adjusts_again(error_free: Chain, distorted: Chain) -> None:
     told = Told()
     solution = _with(distorted, told, set="brown21", remove=True)
@@ -128,6 +131,7 @@ def test_removal_keeps_what_was_put_in_and_adjusts_again(error_free: Chain, dist
     assert ratio.max() < 1.10
 
 
+@pytest.mark.slow
 def test_what_is_left_out_by_a_test_counts_by_its_size_and_its_standard_deviation(
     error_free: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,6 +154,7 @@ def test_what_is_left_out_by_a_test_counts_by_its_size_and_its_standard_deviatio
     assert share**2 < square < share
 
 
+@pytest.mark.slow
 def test_adjustments_with_fewer_parameters_and_with_all_begin_where_the_search_has_ended(error_free: Chain) -> None:
     """From the start values of the strips, an affine film and all, a weak block might not come here again."""
     told = Told()
@@ -203,6 +208,7 @@ def test_the_rank_loss_of_brown21_is_refused_with_advice() -> None:
     assert "sigma_um" in caught.value.remedy
 
 
+@pytest.mark.slow
 def test_the_camera_of_a_solution_has_the_principal_distance_that_a_set_gives_beside_a_known_lens() -> None:
     block = simulated(**SMALL, camera={"distortion": "brown", "brown": UNCORRECTED}, gnss={"observed": True})
     c = float(block.cameras.principal_distance_mm[0])
@@ -224,6 +230,7 @@ def test_interior_belongs_to_sets_without_it(distorted: Chain) -> None:
         _with(distorted, set="brown21", interior=True)
 
 
+@pytest.mark.slow
 def test_c_joins_sets_that_lack_it_where_projection_centres_are_observed(distorted: Chain) -> None:
     """Such sets leave the scale of a radial distortion to Z0, which observed positions hold."""
     observed = _with(distorted, set="ebner12").parameters
@@ -246,6 +253,7 @@ def test_collocation_takes_off_what_a_set_leaves_over() -> None:
     assert again.corrections.name.tolist()[-1] == "collocation 2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["robust_snooping", "data_snooping"])
 def test_verdicts_stay_with_their_observations_while_parameters_go(method: str) -> None:
     """With positions the idle parameters' weights leave the list of kinds; gross errors before and behind them stay."""

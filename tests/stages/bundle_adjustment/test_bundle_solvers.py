@@ -79,6 +79,7 @@ def test_a_factor_in_a_file_changes_nothing(chain: Chain) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(other)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", ["small"], indirect=True)
 def test_removing_parameters_needs_standard_deviations(chain: Chain) -> None:
     calibration = {"set": "ebner12", "remove": True}

@@ -64,6 +64,7 @@ def _truth_rmse_m(chain: Chain, solution: Solution) -> np.ndarray:
     return np.sqrt(np.nanmean((solution.points.xyz_m[truth.point] - truth.xyz_m) ** 2, axis=0))
 
 
+@pytest.mark.slow
 def test_a_control_point_off_by_a_metre_that_absolute_orientation_rejects_stays_rejected(chain: Chain) -> None:
     g = chain.block.ground_points
     row = int(np.flatnonzero((g.role == 1).any(axis=1))[2])
@@ -138,6 +139,7 @@ def test_a_rejected_position_stays_out_and_one_that_fits_comes_back(chain: Chain
     assert _residual(solution, "position", 4)[0][1] == pytest.approx(-5.0, abs=0.3)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("k1", [2e-8, 5e-8])
 def test_rays_far_out_that_fit_with_the_distortion_of_the_adjustment_are_readmitted(chain: Chain, k1: float) -> None:
     m = chain.refined.measurements

@@ -32,6 +32,7 @@ def applied(blocks: tuple[Block, Block]) -> Solution:
     return _adjusted(blocks[1], apply=True)
 
 
+@pytest.mark.slow
 def test_made_up_observations_without_residuals_keep_their_standard_deviations(blocks: tuple[Block, Block]) -> None:
     components = _adjusted(blocks[0], apply=True).variance_components
     assert components is not None
@@ -59,6 +60,7 @@ def test_with_them_every_group_fits_and_sigma0_is_one(applied: Solution) -> None
     np.testing.assert_allclose(sigma, 0.01 * c.factor[c.group == "distance"].item(), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) -> None:
     proposed = _adjusted(blocks[1], apply=False)
     options = BundleOptions(blunders={"sigmas": "tests"})  # type: ignore[arg-type]
@@ -70,6 +72,7 @@ def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) ->
     assert (c.verdict == "proposed").any()
 
 
+@pytest.mark.slow
 def test_a_group_of_little_redundancy_keeps_its_standard_deviation(blocks: tuple[Block, Block]) -> None:
     """Two distances: whatever their residuals, they say nothing."""
     g = blocks[1].geodetic

@@ -90,6 +90,7 @@ def test_the_covariances_hold_the_standard_deviations_of_the_parameters(calibrat
     assert len(c) == 10 * 11 // 2
 
 
+@pytest.mark.slow
 def test_parameters_of_a_test_field_bring_back_the_accuracy(
     calibration: Solution, project: Chain, error_free: Chain
 ) -> None:
@@ -111,6 +112,7 @@ def test_a_calibration_weights_the_parameters_with_its_covariance(calibration: S
     assert any("difference to the calibration" in line for line in told.lines)
 
 
+@pytest.mark.slow
 def test_a_block_that_adds_next_to_nothing_keeps_the_calibration_and_its_covariances(calibration: Solution) -> None:
     tiny = run_chain(_flown(3, CAMERA, flight={"strips": 2, "images_per_strip": 3}, known={"full": 10}), FILM)
     vague = replace(tiny.refined.measurements, sigma_mm=1e4 * tiny.refined.measurements.sigma_mm)
@@ -127,6 +129,7 @@ def test_a_block_that_adds_next_to_nothing_keeps_the_calibration_and_its_covaria
     assert (np.abs(change) < 1e-3 * sigma[pair.first] * sigma[pair.second]).all()
 
 
+@pytest.mark.slow
 def test_a_camera_that_has_changed_since_its_calibration_is_told(calibration: Solution) -> None:
     other = {**CAMERA, "brown": {"k1": -1e-8, "b1": -1e-4}}
     told = Told()
@@ -151,6 +154,7 @@ def test_what_does_not_fit_the_block_is_refused(calibration: Solution, project: 
         additional_parameters(project.block, corrected, calibration)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_test_field_are_observations_with_their_covariance(tmp_path: Path) -> None:
     """Calibrated over a field, weighted in the project (notes 4.7.2, A1108); both in dense matrices."""
     basis, chosen = COLUMNS["ebner12"], {"set": "ebner12", "sigma_um": None, "interior": False}

@@ -47,6 +47,7 @@ def _out(solution: Solution, kind: str) -> list[int]:
     return sorted(s.row[(s.kind == kind) & staying_out(s)].tolist())
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("begins", [1.0, 1.01, 1.02])
 @pytest.mark.parametrize("wrong", [0, 1])
 def test_of_two_bars_that_contradict_each_other_neither_is_rejected(tmp_path: Path, wrong: int, begins: float) -> None:
@@ -58,6 +59,7 @@ def test_of_two_bars_that_contradict_each_other_neither_is_rejected(tmp_path: Pa
     assert sorted(solution.suspects.verdict[solution.suspects.kind == "distance"].tolist()) == ["kept", "kept"]
 
 
+@pytest.mark.slow
 def test_rays_are_not_blamed_for_two_bars_that_contradict_each_other(tmp_path: Path) -> None:
     """5 mm for bars of metres that differ by a tenth: with these weights they would bend the block."""
     solution, heard = _with_bars(tmp_path / "two", 2, 0, 1.1)
@@ -67,6 +69,7 @@ def test_rays_are_not_blamed_for_two_bars_that_contradict_each_other(tmp_path: P
     assert not [text for text in heard.warned if text.startswith("image_point")]
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("begins", [1.0, 1.02])
 @pytest.mark.parametrize("wrong", [0, 1, 3])
 def test_of_four_bars_the_wrong_one_goes_whatever_the_start(tmp_path: Path, wrong: int, begins: float) -> None:

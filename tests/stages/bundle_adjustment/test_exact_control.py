@@ -40,6 +40,7 @@ def _left_out(solution: Solution) -> list[str]:
     return sorted(set(suspects.point[gone].tolist()))
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("wrong_m", "factor"), [(0.0, 1.0), (0.4, 1.0), (0.4, 8.0)])
 def test_the_wrong_one_goes_and_no_other(wrong_m: float, factor: float) -> None:
     """Also where the standard deviations of image points are eight times too large."""
@@ -52,6 +53,7 @@ def test_the_wrong_one_goes_and_no_other(wrong_m: float, factor: float) -> None:
     assert _left_out(solution) == ([str(block.points.id[first])] if wrong_m else [])
 
 
+@pytest.mark.slow
 def test_points_that_are_nearly_exact_stay() -> None:
     """Errors of the survey of half of what the images see."""
     assert _left_out(run_chain(_block(survey_m=0.01)).bundle) == []

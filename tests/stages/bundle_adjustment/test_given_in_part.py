@@ -61,6 +61,7 @@ def same(one: Solution, other: Solution, atol: float = 1e-6) -> None:
     np.testing.assert_allclose(*sigmas, rtol=1e-3, atol=2e-5)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("given", ["Z", "XY", "Y", "XZ"])
 def test_coordinates_given_alone_are_those_whose_others_say_nothing(of: Hand, given: str, tmp_path: Path) -> None:
     off = np.array([0.3, -0.2, 0.4])

@@ -41,6 +41,7 @@ def distorted() -> Chain:
     return _chain(5e-9)
 
 
+@pytest.mark.slow
 def test_a_distortion_is_told_with_its_size_as_an_adjustment_finds_it(distorted: Chain) -> None:
     (text,), without = _told(distorted)
     none, carried = _told(distorted, self_calibration=FREE)

@@ -30,6 +30,7 @@ def _solution(kind: str, way: str, seed: int) -> tuple[Solution, tuple[str, ...]
     return made, tuple(notes.warnings)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("way", ["chain", "graph"])
 def test_student_errors_are_no_gross_errors(way: str) -> None:
     """Four blocks of some 350 image points; with the limit of normal errors 1 to 3 of each are left out."""

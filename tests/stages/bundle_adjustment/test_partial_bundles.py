@@ -90,6 +90,7 @@ def test_error_free_points_are_intersected_to_the_truth(exact: Chain) -> None:
     right(exact, intersection(exact.block, exact.refined, moved(exact, points_m=1.0)))
 
 
+@pytest.mark.slow
 def test_points_of_many_rays_have_the_covariance_of_their_own_normal_equations() -> None:
     """(sum J' J / sigma^2)^-1 of the rays of a point, J of the projection by differences; without film corrections."""
     made = run_chain(simulated(3, preset="uav", flight={"strips": 2, "images_per_strip": 4}, known={"full": 6}))

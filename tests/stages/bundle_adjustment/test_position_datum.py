@@ -39,6 +39,7 @@ def test_another_datum_is_named_in_all_coordinates() -> None:
     assert "positions and control differ" in text
 
 
+@pytest.mark.slow
 def test_what_is_no_shift_is_not_taken_for_one() -> None:
     block = made(3, 1000.0, known={"full": 6})
     assert not _told(block)

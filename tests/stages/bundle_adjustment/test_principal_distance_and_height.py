@@ -86,6 +86,7 @@ def test_sigma_correlation_and_advice(tmp_path: Path, design: str, relief: float
         assert any("cannot be told apart" in text for text in mine)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_errors_of_the_coordinates_do_not_pass_for_another_principal_distance(seed: int) -> None:
     """Flat ground and control: c is known to 0.4 %, and 4.5 % more would make all image coordinates' errors smaller."""

@@ -233,6 +233,7 @@ def test_a_gross_error_rejected_before_does_not_come_back_where_standard_deviati
     assert max(sigma0) < 5.0
 
 
+@pytest.mark.slow
 def test_gross_errors_that_come_back_do_not_bring_the_others_back() -> None:
     """Of a small block the tail of good errors is badly known, and longer with each gross error that is in use."""
     flight = {"strips": 3, "images_per_strip": 5, "forward_overlap": 60.0, "side_overlap": 35.0, "scale_number": 5000.0}

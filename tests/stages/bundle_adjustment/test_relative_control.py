@@ -102,6 +102,7 @@ def _network(folder: Path, case: str, how: str, *, fixed: bool = True, seed: int
     return bundle(tables(options=TablesOptions(path=folder)), options=options)
 
 
+@pytest.mark.slow(after=17)
 @pytest.mark.parametrize("ratio", [1e-4, 1e-9])
 @pytest.mark.parametrize("case", CASES)
 def test_exact_is_the_limit_of_weighted_and_the_redundancy_is_that_of_the_notes(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
@@ -35,6 +36,7 @@ def made(seed: int, **changed: Any) -> Block:
     return rigged(seed, {name: member | changed for name, member in RIG.items()})
 
 
+@pytest.mark.slow
 def test_fixed_mounts_hold_and_the_block_is_as_accurate_as_theory_says() -> None:
     nees = []
     for seed in range(1, 4):
@@ -50,6 +52,7 @@ def test_fixed_mounts_hold_and_the_block_is_as_accurate_as_theory_says() -> None
     assert 0.6 < np.mean(nees) < 1.5
 
 
+@pytest.mark.slow
 def test_free_mounts_are_recovered_within_their_sigma() -> None:
     w = []
     for seed in range(1, 4):
@@ -71,6 +74,7 @@ def test_weighted_mounts_are_observations_of_their_own() -> None:
     assert 0.9 < solution.sigma0 < 1.1
 
 
+@pytest.mark.slow
 def test_a_wrong_fixed_mount_shows_in_sigma0_and_rigs_can_be_set_aside() -> None:
     block = made(1, error_deg=(0.2, 0.1, -0.3))
     off = adjusted(block, max_sigma0=1e6, blunders="none")

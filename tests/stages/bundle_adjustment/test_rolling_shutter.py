@@ -93,6 +93,7 @@ def _start(block: Block) -> Solution:
     return graph(block, calibrated(block), rng=np.random.default_rng(1))
 
 
+@pytest.mark.slow
 def test_positions_and_heights_are_those_of_the_flight() -> None:
     block, position = _flown()
     with_times = _adjusted(block)
@@ -106,6 +107,7 @@ def test_positions_and_heights_are_those_of_the_flight() -> None:
     assert without.sigma0 > 1.3  # SPEED x READOUT = 0.48 m on the ground, 11 px from the first row to the last
 
 
+@pytest.mark.slow
 def test_a_readout_that_is_not_known_is_found() -> None:
     block, _ = _flown()
     stated = replace(block, image_points=replace(block.image_points, row_time_s=1.25 * block.image_points.row_time_s))

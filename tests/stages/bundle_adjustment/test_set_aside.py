@@ -23,6 +23,7 @@ def adjusted(small: Small, folder: Path, initial: Solution, method: str) -> tupl
     return done, told.warnings
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("method", ["none", "robust_snooping"])
 def test_an_image_whose_points_lie_on_a_line_is_set_aside(tmp_path: Path, method: str) -> None:
     small = flown(2, 4)
@@ -49,6 +50,7 @@ def _of_others(initial: Solution, small: Small) -> Solution:
     return replace(initial, points=initial.points.take(np.flatnonzero(left)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["none", "robust_snooping"])
 def test_a_part_without_a_datum_is_set_aside_whatever_its_size(tmp_path: Path, method: str) -> None:
     small = two_apart(strips=2, per_strip=3)

@@ -168,6 +168,7 @@ def _in_geocentric_axes(block: Block) -> Block:
     )
 
 
+@pytest.mark.slow
 def test_one_block_in_map_geographic_and_geocentric_coordinates_and_two_frames_is_one_result(tmp_path: Path) -> None:
     from aatri.formats.tables.writer import write_block
     from tests.reading import read_block

@@ -58,6 +58,7 @@ def test_wrong_control_that_its_rays_could_be_taken_for_is_told_from_them_by_the
     assert list(zip(s.kind[out].tolist(), s.row[out].tolist())) == [("control", row)]
 
 
+@pytest.mark.slow
 def test_where_nothing_tells_which_all_that_may_be_wrong_are_named() -> None:
     chain = _flown(1)
     solution, warnings = _with_wrong_control(chain, 17)

@@ -35,6 +35,7 @@ def _groups_named(warnings: tuple[str, ...]) -> list[str]:
     return [text for text in warnings if "nothing is rejected in their stead" in text or "are left out" in text]
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("times", [0.75, 1.29])
 def test_a_principal_distance_wrong_by_a_quarter_is_named_and_no_other_group(flown: Chain, times: float) -> None:
     cameras = flown.block.cameras
@@ -47,6 +48,7 @@ def test_a_principal_distance_wrong_by_a_quarter_is_named_and_no_other_group(flo
     assert len(_groups_named(outcome.told)) == 1
 
 
+@pytest.mark.slow
 def test_a_weight_does_not_hide_that_a_principal_distance_is_wrong_and_rays_come_back_with_it(flown: Chain) -> None:
     """An earlier stage has rejected rays as the lens is wrong; self-calibration gives c 20 um, and it is 440 um off.
 
@@ -70,6 +72,7 @@ def test_an_affinity_of_a_strip_or_an_image_is_its_own(flown: Chain, way) -> Non
     assert outcome.bad == ()
 
 
+@pytest.mark.slow
 def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions() -> None:
     block = simulated(3, preset="uav", flight=FLIGHT, known={"full": 9}, ties={"random_per_image": 60.0}, earth="flat")
     m, images = block.image_points, block.images
@@ -108,6 +111,7 @@ def _bent(chain: Chain, of_each_um: float, of_first_um: float) -> tuple[str, ...
     return tuple(_groups_named(tuple(told.warnings)))
 
 
+@pytest.mark.slow
 def test_what_all_images_have_makes_none_of_them_a_group(flown: Chain) -> None:
     """An affinity of some 3 um in every image, sigma 1 to 2 um, is a rough lens; one of 40 um is of that image."""
     assert not [text for text in _bent(flown, 3.0, 3.0) if "of image" in text or "neighbourhood" in text]

@@ -42,6 +42,7 @@ def _off(block: Block, rows: np.ndarray, by_m: list[float]) -> Block:
     return replace(block, exterior=replace(block.exterior, position_m=position))
 
 
+@pytest.mark.slow
 def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chain: Chain) -> None:
     e = chain.block.exterior
     rows = np.flatnonzero(chain.block.strips.id[chain.block.images.strip[e.image]] == "2")
@@ -57,6 +58,7 @@ def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chai
     assert solution.sigma0 < 1.1
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("factor", [0.95, 1.29])
 def test_a_principal_distance_that_is_wrong_is_named_with_the_right_one_and_no_ray_goes_for_it(
     chain: Chain, factor: float
@@ -148,6 +150,7 @@ def test_control_whose_standard_deviations_are_five_times_too_small_is_told(chai
     assert all(3.0 < float(factors[name]) < 8.0 for name in ("control plan", "control height")), line
 
 
+@pytest.mark.slow
 def test_ten_per_cent_of_gross_errors_are_found_without_any_option(chain: Chain) -> None:
     m, rng = chain.refined.measurements, np.random.default_rng(3)
     bad = rng.permutation(np.flatnonzero(m.active))[: len(m) // 10]
@@ -180,6 +183,7 @@ def test_two_of_six_control_points_exchanged_are_named_by_the_whole_chain_withou
     assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
 
 
+@pytest.mark.slow
 def test_exchanged_control_is_not_taken_for_the_third_point_where_positions_drift() -> None:
     """Shift and drift of each strip leave the datum to three control points, and any of them would explain two."""
     camera = {"kind": "digital", "principal_distance_mm": 9.0, "format": (4000.0, 3000.0), "pixel_size_mm": 0.0027}

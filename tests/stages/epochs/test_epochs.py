@@ -43,6 +43,7 @@ def epochs() -> tuple[tuple[Block, Solution], tuple[Block, Solution]]:
     return _epoch(1), _epoch(2, moved=5)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("datum", ["auto", "shift", "similarity"])
 def test_all_points_that_have_moved_are_named_and_no_others(epochs, datum) -> None:
     (first, earlier), (second, later) = epochs
@@ -57,6 +58,7 @@ def test_all_points_that_have_moved_are_named_and_no_others(epochs, datum) -> No
     assert nees.sum() < 37.7  # chi2 of 15 at 0.1 %
 
 
+@pytest.mark.slow
 def test_point_covariances_hold_the_marginal_ones(epochs) -> None:
     (_, solution), _ = epochs
     pairs = solution.point_covariances

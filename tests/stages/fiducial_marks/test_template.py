@@ -39,6 +39,7 @@ def _off_px(block: Block, places: dict[str, Array]) -> Array:
     return np.asarray(block.fiducial_points.xy - 0.5 - np.array([places[name] for name in found]))
 
 
+@pytest.mark.slow
 def test_crosses_are_found_to_a_twentieth_of_a_pixel_at_noise_15_and_5_degrees(tmp_path: Path) -> None:
     picture, places = scan(5.0, 15.0)
     tifffile.imwrite(tmp_path / "a.tif", (picture * 4095).astype(np.uint16), tile=(256, 256))  # 12 bits in 16
@@ -52,6 +53,7 @@ def test_crosses_are_found_to_a_twentieth_of_a_pixel_at_noise_15_and_5_degrees(t
     assert (np.abs(off) < 4 * sigma_px).all()
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("quarters", "mirrored"), [(1, False), (0, True), (3, True)])
 def test_turned_mirrored_and_negative_scans(tmp_path: Path, quarters: int, mirrored: bool) -> None:
     picture, places = scan(0.3, 4.0)
@@ -71,6 +73,7 @@ def test_turned_mirrored_and_negative_scans(tmp_path: Path, quarters: int, mirro
     assert np.abs(_off_px(block, places)).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_mark_that_is_not_there_is_named(tmp_path: Path) -> None:
     picture, places = scan(0.7, 8.0, without=("3",))
     tifffile.imwrite(tmp_path / "a.tif", (picture * 255).astype(np.uint8))

@@ -53,6 +53,7 @@ def merged_parts(parts: list[Block]) -> Block:
     return merged(parts, names, SILENT, name="rest", sigmas=6.0) if len(parts) > 1 else parts[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("film", [True, False], ids=["film", "digital"])
 def test_four_parts_in_any_order_are_the_joint_adjustment(film: bool) -> None:
     block = block_of_strips(film, 4, cross=2)

@@ -98,6 +98,7 @@ def by_turns(parts: list[Block], joint: Solution, rounds: int = 2, **options: An
     return [first, second]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("film", [True, False], ids=["film", "digital"])
 def test_shared_points_of_one_ray_in_a_part_count_as_in_the_joint_adjustment(film: bool) -> None:
     block = block_of_strips(film, 3, cross=2)
@@ -112,6 +113,7 @@ def test_shared_points_of_one_ray_in_a_part_count_as_in_the_joint_adjustment(fil
         assert part.sigma0 == pytest.approx(joint.sigma0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_point_of_one_ray_that_both_leave_open_counts_in_neither() -> None:
     block = block_of_strips(False, 3, cross=2)
     west = np.isin(block.images.strip, (0, 3, 4))
@@ -155,6 +157,7 @@ def test_image_points_set_aside_as_the_block_was_read_are_named() -> None:
     assert told.startswith(f"of shared points {len(once)} image points were set aside")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("film", "curved", "options"),
     [(True, False, {}), (False, False, {"self_calibration": "brown_conrady"}), (False, True, {})],

@@ -105,16 +105,19 @@ def begins(chain: str, small: Small, folder: Path, within_m: float) -> None:
     assert done.bundle.sigma0 < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("made", "within_m"), [*OF_ALL_KINDS, *OF_POSITIONS])
 def test_a_determined_datum_begins(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
     begins("graph", made(), tmp_path, within_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("made", "within_m"), OF_ALL_KINDS)
 def test_observations_of_all_kinds_begin_the_chain(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
     begins("chain", made(), tmp_path, within_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("made", "within_m"), OF_POSITIONS)
 def test_positions_and_heights_begin_the_chain(tmp_path: Path, made: Callable[[], Small], within_m: float) -> None:
     begins("chain", made(), tmp_path, within_m)
@@ -125,6 +128,7 @@ def without(small: Small, *kinds: str) -> Small:
     return small
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize(
     ("made", "open_"),
     [

@@ -60,6 +60,7 @@ def rejected_of(found: Solution, kind: str) -> list[str]:
     return [a or b for a, b in zip(s.point[of].tolist(), s.image[of].tolist())]
 
 
+@pytest.mark.slow
 def test_positions_of_wrong_images_are_rejected_by_name() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     exterior = block.exterior
@@ -120,6 +121,7 @@ def test_without_control_and_positions_distances_give_the_scale() -> None:
     assert np.linalg.norm(xyz[a] - xyz[b]) == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("wrong_m", [0.5, 1e5])
 def test_a_wrong_distance_is_named_and_does_not_spoil_the_datum(wrong_m: float) -> None:
     block = without_strips(simulated(**SMALL_UAV))
@@ -145,6 +147,7 @@ def test_a_wrong_distance_is_named_where_distances_alone_give_the_scale() -> Non
     assert ratio == pytest.approx(1.0, abs=1e-3)  # the points are known to a few centimetres in 19 m
 
 
+@pytest.mark.slow
 def test_a_wrong_control_point_is_named_and_does_not_spoil_the_datum() -> None:
     block = without_strips(simulated(**SMALL_UAV, gnss={"observed": False, "approximate_positions": False}))
     row, wrong = int(np.flatnonzero(block.ground_points.role[:, 0] == CONTROL)[2]), block.ground_points.xyz_m.copy()
@@ -155,6 +158,7 @@ def test_a_wrong_control_point_is_named_and_does_not_spoil_the_datum() -> None:
     assert far_off(block, found)[0] < 0.3
 
 
+@pytest.mark.slow
 def test_attitudes_turn_a_free_datum_and_bring_what_positions_of_one_strip_leave_open() -> None:
     one = {**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 8}, "imu": {"observed": True}}
     block = without_strips(simulated(**one))

@@ -42,6 +42,7 @@ def check(block: Block) -> None:
     assert not np.isin(found.suspects.kind, ["position", "control"]).any()
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("seed", [3, 4, 6, 7])
 def test_images_stand_on_the_right_side_of_a_plane(seed: int) -> None:
     check(simulated(seed, **FLAT))

@@ -64,6 +64,7 @@ def test_orbits_oblique_heads_and_hovering_are_oriented_without_strips_or_start(
     assert radians < 0.005
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("start", ["bases", "gnss", "random"])
 def test_every_start_of_the_projection_centres_ends_at_the_same_block(start: str) -> None:
     block = without_strips(simulated(**SMALL_UAV))
@@ -93,6 +94,7 @@ def test_two_blocks_that_ten_points_join_become_one() -> None:
     assert far_off(block, found)[0] < 0.5
 
 
+@pytest.mark.slow
 def test_three_percent_of_wrong_image_names_are_rejected_and_all_images_oriented() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     m, rng = block.image_points, np.random.default_rng(3)
@@ -126,6 +128,7 @@ def test_an_image_that_shares_no_points_is_named_and_the_rest_is_oriented() -> N
     assert any("not oriented" in text and str(block.images.id[7]) in text for text in told.warnings)
 
 
+@pytest.mark.slow
 def test_models_that_are_given_are_used_and_no_others() -> None:
     block = simulated(**SMALL_UAV)
     points = systematic(block, calibrated(block), options=SystematicOptions(refraction=False, earth_curvature=False))

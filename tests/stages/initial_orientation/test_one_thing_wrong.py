@@ -40,6 +40,7 @@ def wrong_numbers(block: Block, share: float) -> Block:
     return replace(block, image_points=replace(m, point=point).take(first))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, 0.2])
 def test_the_bundle_converges_after_wrong_point_numbers(share: float) -> None:
     block = wrong_numbers(without_strips(simulated(**SMALL_UAV)), share)
@@ -67,6 +68,7 @@ def test_positions_that_are_all_shifted_are_left_out_with_their_shift() -> None:
     assert far_off(block, done)[0] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 3, 10])
 def test_positions_and_control_of_sigmas_a_fifth_contradict_nothing(seed: int) -> None:
     small = {**SMALL_UAV, "flight": {"strips": 2, "images_per_strip": 7}, "known": {"full": 5}}
@@ -87,6 +89,7 @@ def test_positions_and_control_of_sigmas_a_fifth_contradict_nothing(seed: int) -
     assert not [text for text in told.warnings if "contradict" in text]
 
 
+@pytest.mark.slow
 def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     block, told = with_distances(block, some_ends(block, 6)), Told()
@@ -97,6 +100,7 @@ def test_distances_of_another_scale_are_left_out_with_their_scale() -> None:
     assert float(text.partition("by ")[2].partition(" ppm")[0]) == pytest.approx(20_000, abs=1_000)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("wrong", [0, 1])
 def test_of_two_distances_that_alone_tell_the_scale_none_is_rejected_where_they_differ(wrong: int) -> None:
     block = without_strips(simulated(**SMALL_UAV))
@@ -140,6 +144,7 @@ def test_a_facade_seen_from_below_is_not_taken_for_mirrored_control(elevation_de
     assert far_off(upright, found)[0] < 0.2
 
 
+@pytest.mark.slow
 def test_mirrored_control_is_refused() -> None:
     block = without_strips(simulated(**SMALL_UAV, gnss={"observed": False, "approximate_positions": False}))
     ground = block.ground_points
@@ -164,6 +169,7 @@ def test_of_one_image_it_is_said_what_orients_it() -> None:
     assert "bundle_adjustment/bundle" in refused.value.remedy
 
 
+@pytest.mark.slow
 def test_image_points_with_their_distortion_are_oriented_as_without_it() -> None:
     lens = {"distortion": "brown", "brown": {"k1": 3e-4, "p1": 2e-5}}
     block = without_strips(simulated(**{**SMALL_UAV, "camera": lens}))
@@ -177,6 +183,7 @@ def test_image_points_with_their_distortion_are_oriented_as_without_it() -> None
     assert (found.suspects.kind != "image_point").all()
 
 
+@pytest.mark.slow
 def test_a_mirrored_image_is_named_and_not_oriented() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     m, wide = block.image_points, block.cameras.format[0, 0]
@@ -189,6 +196,7 @@ def test_a_mirrored_image_is_named_and_not_oriented() -> None:
     assert far_off(block, found)[0] < 0.2
 
 
+@pytest.mark.slow
 def test_cameras_of_which_one_has_a_wrong_principal_distance_are_told_apart() -> None:
     block = without_strips(simulated(**SMALL_UAV))
     two = block.cameras.take(np.array([0, 0]))
@@ -250,6 +258,7 @@ def bending(seed: int) -> Block:
     return without_strips(simulated(seed, preset="sample", flight=flight, known=known, **more))
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("seed", [37, 39])
 def test_positions_that_fit_a_bent_block_are_not_left_out(seed: int) -> None:
     told = Told()
@@ -258,6 +267,7 @@ def test_positions_that_fit_a_bent_block_are_not_left_out(seed: int) -> None:
     assert not (found.suspects.kind == "position").any()
 
 
+@pytest.mark.slow
 def test_positions_shifted_by_more_than_a_block_bends_are_left_out() -> None:
     block, told = bending(37), Told()
     e = block.exterior
@@ -265,6 +275,7 @@ def test_positions_shifted_by_more_than_a_block_bends_are_left_out() -> None:
     assert any("observed positions (24) contradict all else" in text for text in told.warnings)
 
 
+@pytest.mark.slow
 def test_a_number_given_to_two_places_costs_no_strip_that_hangs_on_four_others(tmp_path: Path) -> None:
     small = flown(2, 5, points=40, apart_m=450.0)
     strip = {point: {small.strip[i][0] for i, p in small.rays if p == point} for point in small.xyz_m}

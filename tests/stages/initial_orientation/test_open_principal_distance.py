@@ -50,6 +50,7 @@ def with_distance_off(block: Block, share: float, *, free: bool = False) -> Bloc
     return replace(block, cameras=replace(block.cameras, principal_distance_mm=c_mm), camera_parameters=is_open)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("share", [0.12, -0.12])
 @pytest.mark.parametrize("free", [False, True])
 def test_positions_and_control_are_not_blamed(share: float, free: bool) -> None:
@@ -63,6 +64,7 @@ def test_positions_and_control_are_not_blamed(share: float, free: bool) -> None:
     assert not (done.suspects.verdict == "rejected").any()
 
 
+@pytest.mark.slow
 def test_where_the_principal_distance_is_known_the_contradiction_is_told() -> None:
     block, told = simulated(2, **DRONE), Told()
     wrong = replace(
@@ -72,6 +74,7 @@ def test_where_the_principal_distance_is_known_the_contradiction_is_told() -> No
     assert any("contradict" in text for text in told.warnings)
 
 
+@pytest.mark.slow
 def test_a_position_far_off_in_plan_is_found_all_the_same() -> None:
     block = with_distance_off(simulated(2, **DRONE), 0.12)
     e = block.exterior

@@ -101,6 +101,7 @@ def flown(seed: int) -> tuple[list[str], dict[str, Float], dict[str, Float]]:
     return lines, {p: truth[p] for p in corners}, truth
 
 
+@pytest.mark.slow
 def test_a_block_of_given_models_is_that_of_the_truth_with_its_covariances(tmp_path: Path) -> None:
     """Over twenty blocks the errors of points and centres are those of their standard deviations."""
     squares = []
@@ -124,6 +125,7 @@ def test_plan_and_height_in_turn_end_at_the_same(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.points.xyz_m, first.points.xyz_m, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wrong_point_of_a_model_is_named_and_the_rest_is_as_without_it(tmp_path: Path) -> None:
     lines, control, _ = flown(5)
     clean = solved(tmp_path, lines, control, sigma=SIGMA)
@@ -156,6 +158,7 @@ def test_bad_files_are_refused_by_line(tmp_path: Path, change, error, told) -> N
         solved(tmp_path, change(lines), control, sigma=SIGMA)
 
 
+@pytest.mark.slow
 def test_control_with_north_first_is_refused_and_read_when_said(tmp_path: Path) -> None:
     lines, control, truth = flown(2)
     exchanged = {p: xyz[[1, 0, 2]] for p, xyz in control.items()}
@@ -166,6 +169,7 @@ def test_control_with_north_first_is_refused_and_read_when_said(tmp_path: Path) 
     np.testing.assert_allclose(solution.points.xyz_m[at], truth["P22"], atol=0.05)
 
 
+@pytest.mark.slow
 def test_plan_only_and_height_only_control_orient_a_model(tmp_path: Path) -> None:
     """Two points in plan and three heights, as much as seven parameters need: a dash is a coordinate not known."""
     lines, _, truth = flown(6)
@@ -228,6 +232,7 @@ def two_models(seed: int, *, on_a_line: bool = False) -> tuple[list[str], dict[s
     return lines, {p: xyz for p, xyz in truth.items() if p[0] in "CD"}, truth
 
 
+@pytest.mark.slow
 def test_two_control_points_and_two_common_points_determine_a_model_together(tmp_path: Path) -> None:
     """Errors of the new points of such a model are those of their standard deviations, over twenty blocks."""
     squares = []
@@ -272,6 +277,7 @@ def two_by_each_other(seed: int, x_m: tuple[float, float]) -> tuple[list[str], d
     return lines, {p: xyz for p, xyz in truth.items() if p[0] in "AB"}, truth
 
 
+@pytest.mark.slow
 def test_two_models_determine_each_other(tmp_path: Path) -> None:
     """By hand: 10 points of models and 4 of control, 2 models and 8 points: redundancy 4."""
     squares = []

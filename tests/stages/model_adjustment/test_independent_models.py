@@ -77,6 +77,7 @@ def test_error_free_models_return_the_truth(exact: Chain, options: Any) -> None:
     assert found.images.position_m == pytest.approx(exact.block.true_images.position_m, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_double_models_are_counted_as_the_notes_do_and_their_points_are_named_by_both() -> None:
     """Of a strip of five images two bodies of three centres: 7 unknowns each, 3 of every point and image."""
     chain, told = flown(2, ties={"new_points": 150}), Told()
@@ -129,6 +130,7 @@ def test_standard_deviations_of_points_agree_with_their_true_errors() -> None:
     assert 0.8 < np.mean(sigma0) < 1.2
 
 
+@pytest.mark.slow
 def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjustment() -> None:
     chain = run_chain(
         simulated(
@@ -150,6 +152,7 @@ def test_plan_and_height_in_turn_converge_with_cross_strips_to_the_common_adjust
     assert np.nanmax(np.abs(found[0].points.xyz_m - found[1].points.xyz_m)) < 1e-3
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("lever_arm_m", [(0.0, 0.0, 0.0), (0.3, -0.2, 1.5)])
 @pytest.mark.parametrize("control", [0, 1])
 def test_positions_bring_models_to_the_ground_and_a_wrong_one_is_found(control: int, lever_arm_m: Any) -> None:
@@ -201,6 +204,7 @@ def test_models_that_nothing_orients_are_an_error(exact: Chain) -> None:
         independent_models(exact.block, exact.refined, exact.models, nothing)
 
 
+@pytest.mark.slow
 def test_a_model_in_another_unit_with_the_standard_deviation_of_the_others_is_named(tmp_path: Path) -> None:
     lines, control, _ = given_lines(4)
     model = lines[-1].split()[0]

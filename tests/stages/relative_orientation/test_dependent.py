@@ -138,6 +138,7 @@ def test_image_points_of_another_block_are_refused() -> None:
         dependent(made_strips(3).block, made_strips(4).image_points)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_repeated_measurement() -> None:
     made = made_strips(2)
     rng = np.random.default_rng(3)

@@ -34,6 +34,7 @@ def flown(factor: float, **options: Any) -> tuple[Any, Any]:
     return block, calibrated(block)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("method", [dependent, essential])
 @pytest.mark.parametrize("factor", [0.2, 0.5, 2.0, 5.0])
 def test_guessed_sigmas_cost_no_good_point(factor: float, method: Any) -> None:

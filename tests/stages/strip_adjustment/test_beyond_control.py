@@ -62,6 +62,7 @@ def test_points_beyond_all_control_are_told_though_ties_go_on() -> None:
     assert min(truth[name] for name in named) > easternmost
 
 
+@pytest.mark.slow
 def test_left_handed_control_beside_observed_positions_is_an_error_that_says_what_to_look_at() -> None:
     block = block_of(positions=True, control=8)
     g = block.ground_points

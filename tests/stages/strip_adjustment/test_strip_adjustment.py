@@ -58,6 +58,7 @@ def test_bent_strips_are_straightened() -> None:
     assert models == {"similarity", "polynomial_2"}
 
 
+@pytest.mark.slow
 def test_strips_may_have_degrees_of_their_own() -> None:
     made = MadeBlock(3, 6, deformation=_bend)
     made.control(range(0, len(made.truth), 5))
@@ -168,6 +169,7 @@ def test_ties_of_right_control_are_not_rejected_for_one_that_is_wrong() -> None:
     assert all(any(point in text for text in heard.warnings if "not rejected" in text) for point in kept)
 
 
+@pytest.mark.slow(after=1)
 @pytest.mark.parametrize("n", [6, 13])
 def test_several_wrong_control_points_of_few_are_all_found(n: int) -> None:
     made = MadeBlock(3, 6, noise_m=0.005)
@@ -216,6 +218,7 @@ def test_a_rejected_tie_of_a_strip_stands_for_the_image_points_it_was_made_of() 
     assert not rays_of_ties(points, images.strip, images.image, np.zeros(0, int), np.zeros(0, int)).any()
 
 
+@pytest.mark.slow
 def test_strips_that_do_not_fit_control_at_all_are_an_error() -> None:
     made = MadeBlock(3, 5, noise_m=0.01)
     rng = np.random.default_rng(2)

@@ -43,6 +43,7 @@ def _changed(path: Path, statement: str) -> DatabaseOptions:
     return DatabaseOptions(path=path)
 
 
+@pytest.mark.slow
 def test_the_features_of_sift_by_way_of_a_database_give_the_same_block(block: Block, tmp_path: Path) -> None:
     read = database(block, options=DatabaseOptions(path=colmap_database(block, tmp_path / "a.db")))
     own = sift(block)
@@ -51,6 +52,7 @@ def test_the_features_of_sift_by_way_of_a_database_give_the_same_block(block: Bl
     assert np.allclose(read.image_points.sigma_mm, own.image_points.sigma_mm, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_second_orientation_of_a_place_is_no_second_point(block: Block, tmp_path: Path) -> None:
     path = colmap_database(block, tmp_path / "a.db")
     with closing(sqlite3.connect(path)) as connection, connection:
@@ -69,6 +71,7 @@ def _counts(connection: sqlite3.Connection) -> np.ndarray:
     return np.tile(np.array(rows, "<u4"), pairs)
 
 
+@pytest.mark.slow
 def test_databases_that_are_wrong_are_refused_by_what_is_wrong(block: Block, tmp_path: Path) -> None:
     cases = {
         "UPDATE keypoints SET data = substr(data, 1, 100) WHERE image_id = 2": "keypoints of image 2",
@@ -97,6 +100,7 @@ def test_images_of_others_are_named_and_left_out(block: Block, tmp_path: Path) -
     assert any("1 image is not in the block and left out: other.jpg" in warning for warning in ear.warnings)
 
 
+@pytest.mark.slow
 def test_a_database_that_pycolmap_wrote(tmp_path: Path) -> None:
     pycolmap = pytest.importorskip("pycolmap")
     path = tmp_path / "a.db"

@@ -31,6 +31,7 @@ def test_plain_water_has_no_tie_points(tmp_path: Path) -> None:
         sift(_water(tmp_path))
 
 
+@pytest.mark.slow
 def test_a_repeated_pattern_has_no_tie_points(tmp_path: Path) -> None:
     """Every corner of a tiled roof has its like: none is clearer than the next."""
     tile = np.kron(np.random.default_rng(5).integers(40, 220, (4, 4)), np.ones((4, 4)))
@@ -41,6 +42,7 @@ def test_a_repeated_pattern_has_no_tie_points(tmp_path: Path) -> None:
         sift(photos(options=PhotosOptions(path=tmp_path)))
 
 
+@pytest.mark.slow
 def test_an_image_of_another_flight_is_named(tmp_path: Path) -> None:
     made, ear = flown(tmp_path / "p", strips=1, per_strip=2), Ear()
     other = np.random.default_rng(6).integers(0, 255, (HEIGHT // 4, WIDTH // 4)).astype(np.uint8)
