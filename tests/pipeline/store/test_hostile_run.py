@@ -213,12 +213,7 @@ def test_json_that_is_no_record_is_mended_by_the_next_run(path: Path, name: str,
         name = f"accepted/s/{first['s']['key']}.json"
     (out / name).parent.mkdir(parents=True, exist_ok=True)
     (out / name).write_bytes(NOT_JSON[what])
-    for read in (
-        view,
-        store.read_overview,
-        lambda run: store.current_record(run, "s"),
-        lambda r: store.failure(r, "s"),
-    ):
+    for read in (view, store.read_overview, lambda r: store.current_record(r, "s"), lambda r: store.failure(r, "s")):
         assert_damage_or_nothing(read, out)
     _, again = run(path)
     assert digests(again) == digests(first)
