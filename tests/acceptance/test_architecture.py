@@ -44,6 +44,12 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@cache
+def _is_module(*names: str) -> bool:
+    place = ROOT.joinpath(*names)
+    return place.is_dir() or place.with_suffix(".py").exists()
+
+
 def _imported(path: Path) -> Iterator[list[str]]:
     """Modules of aatri that a file imports when it runs, also within functions."""
     tree = _tree(path)
@@ -53,8 +59,7 @@ def _imported(path: Path) -> Iterator[list[str]]:
         if isinstance(node, ast.ImportFrom) and node.module and not node.level and id(node) not in for_types:
             module = node.module.split(".")
             for name in node.names:
-                inner = ROOT.joinpath(*module, name.name)
-                yield [*module, name.name] if inner.is_dir() or inner.with_suffix(".py").exists() else module
+                yield [*module, name.name] if _is_module(*module, name.name) else module
         elif isinstance(node, ast.Import) and id(node) not in for_types:
             yield from (name.name.split(".") for name in node.names)
 
