@@ -178,11 +178,10 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     if two:
         text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
-    raise GeometryError(
-        f"{what}: {reason}",
-        remedy="declare the axes of the control in their true order, [north, east, up] or [east, north, up]; check "
-        "the y axis of the image coordinates (pixel: y)",
-    )
+    remedy = "declare the axes of the control in their true order, [north, east, up] or [east, north, up]"
+    if not (places.kind == CONTROL).any():
+        remedy = "check which image each id and each position belongs to, and the axes of the positions"
+    raise GeometryError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
 
 
 def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
@@ -193,6 +192,9 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
     """
     steep = -float((to.rotation @ up)[2]) / float(np.linalg.norm(up))
     text = "oriented by its control the images look upwards, so the control is mirrored"
+    if not (kept.kind == CONTROL).any():
+        text = "oriented by positions alone the images look upwards, so images have each other's id or position, or "
+        text += "their axes are mirrored"
     full = kept.given.all(axis=1)
     if full.sum() >= FEWEST_MIRRORED:
         x, X = kept.xyz[full], kept.observed_m[full]

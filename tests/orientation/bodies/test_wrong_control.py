@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -89,6 +91,14 @@ def places(n: int, relief_m: float, mirrored: bool, seed: int) -> GivenPlaces:
     x = x + rng.normal(0, 0.02, x.shape)
     kind, name = np.full(n, "control"), np.array([f"point {k}" for k in range(n)])
     return GivenPlaces(kind, name, x, X + rng.normal(0, 0.02, X.shape), given, np.arange(n))
+
+
+@pytest.mark.parametrize(("kind", "blamed"), [("control", "control is mirrored"), ("position", "images have")])
+def test_images_that_look_upwards_are_owed_to_what_orients_them(kind: str, blamed: str) -> None:
+    few = replace(places(4, 20.0, False, 1), kind=np.full(4, kind))
+    up = np.array([0.0, 0.0, -1.0])
+    with pytest.raises(GeometryError, match=blamed):
+        refuse_mirrored(few, np.ones(4, dtype=bool), Similarity(np.zeros(3), 1.0, np.eye(3)), up, "body")
 
 
 def judged(n: int, relief_m: float, mirrored: bool, seed: int) -> None:
