@@ -30,6 +30,7 @@ from aatri.observations.positions import positions_of
 from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
+from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody, concerning
 
 NOT_USED = ("ground_point_covariances", "geodetic_covariances", "images.rig")
@@ -151,6 +152,7 @@ def oriented_by(
     if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
         ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY)))
     images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError | ConvergenceError]()
+    strained = list[OrientedBody]()
     drifts = ((True, True), (False, True), (False, False)) if _drifting(ground, body) else ((True, True),)
     for (used, weakest), (drift, rejects) in product(ways, drifts):
         if not drift and failed and isinstance(failed[0], ConvergenceError):
@@ -167,11 +169,21 @@ def oriented_by(
         except (ConvergenceError, GeometryError) as error:
             failed.append(error)  # attitudes may tell which of three control points is wrong
             continue
+        share = _strain(oriented, body)
+        if ATTITUDE not in used and ATTITUDE in kinds and drift and share > START:
+            strained.append(oriented)
+            added = f"{oriented.tied.tau_m:.2g} m, {share:.1%} of the distance of the images"
+            failed.append(ConvergenceError(f"they fit it only where its points are off by {added}"))
+            continue  # attitudes may tell what is wrong
+        if strained and share > START:
+            break
         notes = [] if used == first else [_of_more(oriented, first, what, failed[0].what)]
         if not drift:
             text = f"{what}: shift and drift of positions are neglected; with them {failed[0].what}"
             notes.append(Note("note", text))
         return replace(oriented, neglects=not drift), notes
+    if strained:
+        return strained[0], []
     left_open = [error for error in failed if isinstance(error, GeometryError)]
     raise left_open[-1] if isinstance(failed[0], GeometryError) else failed[0]
 
@@ -190,6 +202,11 @@ def by_time_offsets(
     by = ", ".join(f"{camera} {offset:.3g} s" for camera, offset in offsets)
     text = f"{what}: control and positions fit it with another exposure time ({by}), which a bundle estimates or tests"
     return oriented, Note("note", text)
+
+
+def _strain(oriented: OrientedBody, body: FreeBody) -> float:
+    """What is added to the standard deviations of its points so that all fits, as a share of the images' distance."""
+    return oriented.tied.tau_m / (oriented.ground_from_body.scale * pieces.distance_m(body.poses.position_m, body.xyz))
 
 
 def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: str) -> Note:

@@ -164,3 +164,17 @@ def test_a_line_of_control_and_attitudes_is_a_datum(control: int, positions: int
     without = replace(block.exterior, angle_use=np.zeros(len(use), dtype=np.int32))
     with pytest.raises(GeometryError, match="not determined"):
         similarity(replace(block, exterior=without), strips, points)
+
+
+@pytest.mark.parametrize("stage", [absolute, initial])
+def test_attitudes_tell_that_the_control_point_of_a_strip_with_positions_is_wrong(stage: Any) -> None:
+    """Positions on a line hardly hold a turn about it, which the wrong point would decide."""
+    flight = {"strips": 1, "images_per_strip": 3, "position_sigma_m": (5.0, 15.0, 15.0)}
+    block = simulated(5, flight=flight, known={"full": 1}, gnss={"observed": True}, imu={"observed": True})
+    wrong_m = block.ground_points.xyz_m + np.array([300.0, -200.0, 40.0])
+    block = replace(block, ground_points=replace(block.ground_points, xyz_m=wrong_m))
+    solution = stage(block, affine(block))
+    assert block.true_images is not None
+    off = solution.images.position_m - block.true_images.position_m
+    assert np.abs(off).max() < 1.0
+    assert solution.suspects.kind.tolist() == ["control"]
