@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adapters.uncontrolled_before import _along
 from aatri.artifacts.suspects import staying_out
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
@@ -75,6 +76,16 @@ def test_an_error_along_a_listed_direction_shows_in_no_stage(made: Any) -> None:
         assert out(spoilt) == out(clean)
         point = str(listed.point[k])
         assert point in spoilt.uncontrolled.point
+
+
+def test_a_listed_direction_is_the_unit_vector_along_the_epipolar_line(made: Any) -> None:
+    base, ray = np.array([[1.0, 0.2, 0.1]]), np.array([[0.3, -0.4, -1.0]])
+    further = ray + 1e-6 * base
+    moved_to = further[:, :2] / further[:, 2:] - ray[:, :2] / ray[:, 2:]
+    along = _along(base, ray)
+    np.testing.assert_allclose(np.abs((along * moved_to).sum()), np.linalg.norm(moved_to), rtol=1e-5)
+    for base_and_ray in ((base, ray), (base, 2.0 * base)):  # the ray along the base: any direction
+        np.testing.assert_allclose(np.linalg.norm(_along(*base_and_ray)), 1.0)
 
 
 def test_an_error_of_x_that_another_model_sees_is_found_and_not_listed(made: Any) -> None:

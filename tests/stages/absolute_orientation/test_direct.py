@@ -54,6 +54,7 @@ def test_orientations_alone_need_no_image_points() -> None:
     solution = direct(block)
     assert solution.images.oriented.all()
     assert np.isnan(solution.points.xyz_m).all()
+    assert (solution.observations, solution.unknowns, solution.redundancy) == (0, 0, 0)
     assert (np.einsum("nii->ni", solution.images.covariance) > 0).all()
 
 

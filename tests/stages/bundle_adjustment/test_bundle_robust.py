@@ -66,6 +66,10 @@ def test_weights_select_and_least_squares_gives_the_statistics(chain: Chain, dis
     wrong = np.flatnonzero((disturbed.measurements.xy_mm != chain.refined.measurements.xy_mm).any(axis=1))
     assert len(np.intersect1d(rejected, wrong)) >= 0.9 * len(wrong)
     assert len(np.setdiff1d(rejected, wrong)) <= 0.1 * len(wrong)
+    put_in = disturbed.measurements.xy_mm[wrong] - chain.refined.measurements.xy_mm[wrong]
+    of_wrong = robust.suspects.take(np.isin(robust.suspects.row, wrong) & (robust.suspects.kind == "image_point"))
+    estimated = of_wrong.error[np.argsort(of_wrong.row), :2]
+    assert np.median(np.abs(estimated - put_in[np.isin(wrong, of_wrong.row)])) < 0.02  # of 0.1 mm
     final = bundle(chain.block, disturbed, robust, options=BundleOptions(blunders={"limit": 5.0}))
     assert final.sigma0 == pytest.approx(chain.bundle.sigma0, rel=0.1)
     assert np.isfinite(final.images.covariance).all()

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle.information_observed import SharedBlock, _difference
 from aatri.artifacts.block import Block
 from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.checks.as_read.screening import screened
 from aatri.errors import AatriError
 from aatri.formats.merging.part import part_of
+from aatri.geometry.rotations import exp_rotation
+from aatri.observations.poses import Poses
 from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -264,3 +267,19 @@ def test_patterns_of_what_stays_have_to_match() -> None:
     block = block_of_strips(False, 3)
     with pytest.raises(AatriError, match="keep: no image has an id like X"):
         said(block, cut(block, 0, 1), keep={"images": ["X"]})
+
+
+def test_the_difference_of_a_pose_is_that_of_position_and_rotation_with_its_derivatives() -> None:
+    """A turn by exp(w) of the linearisation differs from it by w; a step s before it by that of exp(s) exp(w)."""
+    rng = np.random.default_rng(1)
+    base, w = exp_rotation(rng.normal(0, 1.0, (1, 3)))[0], np.array([0.3, -0.2, 0.4])
+    b = SharedBlock("pose", 0, np.arange(6), np.arange(6), (np.array([10.0, 20.0, 30.0]), base))
+
+    def at(step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rotation = exp_rotation(step[None, 3:]) @ exp_rotation(w[None]) @ base
+        return _difference(Poses(np.array([[11.0, 18.0, 33.0]]) + step[:3], rotation), b)
+
+    value, derivatives = at(np.zeros(6))
+    np.testing.assert_allclose(value, [1.0, -2.0, 3.0, *w], atol=1e-12)
+    for k, e in enumerate(1e-6 * np.eye(6)):
+        np.testing.assert_allclose((at(e)[0] - at(-e)[0]) / 2e-6, derivatives[:, k], atol=1e-8)
