@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.geometry.similarity import closed_form, transform
-from aatri.progress import Silent
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -27,6 +26,7 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.stages.film_blocks import Told
 
 C_MM, HALF_MM, HEIGHT_M, BASE_M = 100.0, 75.0, 500.0, 300.0
 SIGMA_MM = 0.003
@@ -231,20 +231,6 @@ def two_apart(**options: Any) -> Small:
         a.control | {name(p): axes for p, axes in b.control.items()},
         a.observed | {name(i): axes for i, axes in b.observed.items()},
     )
-
-
-class Told(Silent):
-    """A context that keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-        self.lines: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
-
-    def log(self, message: str) -> None:
-        self.lines.append(message)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.evaluation.field_layout import _crowding
 from aatri.stages.accuracy.field_layout import FieldOptions, field_layout
-from tests.small_blocks import Told
+from tests.stages.film_blocks import Told
 
 
 def grid(n: int = 4, depth: float = 1.5) -> Float:

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from aatri.errors import InputError
 from aatri.formats.results.solution_tables import write_evaluation_tables
 from aatri.stages.accuracy.plotter import plotter
-from tests.small_blocks import Told
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
 
 SMALL = {
     "preset": "rc30",

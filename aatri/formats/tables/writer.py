@@ -17,9 +17,10 @@ import numpy.typing as npt
 
 from aatri.adapters.imported import sight_name
 from aatri.arrays import Float
-from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, OBSERVED_VALUE, Block
+from aatri.artifacts.block import OBSERVED_VALUE, Block
 from aatri.errors import ResourceError
 from aatri.formats.tables.columns import COVARIANCES, TABLES, Stated
+from aatri.formats.tables.ground import ROLES
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
 from aatri.formats.tables.settings.writing import settings_text
@@ -30,7 +31,7 @@ from aatri.tables.schema import Table, columns_of
 
 Cells = list[str]
 
-_ROLE_NAMES = {CONTROL: "control", CHECK: "check", APPROXIMATE: "approximate", NO_ROLE: "ignore"}
+_ROLE_NAMES = {code: word for word, code in ROLES.items()}
 
 
 def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None:

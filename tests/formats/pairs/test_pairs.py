@@ -18,7 +18,7 @@ from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
 from tests.reading import read_pairs
-from tests.small_blocks import Told
+from tests.stages.film_blocks import Told
 
 FIRST = (
     "153.033 0.01 -0.02\n# point x1 y1 x2 y2\n11 100000 200000 -700000 210000\n12, 50000, -3000, -760000, -1500\n"

@@ -22,8 +22,8 @@ from aatri.errors import GeometryError
 from aatri.plugin import SILENT, Context
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
-from tests.small_blocks import Told
 from tests.stages.bundle_adjustment.test_networks import HEAD
+from tests.stages.film_blocks import Told
 
 I_A, I_B, TARGET = 1.552, 1.498, 0.25
 SECOND = np.radians(1 / 3600)

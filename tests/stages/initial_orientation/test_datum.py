@@ -13,7 +13,8 @@ from aatri.artifacts.block import CONTROL, Block, Geodetic
 from aatri.artifacts.solution import Solution
 from aatri.observations.control import Control, observed_control
 from aatri.observations.exposure_time import velocities
-from tests.stages.initial_orientation.unordered import SMALL_UAV, Told, far_off, initial_of, simulated, without_strips
+from tests.stages.film_blocks import Told
+from tests.stages.initial_orientation.unordered import SMALL_UAV, far_off, initial_of, simulated, without_strips
 
 
 def with_distances(block: Block, ends: np.ndarray, wrong_m: float = 0.0) -> Block:

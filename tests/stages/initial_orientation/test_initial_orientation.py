@@ -16,9 +16,9 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.essential import essential
 from tests.made_uav_3strips import block_folder
 from tests.reading import read_block
+from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
-    Told,
     far_off,
     initial_of,
     measured,

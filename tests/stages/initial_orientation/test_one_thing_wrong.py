@@ -18,10 +18,10 @@ from aatri.stages.initial_orientation.graph import GraphOptions, graph
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.small_blocks import adjusted_by, flown, off_m
+from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation.test_datum import rejected_of, some_ends, with_distances
 from tests.stages.initial_orientation.unordered import (
     SMALL_UAV,
-    Told,
     far_off,
     initial_of,
     measured,

@@ -9,7 +9,8 @@ import pytest
 
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.stages.bundle_adjustment.bundle import bundle
-from tests.stages.initial_orientation.unordered import Told, initial_of, measured, simulated
+from tests.stages.film_blocks import Told
+from tests.stages.initial_orientation.unordered import initial_of, measured, simulated
 
 DRONE = {
     "camera": {

@@ -11,7 +11,6 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.plugin import SILENT, Context
-from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.initial_orientation.graph import GraphOptions, graph
@@ -55,13 +54,3 @@ def far_off(block: Block, solution: Solution) -> tuple[float, float]:
     centre = np.linalg.norm(solution.images.position_m - true.position_m, axis=1)[oriented]
     turned = solution.images.ground_from_image[oriented] @ true.ground_from_image[oriented].swapaxes(1, 2)
     return float(centre.max()), float(Rotation.from_matrix(turned).magnitude().max())
-
-
-class Told(Silent):
-    """A context that keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)

@@ -15,7 +15,7 @@ from aatri.errors import GeometryError, InputError
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.model_adjustment._options import ModelAdjustmentOptions
 from aatri.stages.model_adjustment.given_models import given_models
-from tests.small_blocks import Told
+from tests.stages.film_blocks import Told
 
 
 def example(shared_data: Path, name: str) -> dict[str, object]:

@@ -9,8 +9,8 @@ import pytest
 
 from aatri.stages.strip_formation._joined import SnoopingOptions
 from aatri.stages.strip_formation.similarity import similarity
-from tests.small_blocks import Told
 from tests.stages.chain import Chain, run_chain, simulated
+from tests.stages.film_blocks import Told
 
 BLOCK = {
     "preset": "rc30",
