@@ -45,9 +45,9 @@ KIND = "image_point"
 
 def image_points(source: ObservationSource) -> tuple[Observed, ...]:
     """Image points of the block, and what is known of the parameters of its images and cameras."""
-    if source.image_points is None:
+    rays, block = source.rays, source.block
+    if rays is None:
         return ()
-    rays, block = rays_of(source.block, source.image_points), source.block
 
     def names(rows: Int) -> tuple[Text, Text]:
         return block.images.id[rays.image[rows]], block.points.id[rays.point[rows]]

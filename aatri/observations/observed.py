@@ -21,6 +21,7 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.frames.tangent import TangentFrame
 from aatri.notes import Note
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.level import PLANE, Level
 from aatri.observations.parameters import ParameterRows
 
@@ -59,6 +60,8 @@ class ObservationSource:
     """
     notes: tuple[Note, ...] = ()
     """What there is to say of the start."""
+    rays: ImagePointRows | None = None
+    """All image points; None for a network without images."""
 
     def axes_at(self, place: Float) -> Float:
         """B: the axes of the block at places of the adjustment (not reduced), (n, 3, 3), columns."""

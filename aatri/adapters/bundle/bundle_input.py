@@ -82,7 +82,7 @@ def observation_source(
             )
     geodesy, start = geodesy_of(block, frame), {POSE: poses, POINT: xyz}
     level = level_of(frame, geodesy, origin)
-    return ObservationSource(block, image_points, origin, start, parameters, level, frame, geodesy, notes)
+    return ObservationSource(block, image_points, origin, start, parameters, level, frame, geodesy, notes, rays)
 
 
 def bundle_input(
@@ -109,7 +109,7 @@ def bundle_input(
         poses,
         source.start[POINT],
         source.origin_m,
-        None if source.image_points is None else rays_of(block, source.image_points),
+        source.rays,
         source.parameters,
         marked=np.isin(np.arange(len(block.points)), block.ground_points.point[block.ground_points.datum]),
         numbering=strip_numbering(poses.position_m, strip, block.images.sequence) if n else None,

@@ -67,10 +67,10 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: C
         Groups of unknowns of whose blocks the gains are wanted, see `gains`.
     """
     refuse_covariances(adjusted.down_weighted)
-    problem, state = adjusted.problem, adjusted.state
-    return covariances_at(
-        problem, state, adjusted.factored or factorise(problem, state), blocks=blocks, gains_of=gains_of
-    )
+    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
+    release = factored is None
+    factored = factored or factorise(problem, state)
+    return covariances_at(problem, state, factored, blocks=blocks, gains_of=gains_of, release=release)
 
 
 def covariances_at(
@@ -81,13 +81,15 @@ def covariances_at(
     blocks: bool = True,
     gains_of: Collection[str] = (),
     residuals: bool = False,
+    release: bool = False,
 ) -> Covariances:
     """Covariances of all unknowns at a state, from the factor of the linearisation there.
 
-    `residuals` asks for those of the records too, which cost nothing on the way; it needs `blocks`.
+    `residuals` asks for those of the records too, which cost nothing on the way; it needs `blocks`. `release` gives
+    back the memory of the factor on the way, which nothing can be asked of afterwards.
     """
     reduction = covariance_reduction(problem, factored, state)
-    down = _Down(problem, state, factored, blocks, gains_of, residuals)
+    down = _Down(problem, state, factored, blocks, gains_of, residuals, release)
     down.run()
     covariances = down.result()
     reduce_covariances(problem, state, reduction, covariances.groups, covariances.records, covariances.gains)
@@ -108,9 +110,10 @@ class _Down:
         blocks: bool,
         gains_of: Collection[str],
         residuals: bool,
+        release: bool,
     ) -> None:
         self.problem, self.state, self.factored = problem, state, factored
-        self.blocks, self.residuals = blocks, residuals
+        self.blocks, self.residuals, self.release = blocks, residuals, release
         n_vertices = len(problem.layout.size)
         largest = int(problem.layout.size.max(initial=0))
         self.vertex_covariance = np.zeros((n_vertices, largest, largest))
@@ -118,10 +121,9 @@ class _Down:
         self.block = np.full((n_blocks, 3, 3), np.nan)
         rays = problem.rays
         m = rays.records.rows if rays is not None else 0
-        self.ray = np.full((len(rays.rows) if rays is not None else 0, m, m), np.nan)
         self.fill = problem.predicting_lane(state) if rays is not None and blocks else None
         self.active = taken(rays.records.active, rays.rows) if rays is not None else np.zeros(0, dtype=bool)
-        self.ray_residual = np.empty(self.ray.shape[:2] if residuals else (0, m))
+        self.ray_residual = np.empty((len(self.active) if residuals else 0, m))
         self.kept = [(k, *side_by_side(k, problem.layout, state, all_=True)) for k in problem.kept] if blocks else []
         self.of_records = tuple(np.full((len(r.active), r.rows, r.rows), np.nan) for r in problem.records)
         self.gains = tuple(empty_gains(r, problem, gains_of) for r in problem.records) if gains_of else ()
@@ -140,6 +142,8 @@ class _Down:
         tree = self.problem.tree
         node, boundary = tree.nodes[k], self.boundary.pop(k, _NOTHING)
         S = lapack.panel_covariance(self.factored.factor.panel(k), boundary) if node.panel else boundary
+        if self.release:
+            self.factored.factor.release(k)
         self._take(k, node, S, pool)
         for child in node.children:
             self.boundary[child] = part_of(S, tree.maps[child])
@@ -171,6 +175,7 @@ class _Down:
         rays = self.problem.rays
         assert rays is not None
         assert self.fill is not None
+        of_rays = self.of_records[place_of(self.problem, rays.records)]
         # S is zero where an unknown is held, so that A need not be; gains are of A itself.
         for p0, p1, v, A, B in linearised(self.problem, self.fill, stretch, masked=bool(self.gains)):
             base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
@@ -178,9 +183,11 @@ class _Down:
                 self.ray_residual[base:last] = v
             active = self.active[base:last]
             X = np.empty((last - base if self.gains else 0, A.shape[2], 3))
-            filled = (self.problem.block_free, self.factored.block_factor, self.block, self.ray, X)
+            R = np.empty((last - base, A.shape[1], A.shape[1]))
+            filled = (self.problem.block_free, self.factored.block_factor, self.block, R, X)
             loc, parts = rays.loc[base:last], rays.parts
             block_covariances(p0, p1, base, rays.ray_start, active, A, B, loc, parts.size, parts.start, S, *filled)
+            of_rays[rays.rows[base:last]] = R
             if self.gains:
                 row = row_of[part_columns(parts, self.problem.layout, slice(base, last))]
                 block = np.repeat(np.arange(p0, p1), np.diff(rays.ray_start[p0 : p1 + 1]))
@@ -204,10 +211,7 @@ class _Down:
         rays = self.problem.rays
         if self.blocks:
             direct_covariances(self.problem, self.state, self.block, self.of_records, self.gains)
-        of_rays = self.ray
-        if rays is not None:
-            of_rays = self.of_records[place_of(self.problem, rays.records)]
-            of_rays[rays.rows] = self.ray
+        of_rays = np.zeros((0, 0, 0)) if rays is None else self.of_records[place_of(self.problem, rays.records)]
         for name, taking_none in taking_no_part(self.problem).items():
             groups[name][taking_none] = np.nan
             for r, of_record in zip(self.problem.records, self.of_records):

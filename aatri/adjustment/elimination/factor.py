@@ -56,6 +56,11 @@ class Factor:
         down_the_tree(tree, self.panel, x[:, None])
         return x
 
+    def release(self, k: int) -> None:
+        """Give back the memory of a node's panel, which cannot be asked for any more."""
+        if isinstance(self.panels, list):
+            self.panels[k] = np.zeros((0, 0))
+
     def clear(self) -> None:
         """Give back the room; nothing can be asked any more."""
         if self.panels is not None:

@@ -60,7 +60,7 @@ def block_covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, par
     ----------
     p0, p1 : int
     base : int
-        Number of the ray in row 0 of A, B and loc.
+        Number of the ray in row 0 of A, B, loc, R and X.
     ray_start : (n_blocks + 1,) int64
     active : (n,) bool
         Others are predicted: they are no part of C.
@@ -74,7 +74,7 @@ def block_covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, par
     free, Ls : (n_blocks, 3), (n_blocks, 6) float64
     Q : (n_blocks, 3, 3) float64
         Filled in.
-    R : (n_rays, m, m) float64
+    R : (n, m, m) float64
         Filled in: covariance of the adjusted, whitened value of each ray.
     X : (n, columns, 3) float64, or without rows
         Filled in: minus the covariance of the kept unknowns of each ray with its block.
@@ -200,8 +200,8 @@ def block_covariances(p0, p1, base, ray_start, active, A, B, loc, part_size, par
                         x += W[e, 0] * B[r, i, 0] + W[e, 1] * B[r, i, 1] + W[e, 2] * B[r, i, 2]
                         for a in range(wide):
                             x += half[i, a] * A[r, e, a]
-                        R[base + r, i, e] = x
-                        R[base + r, e, i] = x
+                        R[r, i, e] = x
+                        R[r, e, i] = x
         p = end
 
 

@@ -178,7 +178,7 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
         covariances = None
         if work.covariances and not adjusted.down_weighted:
             factored = factorise(adjusted.problem, adjusted.state)
-            covariances = covariances_at(adjusted.problem, adjusted.state, factored)
+            covariances = covariances_at(adjusted.problem, adjusted.state, factored, release=True)
     except (NotInParts, AatriError, MemoryError) as problem:
         failed = Failed(str(problem) or "no memory")
         if not isinstance(problem, NotInParts):

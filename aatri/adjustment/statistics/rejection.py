@@ -56,9 +56,9 @@ class Pool:
     """All records of an adjustment, kind after kind."""
 
     neighbours: Int
-    """(n, groups) int64. Block of each group of the neighbourhood; -1 where it is not touched."""
+    """(n, groups) int32. Block of each group of the neighbourhood; -1 where it is not touched."""
     source: Int
-    """(n,) int64. What the share is counted over: a block of the share's group, or a kind."""
+    """(n,) int32. What the share is counted over: a block of the share's group, or a kind."""
     carrier: Bool
     """(n,). Records that touch the share's group."""
     counted: Bool
@@ -76,12 +76,12 @@ def pool_of(snooping: Snooping, records: Sequence[Records], variances: Sequence[
     for kind, r in enumerate(records):
         touched = dict(r.touches)
         n = len(r.active)
-        none = np.full(n, -1, dtype=np.int64)
+        none = np.full(n, -1, dtype=np.int32)
         neighbours.append(np.stack([touched.get(group, none) for group in snooping.neighbourhood], axis=1))
         owner = touched.get(snooping.share[0])
         carrier.append(np.full(n, owner is not None))
-        source.append(np.full(n, kind, dtype=np.int64) if owner is None else kinds + owner.astype(np.int64))
-    near = np.concatenate(neighbours).astype(np.int64)
+        source.append(np.full(n, kind, dtype=np.int32) if owner is None else kinds + owner.astype(np.int32))
+    near = np.concatenate(neighbours).astype(np.int32, copy=False)
     counted = np.zeros(len(near), dtype=bool)
     for block in near.T:
         counted |= (block >= 0) & (np.bincount(np.maximum(block, 0), block >= 0)[np.maximum(block, 0)] > 1)

@@ -1,13 +1,15 @@
 """An adjustment problem with its index."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from aatri.adjustment.problem import Problem
-from aatri.adjustment.records import Fill, Records, active_lane
+from aatri.adjustment.records import Bind, Fill, Records, active_lane, prepared_lane
 from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.structure.index import EliminatedRecords, KeptRecords
 from aatri.adjustment.structure.layout import Layout
@@ -61,6 +63,17 @@ class IndexedProblem:
     def constraints(self) -> tuple[Records, ...]:
         """What must hold exactly; see `constraints`."""
         return self.stated.constraints
+
+    def without_lanes(self) -> IndexedProblem:
+        """The same without the copies of the rays in their order, which are made again where they are asked for."""
+        if self.rays is None:
+            return replace(self)
+        records, rows = self.rays.records, self.rays.rows
+
+        def weigh(whitener: Float) -> Bind:
+            return prepared_lane(records, rows)(whitener)
+
+        return replace(self, rays=replace(self.rays, lane=weigh))
 
     @property
     def threads(self) -> int:

@@ -266,6 +266,7 @@ def _result(
             groups[name][adjusted_blocks] = values[adjusted_blocks]
         places = [i for i, rows in enumerate(part.rows) if len(rows) and not inputs.observed[i].exact]
         record_covariances = dict(zip(places, marginal.records))
+    adjusted = replace(adjusted, problem=adjusted.problem.without_lanes())  # a search keeps several results
     poses: Poses = adjusted.state[POSE]
     return BundleResult(
         poses.where(image).shifted(inputs.origin_m),

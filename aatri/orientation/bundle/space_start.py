@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.records import Records
+from aatri.adjustment.records import CHUNK, Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
@@ -59,16 +59,20 @@ def turned_over(rays: ImagePointRows | None, result: BundleResult) -> Bool:
     """Images with more than half of their points behind them, (n_images,) bool."""
     if rays is None:
         return np.zeros(len(result.image_adjusted), dtype=bool)
-    return images_turned_over(rays.take(result.ray_used), result.poses, result.xyz_m)
+    return images_turned_over(rays, result.poses, result.xyz_m, result.ray_used)
 
 
-def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Bool:
-    """The same for given orientations and points."""
-    image = rays.image
-    axis = poses.ground_from_image[image][:, :, 2]
-    behind = np.einsum("ni,ni->n", axis, xyz_m[rays.point] - poses.position_m[image]) > 0
-    n = len(poses.position_m)
-    return np.asarray(2 * np.bincount(image[behind], minlength=n) > np.bincount(image, minlength=n))
+def images_turned_over(rays: ImagePointRows, poses: Poses, xyz_m: Float, used: Bool | None = None) -> Bool:
+    """The same for given orientations and points, by some of the rays or all."""
+    n, axis = len(poses.position_m), poses.ground_from_image[:, :, 2]
+    points, behind = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    for first in range(0, len(rays.image), CHUNK):  # those of all rays together would be more than all that is kept
+        chunk = slice(first, first + CHUNK)
+        image, point = (a[chunk] if used is None else a[chunk][used[chunk]] for a in (rays.image, rays.point))
+        depth = np.einsum("ni,ni->n", axis[image], xyz_m[point] - poses.position_m[image])
+        points += np.bincount(image, minlength=n)
+        behind += np.bincount(image[depth > 0], minlength=n)
+    return np.asarray(2 * behind > points)
 
 
 def _ray_rows(inputs: BundleInput, part: Participants) -> Int:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.cross import covariances_of_pairs, joint_covariance
-from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.covariance.marginal import covariances_at, marginal_covariances
+from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.kernels.covariance import block_covariances
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
@@ -33,7 +34,7 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str, siz
     free = np.ones((n, 3))
     free[::4, 2] = 0.0
     L, Q = np.empty((n, 6)), np.full((n, 3, 3), np.nan)
-    R, X = np.full((rays.ray_start[-1], m, m), np.nan), np.full((len(every), rays.size.sum(), 3), np.nan)
+    R, X = np.full((len(every), m, m), np.nan), np.full((len(every), rays.size.sum(), 3), np.nan)
     wanted_Q, wanted_R, wanted_X = np.zeros_like(Q), np.full_like(R, np.nan), np.zeros_like(X)
     for p in range(n):
         rows = rays.rows(p)
@@ -51,7 +52,7 @@ def test_blocks_and_rays_have_the_covariances_of_the_dense_system(name: str, siz
         both = np.hstack([rays.jacobian(rows, every), rays.B[rows].reshape(-1, 3)])
         full = both @ joint @ both.T
         for i, r in enumerate(rows):
-            wanted_R[BASE + r] = full[m * i : m * i + m, m * i : m * i + m]
+            wanted_R[r] = full[m * i : m * i + m, m * i : m * i + m]
     block_covariances(
         0, n, BASE, rays.ray_start, active, rays.A, rays.B, rays.loc, rays.size, rays.start, S, free, L, Q, R, X
     )
@@ -123,6 +124,21 @@ def test_redundancy_numbers_of_all_records_sum_to_the_redundancy_with_points_ret
     found = marginal_covariances(result).records
     redundancy = sum(np.sum(1 - np.einsum("nii->ni", c[r.active])) for r, c in zip(records, found))
     np.testing.assert_allclose(redundancy, result.redundancy, rtol=1e-9)
+
+
+@pytest.mark.parametrize("maker", [made_problem, joined_problem, shared_problem])
+def test_a_factor_given_back_on_the_way_down_gives_the_same_covariances(monkeypatch: pytest.MonkeyPatch, maker) -> None:
+    monkeypatch.setattr(preparation, "DENSE_VERTICES", 2)
+    result = adjust_large(*maker(1, n_kept=14, n_points=40))
+    kept, released = (factorise(result.problem, result.state) for _ in range(2))
+    expected = covariances_at(result.problem, result.state, kept)
+    found = covariances_at(result.problem, result.state, released, release=True)
+    assert sum(kept.factor.panel(k).size for k in range(len(result.problem.tree.nodes))) > 0
+    assert sum(released.factor.panel(k).size for k in range(len(result.problem.tree.nodes))) == 0
+    for name, values in expected.groups.items():
+        np.testing.assert_array_equal(found.groups[name], values)
+    for record, values in zip(found.records, expected.records):
+        np.testing.assert_array_equal(record, values)
 
 
 # The joint covariance of many blocks against the dense inverse.

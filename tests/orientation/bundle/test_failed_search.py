@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,8 @@ from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.class_scales import ClassScales
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle import adjust, from_afar
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import robust_start, tested_block
@@ -28,6 +30,7 @@ from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
+from aatri.orientation.bundle.space_start import images_turned_over
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, settings
@@ -225,3 +228,15 @@ def test_a_class_that_goes_back_to_its_standard_deviations_has_those_given() -> 
     assert not after.changed.any()
     assert after.notes(of_result=True) == []
     np.testing.assert_allclose(factor, [1.0, 1.0 / 49.0], rtol=1e-15)
+
+
+def test_images_turned_over_are_told_of_very_many_rays_in_little_memory() -> None:
+    """Image 1 has 60 % of its 100,000 points behind it, but half of these are not in use: 43 %."""
+    row, none, xyz = np.arange(200_000, dtype=np.int32), np.zeros((200_000, 2)), np.array([[0, 0, -1.0], [0, 0, 1]])
+    behind, used = (row % 2 == 1) & (row // 2 % 10 < 6), (row % 2 == 0) | (row // 2 % 10 > 2)
+    rays = ImagePointRows(row % 2, behind.astype(np.int32), none, none, none[:, 0], none, behind)
+    poses = Poses(np.zeros((2, 3)), np.stack([np.eye(3)] * 2))
+    tracemalloc.start()
+    assert images_turned_over(rays, poses, xyz).tolist() == [False, True]
+    assert not images_turned_over(rays, poses, xyz, used).any()
+    assert tracemalloc.get_traced_memory()[1] < 10 * len(row)  # an axis and two positions of each are 72 bytes

@@ -222,3 +222,9 @@ def test_gains_are_those_of_the_system_bordered_by_inner_constraints(given: Part
         found = gains.of(group)
         assert found is not None
         np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_a_result_keeps_no_copies_of_its_rays() -> None:
+    """A search keeps results while it makes others: 56 bytes an image point, made again where they are asked for."""
+    problem = adjust_bundle(made_bundle(), datum="free").adjusted.problem
+    assert not {"ray_lane", "predicting_lane", "ray_columns"} & set(vars(problem))

@@ -35,9 +35,9 @@ class AllRecords:
     at_points: Bool
     """(n,). Records that touch one point, so that the others of the point can judge them."""
     point: Int
-    """(n,) int64. That point; -1 none."""
+    """(n,) int32. That point; -1 none."""
     image: Int
-    """(n,) int64. The image that a record touches; -1 none."""
+    """(n,) int32. The image that a record touches; -1 none."""
     coordinates: Bool
     """(n,). Records of that point alone: given coordinates."""
 
@@ -49,13 +49,13 @@ class AllRecords:
         for o in observed:
             measured = not (o.components or o.exact)
             touched = [blocks for group, blocks in o.records.touches if group == POINT]
-            poses = [blocks.astype(np.int64) for group, blocks in o.records.touches if group == POSE]
+            poses = [blocks.astype(np.int32) for group, blocks in o.records.touches if group == POSE]
             native.append(o.records.active & measured)
             touches_one_point = len(touched) == 1 and measured
             alone_at_point.append(np.full(len(o), touches_one_point and len(o.records.touches) == 1))
-            image.append(poses[0] if poses else np.full(len(o), -1, dtype=np.int64))
-            point.append(touched[0].astype(np.int64) if touches_one_point else np.full(len(o), -1, dtype=np.int64))
-        empty = np.zeros(0, dtype=np.int64)
+            image.append(poses[0] if poses else np.full(len(o), -1, dtype=np.int32))
+            point.append(touched[0].astype(np.int32) if touches_one_point else np.full(len(o), -1, dtype=np.int32))
+        empty = np.zeros(0, dtype=np.int32)
         points = np.concatenate([empty, *point])
         first = np.cumsum([0, *(len(o) for o in observed)])
         return cls(
@@ -105,7 +105,7 @@ class AllRecords:
     def smallest(self, number: Sequence[Int], factor: Float) -> Float:
         """Smallest factor of the classes of each record's components, (n,)."""
         if (factor == 1.0).all():
-            return np.ones(len(self.native))
+            return np.broadcast_to(1.0, len(self.native))
         class_factor = np.append(factor, 1.0)
         return np.concatenate([np.zeros(0), *(class_factor[n].min(axis=1) for n in number if n.shape[1])])
 

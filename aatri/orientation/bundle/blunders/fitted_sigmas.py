@@ -96,7 +96,7 @@ class FittedSigmas(Rejections):
 
     def _tested(self, result: BundleResult, active: Bool) -> TestedBlock:
         """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""
-        return TestedBlock(self.block, result, active, self.options, np.ones(len(active)))
+        return TestedBlock(self.block, result, active, self.options, np.broadcast_to(1.0, len(active)))
 
     def _smallest_factors(self, factor: Float) -> Float:
         return self.all.smallest(self.scaling.classes.number, factor)
@@ -108,7 +108,7 @@ class FittedSigmas(Rejections):
         """
         limit, classes = self.options.limit, self.scaling.classes
         if not self.options.counts:
-            return np.ones(len(self.all.native))
+            return np.broadcast_to(1.0, len(self.all.native))
         tails = classes.tails(result, least_squares, limit)
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
         return self._smallest_factors(np.array([tail.limit for tail in self.tails]) / limit)

@@ -52,7 +52,7 @@ class Rejections:
         observed = [o.records for o in self.all.observed]
         self.snooping = Snooping(options.limit, (POINT,), ("", 1.0), CLEAR[options.method], 1.0)
         pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
-        self.pool: Pool = replace(pool, counted=self.all.native)
+        self.pool: Pool = replace(pool, counted=self.all.native, variance=np.broadcast_to(0.0, len(self.all.native)))
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
         self.attributions = np.zeros(len(block.point_ids), dtype=np.int64)
         self.doubtful = np.zeros(len(block.point_ids), dtype=bool)

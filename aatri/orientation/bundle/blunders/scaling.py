@@ -47,7 +47,7 @@ class Classes:
     kind: Int
     """(g,) int64. Number of the kind that each class belongs to."""
     number: tuple[Int, ...]
-    """Tuple of (n, m). Class of every component of each of the observations; -1 none."""
+    """Tuple of (n, m) int32. Class of every component of each of the observations; -1 none."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
@@ -58,10 +58,10 @@ class Classes:
         number: list[Int] = []
         for o in block.observed:
             if o.exact or o.components or not len(o):
-                number.append(np.broadcast_to(np.int64(-1), (len(o), o.records.rows)))
+                number.append(np.broadcast_to(np.int32(-1), (len(o), o.records.rows)))
                 continue
             classes, of_components = classes_of(o, *_labels(o, block.images))
-            number.append(len(names) + of_components)
+            number.append((len(names) + of_components).astype(np.int32))
             names += classes
             kinds += [numbers.setdefault(o.kind, len(numbers))] * len(classes)
         return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))

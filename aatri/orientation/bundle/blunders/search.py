@@ -107,6 +107,7 @@ class _Search(ExactCoordinates):
             assert start is not None
             start, active = self._without_errors_of_lost_points(start, active)
         assert start is not None
+        del initial  # its tests are as long as the block, and are made again with the tails
         start = replace(start, tails=self._tails(start.result))
         return self._concluded(*self.without_wrong_exact(self.data_snooping(start, active), self.data_snooping))
 
