@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
 from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
-from aatri.adapters.bundle.information_observed import InformationShare, information_share, with_information
+from aatri.adapters.bundle.information_observed import (
+    InformationShare,
+    information_share,
+    linearised_at,
+    with_information,
+)
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
 from aatri.artifacts.block import Block
@@ -67,10 +72,11 @@ def adjusted_bundle(
     tell(notes, context)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration)
+    tangent, shared = None, None
     if information is not None:
         check_frame(information, block)
-    tangent = None if information is None else information.tangent_m
-    source = observation_source(block, image_points, initial, parameters, tangent)
+        tangent, shared = information.tangent_m, linearised_at(information, block)
+    source = observation_source(block, image_points, initial, parameters, tangent, shared=shared)
     source = with_row_times(source, options.readout_sigma, options.velocity_sigma)
     stated = bundle_input(source, options, suspects, searched=searched)
     inputs, share = _with_information(source, stated, information, context)
@@ -103,4 +109,4 @@ def _with_information(
         f"{several(len(information.unknowns), 'unknown')}; it has {several(count, 'observation')} of "
         "this block, counted once"
     )
-    return with_information(inputs, information, share, twice), share
+    return with_information(inputs, share, twice), share

@@ -9,7 +9,7 @@ from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.film_errors import film_errors
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -39,6 +39,7 @@ def observation_source(
     parameters: tuple[ParameterRows, ...] = (),
     origin: Float | None = None,
     linear_start: bool = False,
+    shared: tuple[Poses, Float] | None = None,
 ) -> ObservationSource:
     """A block in the frame of its adjustment; missing start values are filled in by intersection and resection.
 
@@ -50,6 +51,9 @@ def observation_source(
         Of the tangent frame, in the frame of the block; default its middle.
     linear_start : bool
         Images without orientation start by the direct linear transformation where it is determined.
+    shared : (Poses, (n_points, 3) float64), optional
+        Images and points by another block, in the frame of the adjustment, NaN where it has none: what has no start
+        otherwise begins there, and images are resected on these points.
 
     Raises
     ------
@@ -63,6 +67,8 @@ def observation_source(
     initial_poses = given_poses if initial is None else (initial.images.position_m, initial.images.ground_from_image)
     poses = poses_into(frame, *initial_poses)
     xyz = points_into(frame, _start_points(block, initial))
+    if shared is not None:
+        poses, xyz = poses.where(poses.oriented, shared[0]), np.where(finite_rows(xyz)[:, None], xyz, shared[1])
     origin = origin_of(poses, xyz)
     poses, xyz = poses_by_rigs(block, poses.shifted(-origin)), xyz - origin
     rays = None

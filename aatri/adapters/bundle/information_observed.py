@@ -20,6 +20,7 @@ from aatri.adjustment.elimination.onto import pivoted_cholesky, rank_of, without
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import Block
 from aatri.artifacts.information import Information
 from aatri.errors import ArtifactError
 from aatri.geometry.rotations import left_jacobian, log_rotation
@@ -78,6 +79,21 @@ def shared_blocks(information: Information, inputs: BundleInput) -> list[SharedB
             value = value + shift[scalar]
         blocks.append(SharedBlock(group, row, scalar, columns, value))
     return blocks
+
+
+def linearised_at(information: Information, block: Block) -> tuple[Poses, Float]:
+    """Images and points of a block where an Information is linearised, in the frame of the adjustment; NaN others."""
+    poses = Poses(np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan))
+    _, own, there = np.intersect1d(block.images.id, information.images.image, return_indices=True)
+    poses.position_m[own] = information.images.position_m[there] + information.origin_m
+    poses.ground_from_image[own] = information.images.ground_from_image[there]
+    xyz = np.full((len(block.points), 3), np.nan)
+    unknowns, of_points = information.unknowns, information.unknowns.group == POINT
+    for k, axis in enumerate("XYZ"):
+        rows = np.flatnonzero(of_points & (unknowns.name == axis))
+        _, own, there = np.intersect1d(block.points.id, unknowns.object[rows], return_indices=True)
+        xyz[own, k] = unknowns.value[rows[there]] + information.origin_m[k]
+    return poses, xyz
 
 
 @dataclass(frozen=True)
@@ -193,12 +209,8 @@ def _observed(
     return Observed(records, np.array([-1]), name, "", components=labels), float(h @ h)
 
 
-def with_information(
-    inputs: BundleInput, information: Information, share: InformationShare, twice: tuple[Bool, ...]
-) -> BundleInput:
+def with_information(inputs: BundleInput, share: InformationShare, twice: tuple[Bool, ...]) -> BundleInput:
     """The block with the Information, and without its own observations that stand in it.
-
-    Images and points without a start begin where the Information is linearised.
 
     Parameters
     ----------
@@ -209,13 +221,7 @@ def with_information(
         replace(o, records=replace(o.records, active=o.records.active & ~rows)) if rows.any() else o
         for o, rows in zip(inputs.observed, twice)
     ]
-    position, rotation, xyz = inputs.poses.position_m.copy(), inputs.poses.ground_from_image.copy(), inputs.xyz_m.copy()
-    for b in shared_blocks(information, inputs):
-        if b.group == POSE and not np.isfinite(position[b.row]).all():
-            position[b.row], rotation[b.row] = b.value
-        if b.group == POINT and not np.isfinite(xyz[b.row]).all():
-            xyz[b.row, b.scalar] = b.value
-    return replace(inputs, poses=Poses(position, rotation), xyz_m=xyz, observed=(*observed, share.observed))
+    return replace(inputs, observed=(*observed, share.observed))
 
 
 def square_root(N: Float, right: Float) -> tuple[Float, Float]:

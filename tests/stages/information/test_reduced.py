@@ -283,3 +283,16 @@ def test_the_difference_of_a_pose_is_that_of_position_and_rotation_with_its_deri
     np.testing.assert_allclose(value, [1.0, -2.0, 3.0, *w], atol=1e-12)
     for k, e in enumerate(1e-6 * np.eye(6)):
         np.testing.assert_allclose((at(e)[0] - at(-e)[0]) / 2e-6, derivatives[:, k], atol=1e-8)
+
+
+def test_new_images_without_a_start_are_resected_on_the_points_of_the_finished_block() -> None:
+    spec = DIGITAL | {"flight": {"strips": 3, "images_per_strip": 4}, "ties": {"new_points": 400}}
+    options = SimulateOptions.model_validate(spec | {"imu": {"observed": True}})
+    block = simulate(options=options, rng=np.random.default_rng(5))
+    assert isinstance(block, Block)
+    start, e = adjusted(block), block.exterior
+    block = replace(block, exterior=e.take(np.flatnonzero(block.images.strip[e.image] < 2)))
+    finished, new = cut(block, 0, 2), cut(block, 2, 3)
+    with pytest.raises(AatriError, match="no image has a starting orientation"):
+        adjusted(new)
+    assert apart(adjusted(new, said(finished, new)), adjusted(block, None, start)) < 0.01
