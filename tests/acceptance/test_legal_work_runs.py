@@ -14,10 +14,12 @@ from typer.testing import CliRunner
 from aatri.artifacts.block import Block
 from aatri.artifacts.block_images import FiducialPoints, Fiducials
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.cli.main import app
 from aatri.formats.tables.writer import write_block
 from aatri.tables import hdf5
 from tests.formats.dbat.dbat_report import DbatReport, read_report
+from tests.made_uav_3strips import block_folder
 from tests.reading import read_dbat, read_wucaps
 
 pytestmark = pytest.mark.slow
@@ -44,6 +46,14 @@ stages:
   bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: interior},
              with: {blunders: none, tolerance: 1.0e-8}}
   accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}
+"""
+UNORDERED = """\
+run: out
+stages:
+  block:    {use: block/tables, with: {path: block}}
+  interior: {use: interior_orientation/calibrated, from: {block}}
+  initial:  {use: initial_orientation/graph, from: {block, image_points: interior}}
+  bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: interior, initial}}
 """
 
 
@@ -167,3 +177,19 @@ def test_a_dbat3_camera_exported_and_read_back(tmp_path: Path, shared_data: Path
     report = read_report(folder / "camcal-dbatreport-model3.txt")
     assert second["sigma0"] == pytest.approx(report.sigma0, rel=1e-5)
     _assert_printed(_solution(tmp_path / "second").images.position_m - report.exterior[:, 3:], report)
+
+
+def test_a_principal_distance_one_per_cent_off_is_named_on_real_images_and_no_control_goes_for_it(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    """Three oblique strips, gross errors among their matches; calibrated: c = 3.62383 mm (README of the data)."""
+    block_yaml = block_folder(shared_data / "uav_3strips", tmp_path / "block") / "block.yaml"
+    text = block_yaml.read_text()
+    block_yaml.write_text(text.replace("principal_distance: 3.62383", "principal_distance: 3.58759"))
+    (tmp_path / "pipeline.yaml").write_text(UNORDERED)
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "pipeline.yaml"), "-q"])
+    assert done.exit_code == 6
+    c_mm, sigma_mm = done.stderr.split("principal distance of ")[1].split(" mm")[0].rstrip(")").split(" (+- ")
+    assert abs(float(c_mm) - 3.62383) < 3 * float(sigma_mm)
+    suspects = _solution(tmp_path).suspects
+    assert not (suspects.kind[staying_out(suspects)] == "control").any()

@@ -126,3 +126,26 @@ def test_a_robust_adjustment_lists_all_kinds(tmp_path: Path) -> None:
     s = solution.suspects
     assert 1 in s.row[s.kind == "control"].tolist()
     assert (s.unit[s.kind == "control"] == "m").all()
+
+
+@pytest.mark.parametrize("wrong", range(4))
+def test_an_exact_control_point_far_off_goes_alone_and_all_rays_stay(tmp_path: Path, wrong: int) -> None:
+    """One of four, 5 m off, in a block of few points: it bends every ray, as standard deviations too small would."""
+    chosen = np.union1d(CORNERS, np.arange(1, 29, 2))
+    seen = np.isin(OF.point, chosen)
+    few = replace(
+        OF,
+        xyz_m=OF.xyz_m[chosen],
+        image=OF.image[seen],
+        point=np.searchsorted(chosen, OF.point[seen]),
+        xy_mm=OF.xy_mm[seen],
+    )
+    corners, off = np.searchsorted(chosen, CORNERS).tolist(), np.zeros((len(CORNERS), 3))
+    off[wrong] = [3.0, -4.0, 0.0]
+    ground = ground_rows(few, corners, tail=",0,0,0", head=",sX,sY,sZ", off=off)
+    block, points = read(tmp_path, few, ground=ground, xy_mm=_noisy()[seen])
+    heard = Heard()
+    solution = bundle(block, points, start(few, block), options=BundleOptions(max_sigma0=1e9), context=heard)
+    assert _out(solution, "control") == [wrong]
+    assert _out(solution, "image_point") == []
+    assert not [text for text in heard.warned if "ask for" in text]

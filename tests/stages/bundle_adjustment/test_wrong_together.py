@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.stages.bundle_adjustment.test_bundle_input import CORNERS
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
+from tests.stages.hand_block import C_MM, Hand, ground_rows, hand, projected, read, start
 
 OPTIONS = BundleOptions(interior_unknowns=True)
 
@@ -231,3 +234,28 @@ def test_control_points_far_apart_with_each_others_coordinates_stop_no_adjustmen
     (line,) = [text for text in told.warnings if "control: these two fit if their numbers are exchanged" in text]
     assert all(name in line for name in pair)
     assert solution.sigma0 < 1.1
+
+
+@pytest.mark.parametrize("off_level_m", [22.0, 26.0])
+def test_what_explains_as_much_once_it_is_adjusted_is_named_too(tmp_path: Path, off_level_m: float) -> None:
+    """Vertical images of flat ground: c 1 % long is 6 m of height but for what the images fly above each other."""
+    true = hand(relief_m=0.0)
+    position, rotation = true.position_m.copy(), np.broadcast_to(np.eye(3), (6, 3, 3)).copy()
+    position[:, 2] = 600.0 + off_level_m * np.array([1, -1, 1, -1, 1, -1])
+    image, point = (a.ravel() for a in np.indices((6, len(true.xyz_m))))
+    xy_mm = projected(position, rotation, true.xyz_m, image, point)
+    image, point, xy_mm = (a[(np.abs(xy_mm) < 115.0).all(axis=1)] for a in (image, point, xy_mm))
+    true = Hand(position, rotation, true.xyz_m, image, point, xy_mm)
+    positions = [f"{i},{x!r},{y!r},{z!r},0.1,0.1,0.1" for i, (x, y, z) in zip(true.image_ids, position.tolist())]
+    block, points = read(
+        tmp_path,
+        true,
+        ground=ground_rows(true, CORNERS),
+        exterior="\n".join(["image,X,Y,Z,sX,sY,sZ", *positions]) + "\n",
+        xy_mm=xy_mm + np.random.default_rng(3).normal(0, 0.005, xy_mm.shape),
+        camera={"principal_distance": 1.01 * C_MM},
+    )
+    told = Told()
+    bundle(block, points, start(true, block), options=BundleOptions(max_sigma0=1e9), context=told)
+    (line,) = [text for text in told.warnings if "would explain as much" in text]
+    assert "principal distance of camera c" in line

@@ -12,13 +12,13 @@ Where all disagree they are not exact: what is gross must stand out of the other
 Source: Teunissen 2000, Testing Theory, 3 (conditions as observations without variance).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from aatri.adjustment.statistics.rejection import room_left
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
@@ -27,11 +27,14 @@ from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.swaps import Swap
-from aatri.orientation.bundle.blunders.tested_block import TestedBlock
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, TestedBlock, misfit
 from aatri.orientation.bundle.result import from_result
 
 SOFT = 0.3
 """Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
+
+MOST_TRIED = 4
+"""Exact coordinates of which each is left out to see which is far off: one step from there tells roughly."""
 
 MEDIAN = 1.26
 """Median of the largest of three normal errors, of either sign."""
@@ -44,14 +47,45 @@ SearchEnd = tuple[TestedBlock, Bool, tuple[Swap, ...]]
 class ExactCoordinates(RobustStart):
     """A search that knows exact coordinates."""
 
+    def without_far_exact(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool]:
+        """Least squares without the exact coordinates that are most of what is above the limit, and what is active.
+
+        A far one bends all rays: standard deviations that fit with it are so large that nothing is wrong any more.
+        """
+        limit = self.options.limit
+        while start.result.adjusted.has_factor and misfit(start.result, limit) > 0:
+            test = tests_of_exact(start, self.all, self.adjust)
+            worst = np.argsort(-np.nan_to_num(test))[:MOST_TRIED]
+            room = room_left(self.snooping, self.pool, active)[self.pool.source]
+            trials = [self._without(start, active, row) for row in worst[(test[worst] > limit) & (room[worst] > 0)]]
+            best = min(filter(None, trials), key=lambda trial: trial.result.adjusted.cost, default=None)
+            if best is None or misfit(best.result, limit) > MUCH_LESS * misfit(start.result, limit):
+                break
+            start, active = best, best.active
+        return start, active
+
+    def _without(self, tested: TestedBlock, active: Bool, row: int) -> TestedBlock | None:
+        """Least squares without one more record; None where that fails."""
+        use = active.copy()
+        use[row] = False
+        try:
+            return self.solve(tested, use)
+        except (GeometryError, ConvergenceError):
+            return None
+
     def without_wrong_exact(
-        self, searched: SearchEnd, search: Callable[[TestedBlock, Bool], SearchEnd]
+        self, searched: SearchEnd, search: Callable[[TestedBlock, Bool], SearchEnd], rejected: Int
     ) -> tuple[SearchEnd, Bool]:
         """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
 
         One after the other goes, the worst first. What then is not clear of the others comes back: they are not exact.
+
+        Parameters
+        ----------
+        rejected : (k,) int
+            Those that are out already.
         """
-        limit, rejected, wrong = self.options.limit, np.zeros(0, dtype=np.int64), np.zeros_like(searched[1])
+        limit, wrong = self.options.limit, np.zeros_like(searched[1])
         while searched[0].result.adjusted.has_factor:
             tested, use, swapped = searched
             test = tests_of_exact(tested, self.all, self.adjust)
@@ -64,10 +98,11 @@ class ExactCoordinates(RobustStart):
                     use[unclear], wrong[unclear] = True, True
                     searched = self.solve(tested, use), use, swapped
                 break
-            reduced_use = use.copy()
-            reduced_use[largest] = False
+            reduced = self._without(tested, use, largest)
+            if reduced is None:
+                break
             try:
-                searched = search(self._with_fitting_sigmas(self.solve(tested, reduced_use)), reduced_use)
+                searched = search(self._with_fitting_sigmas(reduced), reduced.active)
             except (GeometryError, ConvergenceError):
                 break
             if searched[1][largest]:
@@ -84,18 +119,29 @@ def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> 
     tested : TestedBlock
         Adjusted, with covariances.
     """
-    is_exact_kind = [o.holds is not None for o in tested.block.observed]
-    variance = np.diagonal(tested.result.point_covariance_m2, axis1=1, axis2=2)
-    new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
-    no_tests = np.full(len(records.native), np.nan)
-    if not any(is_exact_kind) or not new.any():
-        return no_tests
-    sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
     block = from_result(tested.block, tested.result)
-    block = replace(block, observed=tuple(softened(o, sigma_m) for o in block.observed))
-    soft = replace(tested, block=block, result=adjust(block, AdjustOptions(coarse=True)))
-    exact = np.concatenate([np.full(len(o), exact_kind) for o, exact_kind in zip(tested.block.observed, is_exact_kind)])
-    return np.where(exact & tested.active, soft.test, no_tests)
+    observed = exact_as_observed(block.observed, tested.result.point_covariance_m2)
+    if observed is None:
+        return np.full(len(records.native), np.nan)
+    soft = replace(tested, result=adjust(replace(block, observed=observed), AdjustOptions(coarse=True)))
+    exact = np.concatenate([np.full(len(o), o.holds is not None) for o in block.observed])
+    return np.where(exact & tested.active, soft.test, np.nan)
+
+
+def exact_as_observed(observed: Sequence[Observed], point_covariance_m2: Float) -> tuple[Observed, ...] | None:
+    """The observations with exact coordinates as observed ones, so that they have tests; None where there are none.
+
+    Parameters
+    ----------
+    point_covariance_m2 : (p, 3, 3) float64, m^2
+        Of all points, with the exact coordinates held.
+    """
+    variance = np.diagonal(point_covariance_m2, axis1=1, axis2=2)
+    new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
+    if not new.any() or all(o.holds is None for o in observed):
+        return None
+    sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
+    return tuple(softened(o, sigma_m) for o in observed)
 
 
 def scale_of(test: Float) -> float:

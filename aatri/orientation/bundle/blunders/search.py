@@ -1,8 +1,8 @@
 """The search for gross errors in a bundle: robust start, data snooping, re-admission; every kind takes part.
 
-1. Adjust by least squares, with standard deviations that fit the residuals (`scaling`). Where no |w| is above the
-   limit, which counts the tests made, that is the result; but points that rejections of earlier stages contradict are
-   asked again, all records of each.
+1. Adjust by least squares, without exact coordinates that are far off (`exact_coordinates`), with standard deviations
+   that fit the residuals (`scaling`). Where no |w| is above the limit, which counts the tests made, that is the
+   result; but points that rejections of earlier stages contradict are asked again, all records of each.
 2. Else adjust once more, robustly: gross errors smear in least squares, hardly in a robust adjustment. With its poses,
    held, each point with something above the limit, or rejected by an earlier stage, is looked at (`points`): the
    fewest records are left out without which the others agree. Of other kinds what is above the limit goes.
@@ -91,6 +91,10 @@ class _Search(ExactCoordinates):
             return replace(untested, notes=(*untested.notes, Note("warning", UNTESTED)))
         redundancy, count = self.all.redundancy(None if initial is None else initial.result)
         self.pool = replace(self.pool, room=room_of(redundancy, count, self.options.max_share))
+        began = active
+        if initial is not None:
+            initial, active = self.without_far_exact(initial, active)
+        far_exact = np.flatnonzero(began & ~active)
         start = None if initial is None else self._with_fitting_sigmas(initial)
         if (readmitted := self._readmitted_by_larger_sigmas(active, start)).any():
             active = self.initially_active = active | readmitted
@@ -109,7 +113,9 @@ class _Search(ExactCoordinates):
         assert start is not None
         del initial  # its tests are as long as the block, and are made again with the tails
         start = replace(start, tails=self._tails(start.result))
-        return self._concluded(*self.without_wrong_exact(self.data_snooping(start, active), self.data_snooping))
+        return self._concluded(
+            *self.without_wrong_exact(self.data_snooping(start, active), self.data_snooping, far_exact)
+        )
 
     def _concluded(self, searched: SearchEnd, wrong: Bool) -> AdjustedBlock:
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""

@@ -1,9 +1,10 @@
 """The search for gross errors with groups before single observations.
 
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
-   does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that halves
-   the squares of what is above the limit; of several the one that leaves the least v'v, or a simpler one that leaves
-   no more than `SEPARABLE` above it. Positions that an earlier stage has rejected take part: they may be a group, or
+   does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that takes
+   half of the squares of what is above the limit, there or from all; of several the one that leaves the least v'v, or
+   a simpler one that leaves no more than `SEPARABLE` above it, the others named beside it; none where the single
+   observation that explains most leaves as little (`single_errors`). Positions that an earlier stage has rejected take part: they may be a group, or
    agree with all else where self-calibration estimates what that stage lacked.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
@@ -28,11 +29,12 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, gains_of, misfit, tests_in_use, tests_of
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
+from aatri.orientation.bundle.groups.single_errors import attempted, cost_without_worst, largest_gain_root
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
@@ -94,8 +96,8 @@ def search_with_groups(
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
-        largest_gain_root = _largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
-        candidates = significant_groups(block, done.result, candidates_of, largest_gain_root, [g.key for g in groups])
+        gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
+        candidates = significant_groups(block, done.result, candidates_of, gain_root, [g.key for g in groups])
         trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
         accepted = next(((group, adjusted) for group, adjusted in trials if adjusted is not None), None)
         if accepted is None:
@@ -176,19 +178,32 @@ def _groups_before_single_errors(
         if tests_in_use(result).max() <= options.limit:
             break
         candidates = significant_groups(
-            block, result, candidates_of, _largest_gain_root(result), [g.key for g in groups]
+            block, result, candidates_of, largest_gain_root(result), [g.key for g in groups]
         )
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in candidates]
-        most_misfit = MUCH_LESS * misfit(result, options.limit)
-        fits = [(g, r) for g, r in trials if r is not None and misfit(r, options.limit) <= most_misfit]
+        fits = [(g, r) for g, r in trials if r is not None and _explains_most(r, result, options.limit)]
         if not fits:
             break
         least_cost = min(r.adjusted.cost for _, r in fits)
         tolerance = ROUGH + SEPARABLE * max(1.0, least_cost / max(result.adjusted.redundancy, 1))
+        if cost_without_worst(with_groups(block, groups), result, adjust) <= least_cost + tolerance:
+            break
         equivalent = [(g, r) for g, r in fits if r.adjusted.cost <= least_cost + tolerance]
         group, result = min(equivalent, key=lambda trial: trial[0].complexity)
-        groups.append(group)
+        groups.append(_with_equivalents(group, sorted(equivalent, key=lambda trial: trial[1].adjusted.cost)))
     return groups, result
+
+
+def _with_equivalents(group: Group, trials: list[tuple[Group, BundleResult]]) -> Group:
+    """The group with what explains as much once it is adjusted: far off, one step does not tell that it does."""
+    others = [(g.per, g.unit, g.cause) for g, _ in trials if (g.place, g.per) != (group.place, group.per)]
+    return replace(group, or_else=tuple(dict.fromkeys([*others, *group.or_else])))
+
+
+def _explains_most(result: BundleResult, before: BundleResult, limit: float) -> bool:
+    """Whether half of the squares above the limit are gone, or as much of all: a lens is in every ray, by less."""
+    squares = MUCH_LESS * misfit(before, limit)
+    return misfit(result, limit) <= squares or before.adjusted.cost - result.adjusted.cost >= squares
 
 
 def _adjusted_with(
@@ -211,17 +226,7 @@ def _adjusted_with(
 
 def _squares(block: BundleInput, adjust: Adjust) -> BundleResult | None:
     """Least squares with everything; None where that fails."""
-    try:
-        return adjust(block, AdjustOptions(coarse=True))
-    except (ConvergenceError, GeometryError):
-        return None
-
-
-def _largest_gain_root(result: BundleResult) -> float:
-    """Root of the most that leaving out a single observation, all its coordinates, gains."""
-    tested_kinds = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
-    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in tested_kinds]
-    return float(np.sqrt(np.nanmax(np.concatenate([np.zeros(1), *gains]))))
+    return attempted(lambda: adjust(block, AdjustOptions(coarse=True)))
 
 
 def _without_group_unknowns(
