@@ -4,8 +4,8 @@
    does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that takes
    half of the squares of what is above the limit, there or from all; of several the one that leaves the least v'v, or
    a simpler one that leaves no more than `SEPARABLE` above it, the others named beside it; none where the single
-   observation that explains most leaves as little (`single_errors`). Positions that an earlier stage has rejected take part: they may be a group, or
-   agree with all else where self-calibration estimates what that stage lacked.
+   observation that explains most leaves as little (`single_errors`). Positions that an earlier stage has rejected take
+   part: they may be a group, or agree with all else where self-calibration estimates what that stage lacked.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
