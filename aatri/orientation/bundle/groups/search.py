@@ -189,14 +189,19 @@ def _groups_before_single_errors(
         if cost_without_worst(with_groups(block, groups), result, adjust) <= least_cost + tolerance:
             break
         equivalent = [(g, r) for g, r in fits if r.adjusted.cost <= least_cost + tolerance]
-        group, result = min(equivalent, key=lambda trial: trial[0].complexity)
-        groups.append(_with_equivalents(group, sorted(equivalent, key=lambda trial: trial[1].adjusted.cost)))
+        equivalent.sort(key=lambda trial: trial[0].complexity)
+        group, result = equivalent[0]
+        groups.append(_with_equivalents(group, [g for g, _ in equivalent]))
     return groups, result
 
 
-def _with_equivalents(group: Group, trials: list[tuple[Group, BundleResult]]) -> Group:
-    """The group with what explains as much once it is adjusted: far off, one step does not tell that it does."""
-    others = [(g.per, g.unit, g.cause) for g, _ in trials if (g.place, g.per) != (group.place, group.per)]
+def _with_equivalents(group: Group, equivalent: list[Group]) -> Group:
+    """The group with what explains as much once it is adjusted, of each unit the simplest that comes first.
+
+    Far off, one step does not tell that it does.
+    """
+    causes = {(g.place, g.per, g.unit): (g.per, g.unit, g.cause) for g in reversed(equivalent)}
+    others = [cause for (place, per, _), cause in causes.items() if (place, per) != (group.place, group.per)]
     return replace(group, or_else=tuple(dict.fromkeys([*others, *group.or_else])))
 
 
