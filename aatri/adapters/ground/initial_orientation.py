@@ -26,6 +26,7 @@ from aatri.adapters.ground.initial_tests import (
     two_that_differ,
     with_uncertain_distances,
 )
+from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
@@ -236,7 +237,7 @@ def _oriented(
 ) -> tuple[OnGround, list[Note]]:
     """By all that is observed of it, without the one kind that contradicts all else."""
     body = body_of(component, rays)
-    seated, notes = oriented_by(ground, body, settings, what)
+    seated, notes = oriented_by_the_others(ground, body, settings, what)
 
     def part(oriented: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
         to = oriented.ground_from_body

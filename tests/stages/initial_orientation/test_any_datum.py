@@ -143,6 +143,34 @@ def test_an_open_datum_is_named(tmp_path: Path, made: Callable[[], Small], open_
         adjusted_by("graph", folder)
 
 
+def with_first(small: Small, kind: str, change: Callable[[float], float]) -> Small:
+    """The same block with another value of the first observation of a kind."""
+    at = next(k for k, row in enumerate(small.geodetic) if row.startswith(kind))
+    cells = small.geodetic[at].split(",")
+    small.geodetic[at] = ",".join([*cells[:3], repr(change(float(cells[3]))), *cells[4:]])
+    return small
+
+
+@pytest.mark.slow
+def test_a_distance_in_mm_is_left_out_where_the_datum_hangs_on_distances(tmp_path: Path) -> None:
+    made = levelled()
+    distance(made, "C2", "C3")
+    distance(made, "C1", "C3")
+    begins("graph", with_first(made, "distance", lambda metres: 1000 * metres), tmp_path, 0.3)
+
+
+@pytest.mark.slow
+def test_two_azimuths_of_which_one_is_turned_about_are_both_named_and_no_control_is_called_mirrored(
+    tmp_path: Path,
+) -> None:
+    """By either alone the block lies well, by the wrong one turned by 180 degrees about its point."""
+    made = levelled()
+    azimuth(made, "C2", "C3")
+    folder = with_first(made, "azimuth", lambda degrees: (degrees + 180) % 360).write(tmp_path / "block")
+    with pytest.raises(GeometryError, match="is wrong: azimuth C1-C4, azimuth C2-C3\n"):
+        adjusted_by("graph", folder)
+
+
 def test_positions_that_place_nothing_leave_the_images_to_be_oriented_alone(tmp_path: Path) -> None:
     """Two positions leave the turn about their line open; photographs of a telephone along a street do, too."""
     made = flown(1, 4)
