@@ -30,6 +30,7 @@ from aatri.checks.as_read.copies import without_copies
 from aatri.checks.as_read.coverage import coverage
 from aatri.checks.as_read.exchanged_images import exchanged_images
 from aatri.checks.as_read.frame import outside_of_its_frame
+from aatri.checks.as_read.lever_arms import impossible_lever_arms
 from aatri.checks.as_read.measured_twice import measured_twice, of_image_and_point
 from aatri.checks.as_read.positions import without_impossible_positions
 from aatri.checks.as_read.rejects import in_order, listed, name_of_image_point, rejected, told_rejects
@@ -125,12 +126,15 @@ def _held_against_control(block: Block, active: Bool) -> list[Finding]:
     more, by_scale = distances_by_scale(block, xy_mm, usable & ~np.isin(camera, of_ray))
     distance = np.linalg.norm(rays.control_m[rays.point] - rays.position_m[rays.image], axis=1)
     figures = camera_figures(cameras, np.concatenate([of_ray, more]), np.concatenate([distance, by_scale]))
+    impossible = impossible_lever_arms(block, of_ray, distance)
     in_place = (block.cameras.image_coordinates == "photo") | (block.cameras.kind == "digital")
     rows = usable & in_place[camera]
     covered = coverage(cameras, camera[rows], xy_mm[rows])
     if any(finding.level == "error" for finding in covered):
-        return [*figures, *covered]
+        return [*figures, *impossible, *covered]
     exchanged = exchanged_images(block, xy_mm, usable)
+    if impossible:
+        return [*figures, *impossible]
     return [*figures, *covered, *outside_of_its_frame(block), *angles_that_differ(block, xy_mm, usable), *exchanged]
 
 

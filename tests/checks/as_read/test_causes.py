@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import unicodedata
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Block
 from aatri.checks.as_read.cameras import CameraFrames, camera_figures
 from aatri.checks.as_read.coverage import coverage
+from aatri.checks.as_read.lever_arms import impossible_lever_arms
 from aatri.errors import AatriError, InputError
 from tests.bad_inputs.rows import BadInput
 from tests.checks.as_read.test_screening import Written
@@ -55,6 +57,28 @@ def test_figures_that_no_camera_has_are_warnings(camera: CameraFrames, distance_
     assert [text for text in warned if what in text]
     good = camera_figures(_camera(pixel_mm=np.nan), ZERO, np.full(3, 250e3))
     assert not [f for f in good if f.level == "warning"]
+
+
+@pytest.mark.parametrize(
+    ("lever_arm_m", "refers_to", "what"),
+    [
+        ((120.0, -50.0, 350.0), ANTENNA, "lever arm of 373 m, longer than any aircraft"),
+        ((0.0, 0.0, 60.0), ANTENNA, "lever arm of 60 m, though the control it sees is 110 m away"),
+        ((0.0, 0.0, 50.0), ANTENNA, ""),
+        ((1.2, -0.4, 8.0), ANTENNA, ""),
+        ((120.0, -50.0, 350.0), PROJECTION_CENTRE, ""),
+    ],
+)
+def test_lever_arms_in_millimetres_are_errors(lever_arm_m: tuple[float, ...], refers_to: int, what: str) -> None:
+    """Of a drone 110 m above its control; a lever arm of which nothing makes use is told elsewhere."""
+    block: Any = SimpleNamespace(
+        cameras=SimpleNamespace(id=np.array(["drone"]), lever_arm_m=np.array([lever_arm_m])),
+        images=SimpleNamespace(camera=ZERO),
+        exterior=SimpleNamespace(image=np.arange(3), refers_to=np.full(3, refers_to)),
+    )
+    told = [f"{f.level}: {f}" for f in impossible_lever_arms(block, ZERO, np.array([100.0, 110.0, 120.0]))]
+    assert len(told) == bool(what)
+    assert all(text.startswith("error: ") and what in text for text in told)
 
 
 # Control whose ids are written otherwise than in the images, or that is called approximate, is not lost in silence.
