@@ -83,7 +83,7 @@ def _of_camera(
         scatter = _scatter(observed, rotation, share)
         if scatter <= WRONG_ATTITUDES_RAD:
             continue
-        readings = [(_scatter(R, rotation, share), what) for what, R in _readings(angles)]
+        readings = [(_scatter(R, rotation, share), what) for what, R in readings_of(angles)]
         least = min(readings)[0]
         best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
         text = f"attitudes as {declared} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
@@ -106,7 +106,7 @@ def _scatter(observed: Float, rotation: Float, share: float) -> float:
     return float(np.quantile(np.linalg.norm(log_rotation(lacking @ common.T), axis=1), share))
 
 
-def _readings(angles: Float) -> Iterator[tuple[str, Float]]:
+def readings_of(angles: Float) -> Iterator[tuple[str, Float]]:
     """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
     names = {
         "omega-phi-kappa": ("omega", "phi", "kappa"),

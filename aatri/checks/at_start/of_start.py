@@ -10,6 +10,7 @@ from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
 from aatri.checks.at_start.frame import neglected_by_the_frame
+from aatri.checks.at_start.mounts import mount_conventions
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.at_start.sharp_conditions import sharp_conditions
 from aatri.checks.finding import Finding
@@ -39,7 +40,7 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(inputs)
-        return [*findings, *attitude_conventions(source, inputs, state, before=True)]
+        return [*findings, *attitude_conventions(source, inputs, state, before=True), *mount_conventions(block, state)]
     if inputs.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [

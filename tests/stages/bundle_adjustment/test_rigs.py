@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.checks.at_start.mounts import mount_conventions
 from aatri.geometry.rotations import angles_from_rotation
+from aatri.observations.poses import POSE, Poses
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.observations.test_rigs import RIG, rigged
@@ -72,6 +75,29 @@ def test_weighted_mounts_are_observations_of_their_own() -> None:
     solution = adjusted(block)
     assert (solution.residuals.kind == "mount_prior").sum() == 12
     assert 0.9 < solution.sigma0 < 1.1
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda angles: -angles, "of opposite sign"),
+        (lambda angles: 1000 * angles, "thousandths of the unit declared"),
+        (lambda angles: angles + 0.003, ""),
+    ],
+)
+def test_mounts_in_another_convention_are_told_with_it_before_the_adjustment(
+    change: Callable[[np.ndarray], np.ndarray], what: str
+) -> None:
+    block = rigged(1)
+    true, members = block.true_images, block.rig_members
+    assert true is not None
+    state = {POSE: Poses(true.position_m, true.ground_from_image)}
+    assert not mount_conventions(block, state)
+    findings = mount_conventions(
+        replace(block, rig_members=replace(members, angles_rad=change(members.angles_rad))), state
+    )
+    assert len(findings) == (2 if what else 0)
+    assert all(what in str(f) and f.level == "error" for f in findings)
 
 
 @pytest.mark.slow
