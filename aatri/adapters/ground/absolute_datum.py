@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
-from aatri.adapters.ground.ground_observed import GroundObserved
+from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import not_rejected
@@ -80,7 +80,10 @@ def oriented_part(
 
     body = _body(ground.block, strips, component)
     by_rays = control_by_rays(component, body, control_of(ground.block).point, rays, TIE_LIMIT)
-    result, notes = oriented_by_the_others(ground, by_rays.body, settings, what, begin)
+    try:
+        result, notes = oriented_by(ground, by_rays.body, settings, what, begin=begin)
+    except (ConvergenceError, GeometryError) as failure:
+        result, notes = oriented_by_the_others(ground, by_rays.body, settings, what, failure, begin)
     return OrientedPart(what, by_rays, result), notes
 
 

@@ -237,7 +237,10 @@ def _oriented(
 ) -> tuple[OnGround, list[Note]]:
     """By all that is observed of it, without the one kind that contradicts all else."""
     body = body_of(component, rays)
-    seated, notes = oriented_by_the_others(ground, body, settings, what)
+    try:
+        seated, notes = oriented_by(ground, body, settings, what)
+    except (ConvergenceError, GeometryError) as failure:
+        seated, notes = oriented_by_the_others(ground, body, settings, what, failure)
 
     def part(oriented: OrientedBody, left: tuple[Observed, ...] = ()) -> OnGround:
         to = oriented.ground_from_body

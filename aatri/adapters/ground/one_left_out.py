@@ -28,19 +28,20 @@ Begin = Callable[[Sequence[Observed]], Bool]
 
 
 def oriented_by_the_others(
-    ground: GroundObserved, body: FreeBody, settings: OrientationSettings, what: str, begin: Begin | None = None
+    ground: GroundObserved,
+    body: FreeBody,
+    settings: OrientationSettings,
+    what: str,
+    failure: ConvergenceError | GeometryError,
+    begin: Begin | None = None,
 ) -> tuple[OrientedBody, list[Note]]:
-    """The same as `oriented_by`, where that fails without the one observation that spoils it.
+    """A body that `oriented_by` does not place, without the one observation that spoils it.
 
     Raises
     ------
     GeometryError, ConvergenceError
-        What `oriented_by` raises, or with the names of several of which one is wrong.
+        The failure of `oriented_by`, or with the names of several of which one is wrong.
     """
-    try:
-        return oriented_by(ground, body, settings, what, begin=begin)
-    except (ConvergenceError, GeometryError) as error:
-        failure = error
     if settings.weakest < UNDETERMINED:  # tried before
         raise failure
     single = [

@@ -22,10 +22,8 @@ from aatri.observations.rigs import rig_pairs
 
 
 def mount_conventions(block: Block, state: State) -> list[Finding]:
-    """Errors of mounts whose angles agree with the images in another convention."""
+    """Errors of mounts of a block with rigs whose angles agree with the images in another convention."""
     members, findings = block.rig_members, list[Finding]()
-    if not len(members):
-        return findings
     pairs, rotation = rig_pairs(block), state[POSE].ground_from_image
     frame = rotation[pairs.first] @ pairs.mount[pairs.first_mount].swapaxes(1, 2)
     relative = frame.swapaxes(1, 2) @ rotation[pairs.second]

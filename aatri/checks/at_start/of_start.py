@@ -40,7 +40,8 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     ]
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(inputs)
-        return [*findings, *attitude_conventions(source, inputs, state, before=True), *mount_conventions(block, state)]
+        mounts = mount_conventions(block, state) if len(block.rig_members) else []
+        return [*findings, *attitude_conventions(source, inputs, state, before=True), *mounts]
     if inputs.rays is None or (frame is not None and frame.geocentric):
         return findings
     return [
