@@ -29,6 +29,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
 from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody, concerning
@@ -140,8 +141,10 @@ def oriented_by(
 
     Raises
     ------
+    OpenDatumError
+        If all kinds together, with nothing rejected, leave something open.
     GeometryError
-        If something is not determined.
+        If something is not determined otherwise.
     ConvergenceError
         If the first kinds contradict each other, and attitudes do not tell what is wrong.
     """
@@ -184,8 +187,12 @@ def oriented_by(
         return replace(oriented, neglects=not drift), notes
     if strained:
         return strained[0], []
-    left_open = [error for error in failed if isinstance(error, GeometryError)]
-    raise left_open[-1] if isinstance(failed[0], GeometryError) else failed[0]
+    if not isinstance(failed[0], GeometryError):
+        raise failed[0]
+    left_open = [error for error in failed if isinstance(error, GeometryError)][-1]
+    if all(isinstance(error, OpenDatumError) for error in failed):
+        raise left_open
+    raise GeometryError(left_open.what, remedy=left_open.remedy)  # more kinds determine it, and fail otherwise
 
 
 def by_time_offsets(

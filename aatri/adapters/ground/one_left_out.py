@@ -18,11 +18,12 @@ from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
-from aatri.orientation.bodies.datum_analysis import UNDETERMINED
+from aatri.orientation.bodies.datum_analysis import UNDETERMINED, OpenDatumError
 from aatri.orientation.bodies.free_body import FreeBody
 
-MOST_TRIED = 12
-"""Observations tried: each takes an orientation, and of more a start needs no single one."""
+MOST_LEFT_OUT_IN_TURN = 12
+"""Where there are more observations that are no coordinates, none is left out: each takes an orientation of its own,
+and the start of a body with so many seldom depends on a single one."""
 
 Begin = Callable[[Sequence[Observed]], Bool]
 
@@ -42,7 +43,7 @@ def oriented_by_the_others(
     GeometryError, ConvergenceError
         The failure of `oriented_by`, or with the names of several of which one is wrong.
     """
-    if settings.weakest < UNDETERMINED:  # tried before
+    if isinstance(failure, OpenDatumError) or settings.weakest < UNDETERMINED:  # the latter: tried before
         raise failure
     single = [
         (o, row)
@@ -51,7 +52,7 @@ def oriented_by_the_others(
         for row in range(len(o))
     ]
     fits = list[tuple[tuple[OrientedBody, list[Note]], str]]()
-    for o, row in single if len(single) <= MOST_TRIED else []:
+    for o, row in single if len(single) <= MOST_LEFT_OUT_IN_TURN else []:
         others = partial(_without, o.kind, int(o.row[row]), begin)
         try:
             oriented, notes = oriented_by(ground, body, replace(settings, exchanged=False), what, begin=others)

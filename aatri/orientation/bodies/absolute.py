@@ -36,6 +36,7 @@ from aatri.orientation.bodies.datum_analysis import (
     UNDETERMINED,
     DatumAnalysis,
     GivenPlaces,
+    OpenDatumError,
     analyse_datum,
     given_places,
 )
@@ -132,8 +133,10 @@ def orient_body(
 
     Raises
     ------
+    OpenDatumError
+        If all observations together leave something open; the message names it.
     GeometryError
-        If something is not determined; the message names it. If the images would look upwards.
+        If those that are not rejected do. If the images would look upwards.
     """
 
     level = Similarity(np.zeros(3), 1.0, levelling(body.up))
@@ -193,7 +196,7 @@ def _start(
     if settings.free:
         return scaled(observed, use, body, level)
     if not any(not o.components for o in observed):
-        raise GeometryError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
+        raise OpenDatumError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
     all_places = given_places(observed, state_of(observed, body, level))
     exchanged = all_places.row[exchanged_of(all_places.take(use[all_places.row]))]
     use[exchanged] = False
@@ -251,8 +254,9 @@ def _analysed(
     if not analysis.open or settings.free:
         return analysis
     places = given_places(observed, state)
+    open_error = OpenDatumError if use.all() else GeometryError
     if not len(places.row):
-        raise GeometryError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
+        raise open_error(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
     used, is_given = use[places.row], places.given.any(axis=1)
     counted = places.given[used]
     full, plan = int(counted.all(axis=1).sum()), int((counted[:, :2].all(axis=1) & ~counted[:, 2]).sum())
@@ -260,7 +264,7 @@ def _analysed(
     counts = f"{full} known in X, Y and Z, {plan} in plan only, {height} in height only"
     out = places.name[~used & is_given].tolist()
     rejected = f"; rejected: {shown(out)}" if out else ""
-    raise GeometryError(
+    raise open_error(
         f"{what}: not determined: {', '.join(analysis.open)} (control and observed positions: {counts}{rejected})",
         remedy=OFF_THE_LINE if any("line" in text for text in analysis.open) else ENOUGH,
     )

@@ -28,6 +28,7 @@ from aatri.adjusting.tied_problem import is_coordinates
 from aatri.adjustment.records import times
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.errors import GeometryError
 from aatri.geometry.similarity import motions, motions_about
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators, position
@@ -38,6 +39,10 @@ NAMED = 0.3
 
 RIDGE = 1e-12
 """Added to normal equations of unit diagonal, of which some unknowns may be open."""
+
+
+class OpenDatumError(GeometryError):
+    """All observations of a body together leave something open, so that fewer leave it open too."""
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.errors import GeometryError
-from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, TRUE, MadeBody, active, off_m
+from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
+from aatri.adapters.ground.one_left_out import oriented_by_the_others
+from aatri.artifacts.builder import block_of
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.orientation.bodies.absolute import OrientationSettings
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
+from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, LIMIT, PLAN, TRUE, MadeBody, active, off_m
 
 
 def by_control(ground, given):
@@ -142,3 +147,32 @@ def test_two_images_far_apart_with_each_others_position_are_rejected(stiff: bool
     oriented = made.oriented(stiff=stiff)
     assert active(oriented, "position") == [k not in (0, 8) for k in range(12)]
     assert off_m(oriented.ground_from_body) < 0.3
+
+
+def on_ground(made: MadeBody) -> GroundObserved:
+    """What is observed of a made body, as that of a block."""
+    cameras, images = {"id": ["c"], "principal_distance_mm": 100.0}, {"id": ["0", "1"], "camera": ["c", "c"]}
+    points = [str(k) for k in range(len(made.body.xyz))]
+    block = block_of(name="body", cameras=cameras, images=images, points=points)
+    return GroundObserved(block, np.zeros(3), False, None, None, beside=tuple(made.observed))
+
+
+def test_where_a_body_fails_it_lies_without_the_one_distance_that_contradicts_all_else() -> None:
+    made = MadeBody(CORNERS).control(range(4), [ALL] * 4, 0.01)
+    made.distances([0, 1], [3, 2], 0.01, np.array([0.0, 5.0]))
+    settings, failure = OrientationSettings(LIMIT, stiff=True), ConvergenceError("it does not fit")
+    oriented, _ = oriented_by_the_others(on_ground(made), made.body, settings, "component 1", failure)
+    assert active(oriented, "distance") == [True, False]
+    assert off_m(oriented.ground_from_body) < 1e-6
+
+
+def test_what_all_observations_leave_open_is_refused_without_a_trial_of_fewer(monkeypatch) -> None:
+    made = MadeBody(CORNERS).control([0], [ALL], 0.01).control([1, 2, 3], [HEIGHT] * 3, 0.01)
+    made.distances([0, 1], [3, 2], 0.01, np.zeros(2))
+    ground, settings = on_ground(made), OrientationSettings(LIMIT, stiff=True)
+    with pytest.raises(OpenDatumError, match=r"not determined: .*rotation about Z") as failure:
+        oriented_by(ground, made.body, settings, "component 1")
+    monkeypatch.setattr("aatri.adapters.ground.one_left_out.oriented_by", None)  # nothing calls it
+    with pytest.raises(OpenDatumError) as same:
+        oriented_by_the_others(ground, made.body, settings, "component 1", failure.value)
+    assert same.value is failure.value

@@ -21,12 +21,13 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle import adjust, from_afar
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders import robust_start, tested_block
+from aatri.orientation.bundle.blunders import exact_coordinates, robust_start, tested_block
 from aatri.orientation.bundle.blunders.earlier_rejections import failing_once
 from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
+from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
@@ -172,6 +173,14 @@ def _wrong(parts: Parts) -> Parts:
     xy_mm = parts.rays.xy_mm.copy()
     xy_mm[0, 0] += 100 * parts.rays.sigma_mm[0, 0]
     return replace(parts, rays=replace(parts.rays, xy_mm=xy_mm))
+
+
+def test_a_block_without_exact_coordinates_is_not_prepared_for_their_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exact_coordinates, "from_result", None)  # nothing calls it
+    parts = _wrong(made_bundle())
+    done = search(parts.together(), least_squares, SearchOptions(limit=5.0), 1e-3)
+    (rays,) = (o for o in done.result.observations if o.observed.kind == "image_point")
+    assert np.flatnonzero(~rays.used).tolist() == [0]
 
 
 def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one() -> None:

@@ -33,8 +33,9 @@ from aatri.orientation.bundle.result import from_result
 SOFT = 0.3
 """Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
 
-MOST_TRIED = 4
-"""Exact coordinates of which each is left out to see which is far off: one step from there tells roughly."""
+WORST_LEFT_OUT = 4
+"""Exact coordinates with the largest tests, of which each is left out: tests of a block that is far off tell only
+roughly which coordinate bends it, an adjustment without it does."""
 
 MEDIAN = 1.26
 """Median of the largest of three normal errors, of either sign."""
@@ -53,9 +54,11 @@ class ExactCoordinates(RobustStart):
         A far one bends all rays: standard deviations that fit with it are so large that nothing is wrong any more.
         """
         limit = self.options.limit
+        if all(o.holds is None for o in self.all.observed):
+            return start, active
         while start.result.adjusted.has_factor and misfit(start.result, limit) > 0:
             test = tests_of_exact(start, self.all, self.adjust)
-            worst = np.argsort(-np.nan_to_num(test))[:MOST_TRIED]
+            worst = np.argsort(-np.nan_to_num(test))[:WORST_LEFT_OUT]
             room = room_left(self.snooping, self.pool, active)[self.pool.source]
             trials = [self._without(start, active, row) for row in worst[(test[worst] > limit) & (room[worst] > 0)]]
             best = min(filter(None, trials), key=lambda trial: trial.result.adjusted.cost, default=None)
@@ -86,6 +89,8 @@ class ExactCoordinates(RobustStart):
             Those that are out already.
         """
         limit, wrong = self.options.limit, np.zeros_like(searched[1])
+        if all(o.holds is None for o in self.all.observed):
+            return searched, wrong
         while searched[0].result.adjusted.has_factor:
             tested, use, swapped = searched
             test = tests_of_exact(tested, self.all, self.adjust)

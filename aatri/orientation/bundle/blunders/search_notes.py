@@ -109,7 +109,10 @@ def _renumbering(block: BundleInput, renumbered: OtherNumber) -> str:
 
 
 def _mostly_rejected(block: BundleInput, records: AllRecords, rejected: Bool, undecided: Bool) -> list[Note]:
-    """Images and points most of whose observations are rejected; of what is undecided one wrong ray is enough."""
+    """Images and points most of whose observations are rejected.
+
+    Undecided rays do not count at points: a single wrong one among them explains them all.
+    """
     images = _most_of_rays(block, records, rejected, POSE) >= REJECTED_SHARE
     points = _most_of_rays(block, records, rejected & ~undecided, POINT) >= 0.5
     otherwise = _observed_otherwise(block, records, rejected)

@@ -40,7 +40,7 @@ from aatri.orientation.bundle.groups.candidates import (
 from aatri.orientation.bundle.groups.group import Group, Key
 from aatri.orientation.bundle.result import BundleResult
 
-MOST_TRIED, EXPLAINS = 4, 0.1
+MOST_GROUPS, EXPLAINS = 4, 0.1
 """Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
 is far off tells them apart only so far, an adjustment with each of them does."""
 
@@ -88,7 +88,7 @@ def significant_groups(
     candidates = list(candidates_of(block, result))
     significant = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
     groups: list[Group] = []
-    while significant and len(groups) < MOST_TRIED:
+    while significant and len(groups) < MOST_GROUPS:
         gain = np.array([t.gain for t in significant])
         if groups and gain.max() < EXPLAINS * groups[0].gain:
             break

@@ -198,7 +198,7 @@ def _groups_before_single_errors(
 def _with_equivalents(group: Group, equivalent: list[Group]) -> Group:
     """The group with what explains as much once it is adjusted, of each unit the simplest that comes first.
 
-    Far off, one step does not tell that it does.
+    The score tests before the adjustment need not show it: of a block far from the solution one step tells too little.
     """
     causes = {(g.place, g.per, g.unit): (g.per, g.unit, g.cause) for g in reversed(equivalent)}
     others = [cause for (place, per, _), cause in causes.items() if (place, per) != (group.place, group.per)]
