@@ -9,7 +9,7 @@ from aatri.adapters.bundle.network_start import network_start
 from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.film_errors import film_errors
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
-from aatri.arrays import Float, Int, Text, finite_rows
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import CHECK, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -68,7 +68,8 @@ def observation_source(
     poses = poses_into(frame, *initial_poses)
     xyz = points_into(frame, _start_points(block, initial))
     if shared is not None:
-        poses, xyz = poses.where(poses.oriented, shared[0]), np.where(finite_rows(xyz)[:, None], xyz, shared[1])
+        poses = poses.where(poses.oriented | ~shared[0].oriented, shared[0])
+        xyz = np.where(np.isfinite(xyz), xyz, shared[1])
     origin = origin_of(poses, xyz)
     poses, xyz = poses_by_rigs(block, poses.shifted(-origin)), xyz - origin
     rays = None

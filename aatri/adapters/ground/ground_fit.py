@@ -122,20 +122,22 @@ def _farthest(parts: Sequence[OrientedPart]) -> str:
 def stretched_start(
     block: Block, strips: Strips, parts: Sequence[OrientedPart], misfit: ConvergenceError, *, may_begin: bool
 ) -> Note:
-    """A warning where a principal distance explains a misfit and the bundle, which estimates or names it, can begin.
+    """A warning where a principal distance explains the largest misfit and the bundle, which names it, can begin.
 
     Raises
     ------
     ConvergenceError
         The misfit, where nothing explains it, it is beyond `FARTHEST_START`, or the bundle is not to begin from it.
     """
-    text = next(filter(None, (_stretch(block, part.result) for part in parts)), "")
+    worst = max(parts, key=_misfit_m)
+    text = _stretch(block, worst.result)
     if text == "":
         raise misfit
-    off = max(map(_misfit_m, parts)) / _distance_m(strips, parts)
+    off = _misfit_m(worst) / _distance_m(strips, [worst])
     if not may_begin or off > FARTHEST_START:
         raise ConvergenceError(f"{misfit.what}; {text}", where=misfit.where, remedy=CHECK_DISTANCE) from misfit
-    text = f"{misfit.what}; {text}; that is {off:.1%} of the distance of the images: the bundle can begin from there"
+    share = f"that is {off:.1%} of the distance between images and points: the bundle can begin from there"
+    text = f"{misfit.what}; {text}; {share}"
     return Note("warning", f"{text}; {CHECK_DISTANCE}, or estimate the principal distance (`self_calibration`)")
 
 

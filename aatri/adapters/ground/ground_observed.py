@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
 from aatri.adapters.strips import oriented_strips as pieces
@@ -175,7 +176,7 @@ def oriented_by(
         share = _strain(oriented, body)
         if ATTITUDE not in used and ATTITUDE in kinds and drift and share > START:
             strained.append(oriented)
-            added = f"{oriented.tied.tau_m:.2g} m, {share:.1%} of the distance of the images"
+            added = f"{oriented.tied.tau_m:.2g} m, {share:.1%} of the distance between images and points"
             failed.append(ConvergenceError(f"they fit it only where its points are off by {added}"))
             continue  # attitudes may tell what is wrong
         if strained and share > START:
@@ -203,17 +204,24 @@ def by_time_offsets(
         oriented, _ = oriented_by(replace(ground, time_offset=True), body, settings, what)
     except (ConvergenceError, GeometryError, InputError):
         return None
-    if oriented.tied.tau_m > 0 or EXPOSURE_TIME not in oriented.state:
+    tied = oriented.tied
+    if tied.tau_m > 0 or tied.above.any() or not tied.active.all() or EXPOSURE_TIME not in oriented.state:
         return None
-    offsets = zip(ground.block.cameras.id, np.atleast_1d(np.squeeze(oriented.state[EXPOSURE_TIME])))
-    by = ", ".join(f"{camera} {offset:.3g} s" for camera, offset in offsets)
+    offset_s = np.ravel(oriented.state[EXPOSURE_TIME])
+    by = ", ".join(f"{ground.block.cameras.id[k]} {offset_s[k]:.3g} s" for k in np.flatnonzero(offset_s))
     text = f"{what}: control and positions fit it with another exposure time ({by}), which a bundle estimates or tests"
     return oriented, Note("note", text)
 
 
 def _strain(oriented: OrientedBody, body: FreeBody) -> float:
-    """What is added to the standard deviations of its points so that all fits, as a share of the images' distance."""
-    return oriented.tied.tau_m / (oriented.ground_from_body.scale * pieces.distance_m(body.poses.position_m, body.xyz))
+    """What is added to the standard deviations of its points so that all fits, as a share of the images' distance.
+
+    That is the median distance of the images from the nearest point, as they may stand around an object or within it.
+    """
+    if oriented.tied.tau_m == 0:
+        return 0.0
+    points, centres = body.xyz[body.has[POINT]], body.poses.position_m[body.has[POSE]]
+    return oriented.tied.tau_m / (oriented.ground_from_body.scale * float(np.median(cKDTree(points).query(centres)[0])))
 
 
 def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: str) -> Note:

@@ -65,7 +65,7 @@ class IndexedProblem:
         return self.stated.constraints
 
     def without_lanes(self) -> IndexedProblem:
-        """The same without the copies of the rays in their order, which are made again where they are asked for."""
+        """The same without the copies of the rays in their order, which are made, and kept, once they are asked for."""
         if self.rays is None:
             return replace(self)
         records, rows = self.rays.records, self.rays.rows

@@ -171,7 +171,8 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     ------
     GeometryError
     """
-    reason = _mirrored(places.take(used), to, up)
+    kept = places.take(used)
+    reason = _mirrored(kept, to, up)
     if not reason:
         return
     two = places.name[exchanged_of(places, 3)].tolist()
@@ -179,7 +180,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
         text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
     remedy = "declare the axes of the control in their true order, [north, east, up] or [east, north, up]"
-    if not (places.kind == CONTROL).any():
+    if not (kept.kind == CONTROL).any():
         remedy = "check which image each id and each position belongs to, and the axes of the positions"
     raise GeometryError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
 

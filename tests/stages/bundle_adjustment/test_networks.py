@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.optimize import least_squares
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
+from aatri.observations.poses import POINT, Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.stages.block.tables import TablesOptions, tables
@@ -106,6 +108,17 @@ def test_a_loss_of_all_observations_leaves_what_is_exact_alone(tmp_path: Path) -
     row = {str(k): i for i, k in enumerate(given.point_ids)}
     length = np.linalg.norm(result.xyz_m[row["D"]] - result.xyz_m[row["E"]])
     assert length == pytest.approx(_observed()[LINES.index("DE")], abs=1e-7)
+
+
+def test_start_values_in_part_stay_beside_a_block_that_has_none_of_these_points(tmp_path: Path) -> None:
+    block = _network(tmp_path)
+    xyz_m = block.ground_points.xyz_m.copy()
+    xyz_m[block.points.id[block.ground_points.point] == "D", 2] = np.nan
+    block = replace(block, ground_points=replace(block.ground_points, xyz_m=xyz_m))
+    nothing = Poses(np.full((0, 3), np.nan), np.full((0, 3, 3), np.nan)), np.full((len(block.points), 3), np.nan)
+    starts = [observation_source(block, None, None, shared=shared).start[POINT] for shared in (None, nothing)]
+    np.testing.assert_array_equal(starts[0], starts[1])
+    assert np.isfinite(starts[0][:, :2]).all()
 
 
 def test_a_network_without_datum_is_refused_and_free_with_inner_constraints(tmp_path: Path) -> None:
