@@ -143,8 +143,13 @@ below so many standard deviations are no reason to look (starts are approximate)
 
 WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.radians(1.0), 0.2, 1.2, 3
 """Attitudes that scatter by more (the worst MEMS units are good to 0.5 degrees) are in another convention, if one is
-found that scatters by this share of it; readings that agree up to the factor are one: some are the same rotations by
-other names, and the simplest is told. Fewer images say nothing of a convention."""
+found that scatters by this share of it, and of that of images without any attitudes; readings that agree up to the
+factor are one: some are the same rotations by other names, and the simplest is told. Fewer images say nothing of a
+convention."""
+
+UNLIKELY_SIGMAS = 3.0
+"""Standard deviations of an angle, three in 1,000 by chance (normal, two-sided), up to which attitudes and mounts are
+poor rather than wrong: nearly all attitudes of a camera with right ones stay below, so that it is never asked."""
 
 SHARES_OF_ATTITUDES = (0.5, 0.9)
 """Of the attitudes that agree or not: half of them, robust, then nearly all; a reading is proposed by either."""

@@ -132,9 +132,9 @@ def _held_against_control(block: Block, active: Bool) -> list[Finding]:
     covered = coverage(cameras, camera[rows], xy_mm[rows])
     if any(finding.level == "error" for finding in covered):
         return [*figures, *impossible, *covered]
-    exchanged = exchanged_images(block, xy_mm, usable)
     if impossible:
         return [*figures, *impossible]
+    exchanged = exchanged_images(block, xy_mm, usable)
     return [*figures, *covered, *outside_of_its_frame(block), *angles_that_differ(block, xy_mm, usable), *exchanged]
 
 

@@ -3,43 +3,34 @@
     exp([b]x) = R_obs' B' R      of every image: the turn of the camera that its attitude lacks
 
 Seen: attitudes that contradict the images, all of them.
-Test: the b of a camera scatter by more than `WRONG_ATTITUDES_RAD` in the median, or in nine of ten, as one strip of
-three flown the other way does. Then the angles are tried in the other conventions in use: the other system, opposite
-signs, the transposed matrix, another unit; the one in which as many agree is proposed. What all b of a camera have in
+Test: the b of a camera, less `UNLIKELY_SIGMAS` of the angles, scatter by more than `WRONG_ATTITUDES_RAD` in the median,
+or in nine of ten, as one strip of three flown the other way does. Then the reading is
+proposed in which they agree (`angle_readings`); by nine of ten where the others agree in it as well as before, and
+`FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
 common, its boresight, is tested after the adjustment, with the covariance of the orientations.
 """
 
-import itertools
-from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, finite_rows
+from aatri.checks.at_start.angle_readings import agreeing_reading, unlikely_turns
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import (
-    AGREEING_READING,
     FEWEST_ATTITUDES,
     SAME_READING,
     SHARES_OF_ATTITUDES,
     WRONG_ATTITUDES_RAD,
 )
-from aatri.geometry.rotations import angle_axes, body_from_mount, log_rotation, nearest_rotation
+from aatri.geometry.rotations import log_rotation, nearest_rotation
+from aatri.observations.angle_differences import whole_differences
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.attitudes import attitudes_of
+from aatri.observations.attitudes import Attitudes, attitudes_of
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
-
-NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-UNITS = {
-    "gon, declared as degrees": 0.9,
-    "degrees, declared as gon": 1 / 0.9,
-    "radians, declared as degrees": 180 / np.pi,
-    "radians, declared as gon": 200 / np.pi,
-    "thousandths of the unit declared": 1e-3,
-}
-"""What angles may be in instead, and their factor."""
 
 
 def attitude_conventions(
@@ -67,68 +58,56 @@ def attitude_conventions(
         of_camera = np.flatnonzero(usable & (rows.camera == camera))
         if len(of_camera) < FEWEST_ATTITUDES:
             continue
-        angles, name = block.exterior.angles_rad[rows.row[of_camera]], str(block.cameras.id[camera])
-        seen = _of_camera(block.rotation, name, angles, rows.observed[of_camera], rotation[of_camera], before)
+        angles_rad, name = block.exterior.angles_rad[rows.row[of_camera]], str(block.cameras.id[camera])
+        seen = _of_camera(block.rotation, name, angles_rad, rows.take(of_camera), rotation[of_camera], before)
         findings += [] if seen is None else [seen]
     return findings
 
 
 def _of_camera(
-    declared: str, camera: str, angles: Float, observed: Float, rotation: Float, before: bool
+    declared: str, camera: str, angles_rad: Float, rows: Attitudes, rotation: Float, before: bool
 ) -> Finding | None:
     """What is wrong with the attitudes of a camera."""
     remedy = "check the angle system, its unit and the times of the attitudes"
-    unread: Finding | None = None
+    unread, unlikely = None, _unlikely(rows, rotation)
+    too_many = (unlikely > WRONG_ATTITUDES_RAD).sum() >= FEWEST_ATTITUDES  # for gross errors
     for share in SHARES_OF_ATTITUDES:
-        scatter = _scatter(observed, rotation, share)
-        if scatter <= WRONG_ATTITUDES_RAD:
+        if np.quantile(unlikely, share) <= WRONG_ATTITUDES_RAD:
             continue
-        readings = [(_scatter(R, rotation, share), what) for what, R in readings_of(angles)]
-        least = min(readings)[0]
-        best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
+        scatter = _scatter(rows.observed, rotation, share)
         text = f"attitudes as {declared} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
         text += "beyond any common offset"
         place = f"camera {camera}"
-        if best <= AGREEING_READING * scatter:
+        reading = agreeing_reading(angles_rad, rows.observed, partial(_scatter, rotation=rotation, share=share))
+        if reading is not None and (share <= 0.5 or (too_many and _suits_others(rows.observed, reading[1], rotation))):
             level: Level = "error" if before else "warning"
-            text += f"; read as {what} they agree to {np.degrees(best):.2g} deg"
-            remedy = f"declare them as {what} (rotation, heading, mount, units in block.yaml), or convert them"
+            text += f"; read as {reading[0]} they agree to {np.degrees(_scatter(reading[1], rotation, share)):.2g} deg"
+            remedy = f"declare them as {reading[0]} (rotation, heading, mount, units in block.yaml), or convert them"
             return Finding("attitude_convention", level, text, remedy, where=place, statistic=scatter)
         if share <= 0.5:  # more than half of them
             unread = Finding("attitude_convention", "warning", text, remedy, where=place, statistic=scatter)
     return unread
 
 
-def _scatter(observed: Float, rotation: Float, share: float) -> float:
-    """Turn between attitudes and orientations beyond a common one that this share of them does not exceed, rad."""
+def _lacking(observed: Float, rotation: Float) -> tuple[Float, Float]:
+    """Turns between attitudes and orientations beyond a common one, (n,) rad, and the common one, (3, 3)."""
     lacking = observed.swapaxes(1, 2) @ rotation
     common = nearest_rotation(np.median(lacking, axis=0))
-    return float(np.quantile(np.linalg.norm(log_rotation(lacking @ common.T), axis=1), share))
+    return np.linalg.norm(log_rotation(lacking @ common.T), axis=1), common
 
 
-def readings_of(angles: Float) -> Iterator[tuple[str, Float]]:
-    """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
-    names = {
-        "omega-phi-kappa": ("omega", "phi", "kappa"),
-        "phi-omega-kappa": ("phi", "omega", "kappa"),
-        "roll-pitch-heading": ("roll", "pitch", "heading"),
-    }
+def _scatter(observed: Float, rotation: Float, share: float) -> float:
+    """Turn between attitudes and orientations beyond a common one that this share of them does not exceed, rad."""
+    return float(np.quantile(_lacking(observed, rotation)[0], share))
 
-    def observed(angles_rad: Float, system: str, *, transposed: bool = False) -> Float:
-        R, _ = angle_axes(angles_rad, system)
-        R = R.swapaxes(1, 2) if transposed else R
-        return NED @ R @ body_from_mount(np.zeros(len(R))) if system == "roll-pitch-heading" else R
 
-    flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
-    for transposed, signs, system in itertools.product((False, True), flips, names):
-        turned = [name for name, sign in zip(names[system], signs) if sign < 0]
-        what = system + (f" with {', '.join(turned)} of opposite sign" if turned else "")
-        what += ", the transposed matrix (image from ground)" if transposed else ""
-        yield what, observed(angles * np.array(signs), system, transposed=transposed)
-    for unit, factor in UNITS.items():
-        yield from ((f"{system} in {unit}", observed(factor * angles, system)) for system in names)
-    for a, b in ((0, 1), (1, 2), (0, 2)):
-        order = [0, 1, 2]
-        order[a], order[b] = order[b], order[a]
-        for system in names:
-            yield f"{system} with a{a + 1} and a{b + 1} exchanged", observed(angles[:, order], system)
+def _suits_others(observed: Float, reading: Float, rotation: Float) -> bool:
+    """Those that agree as declared do so in the reading as well."""
+    return _scatter(reading, rotation, 0.5) <= SAME_READING * _scatter(observed, rotation, 0.5)
+
+
+def _unlikely(rows: Attitudes, rotation: Float) -> Float:
+    """Turns between attitudes and orientations beyond what standard deviations allow, (n,) rad."""
+    turns, common = _lacking(rows.observed, rotation)
+    v, _ = whole_differences(rotation @ common.T, rows.observed, rows.turning)
+    return np.minimum(turns, unlikely_turns(v, rows.sigma_rad))

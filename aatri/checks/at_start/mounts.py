@@ -3,9 +3,8 @@
     D = F' R_b M_0'      of every exposure: the turn of a member that its mount lacks, F the rotation of the rig's frame
 
 Seen: a bundle with open unknowns, or far from any fit, as exact mounts and the images contradict each other.
-Test: the D of a member are above `WRONG_ATTITUDES_RAD` in the median, and below it and `AGREEING_READING` of that in
-another convention of `attitude_convention` (opposite signs, the transposed matrix, another unit). Free angles are start
-values, and not tested.
+Test: the D of a member, less `UNLIKELY_SIGMAS` of its angles, are above `WRONG_ATTITUDES_RAD` in the median, and below
+it in the reading in which they agree (`angle_readings`). Free angles are start values, and not tested.
 """
 
 import numpy as np
@@ -13,10 +12,10 @@ import numpy as np
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
-from aatri.checks.at_start.attitude_convention import readings_of
+from aatri.checks.at_start.angle_readings import agreeing_reading, unlikely_turns
 from aatri.checks.finding import Finding
-from aatri.checks.limits import AGREEING_READING, FEWEST_ATTITUDES, SAME_READING, WRONG_ATTITUDES_RAD
-from aatri.geometry.rotations import log_rotation
+from aatri.checks.limits import FEWEST_ATTITUDES, WRONG_ATTITUDES_RAD
+from aatri.geometry.rotations import angles_from_rotation, log_rotation
 from aatri.observations.poses import POSE
 from aatri.observations.rigs import rig_pairs
 
@@ -33,18 +32,20 @@ def mount_conventions(block: Block, state: State) -> list[Finding]:
         if len(turns) < FEWEST_ATTITUDES or members.angle_free[k].any():
             continue
 
-        def lacking(mount: Float, turns: Float = turns) -> float:
-            return float(np.median(np.linalg.norm(log_rotation(turns @ mount.T), axis=1)))
+        def disagreement(mount: Float, turns: Float = turns) -> float:
+            return float(np.median(np.linalg.norm(log_rotation(turns @ mount[0].T), axis=1)))
 
-        as_declared = lacking(pairs.mount[k])
-        if as_declared <= WRONG_ATTITUDES_RAD:
+        declared = pairs.mount[k : k + 1]
+        about_axes = np.median(np.abs(log_rotation(turns @ declared[0].T)), axis=0)
+        if unlikely_turns(about_axes, members.angle_sigma_rad[k]) <= WRONG_ATTITUDES_RAD:
             continue
-        readings = [(lacking(R[0]), what) for what, R in readings_of(members.angles_rad[k : k + 1])]
-        least = min(readings)[0]
-        best, what = next(reading for reading in readings if reading[0] <= SAME_READING * least)
-        if best <= min(AGREEING_READING * as_declared, WRONG_ATTITUDES_RAD):
-            text = f"its mount differs by {np.degrees(as_declared):.3g} deg from the orientations of its images"
-            text += f"; read as {what} its angles agree to {np.degrees(best):.2g} deg"
+        reading = agreeing_reading(members.angles_rad[k : k + 1], declared, disagreement)
+        if reading is not None and disagreement(reading[1]) <= WRONG_ATTITUDES_RAD:
+            what, mount = reading
+            text = f"its mount differs by {np.degrees(disagreement(declared)):.3g} deg from the orientations of its "
+            text += f"images; read as {what} its angles agree to {np.degrees(disagreement(mount)):.2g} deg"
+            angles = ", ".join(f"{angle:.9g}" for angle in np.degrees(angles_from_rotation(mount)[0]).round(6) + 0.0)
+            remedy = f"declare these as omega, phi, kappa of {angles} deg (rigs in block.yaml)"
             where = f"member {members.member[k]} of rig {members.rig[k]}"
-            findings.append(Finding("mounts", "error", text, "correct its angles (rigs in block.yaml)", where=where))
+            findings.append(Finding("mounts", "error", text, remedy, where=where))
     return findings

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,12 +12,15 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Block
+from aatri.checks.as_read import screening
 from aatri.checks.as_read.cameras import CameraFrames, camera_figures
 from aatri.checks.as_read.coverage import coverage
 from aatri.checks.as_read.lever_arms import impossible_lever_arms
+from aatri.checks.finding import Finding
 from aatri.errors import AatriError, InputError
 from tests.bad_inputs.rows import BadInput
 from tests.checks.as_read.test_screening import Written
+from tests.made_solutions import made_block
 from tests.reading import read_block
 from tests.stages.film_blocks import Told
 from tests.stages.hand_block import Heard
@@ -79,6 +83,23 @@ def test_lever_arms_in_millimetres_are_errors(lever_arm_m: tuple[float, ...], re
     told = [f"{f.level}: {f}" for f in impossible_lever_arms(block, ZERO, np.array([100.0, 110.0, 120.0]))]
     assert len(told) == bool(what)
     assert all(text.startswith("error: ") and what in text for text in told)
+
+
+def test_an_impossible_lever_arm_is_told_before_images_are_compared_in_their_strips(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What takes longest is not looked for in a block that is refused."""
+    compared = list[Block]()
+    monkeypatch.setattr(screening, "exchanged_images", lambda block, *_: compared.append(block) or [])
+    block = made_block()
+    block = replace(block, cameras=replace(block.cameras, format=np.array([[600.0, 600.0]])))
+    screening.screened(block)
+    assert len(compared) == 1
+    finding = Finding("lever_arms", "error", "longer than any aircraft")
+    monkeypatch.setattr(screening, "impossible_lever_arms", lambda *_: [finding])
+    with pytest.raises(InputError, match="longer than any aircraft"):
+        screening.screened(block)
+    assert len(compared) == 1
 
 
 # Control whose ids are written otherwise than in the images, or that is called approximate, is not lost in silence.

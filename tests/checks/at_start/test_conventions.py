@@ -1,16 +1,24 @@
-"""Geodetic observations written otherwise than declared: the kind and what its values look like are named."""
+"""Geodetic observations and attitudes written otherwise than declared: what their values look like is named."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
+from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
+from aatri.checks.finding import Finding
+from aatri.codes import OBSERVED_VALUE
+from aatri.observations.observed import ObservationSource
+from aatri.observations.poses import POSE, Poses
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.geodetic_blocks import made
@@ -60,3 +68,68 @@ def test_what_is_as_declared_is_not_named() -> None:
     for seed in range(1, 5):
         assert not _told(made(seed, 1000.0, **SURVEY))
     assert not _told(made(1, 1000.0, gross_errors={"geodetic": 6, "size_sigmas": (50.0, 500.0)}, **SURVEY))
+
+
+def _of_attitudes(true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tuple[float, ...]) -> list[Finding]:
+    """Findings of images of these omega, phi, kappa, of which others were observed."""
+    n = len(true_deg)
+    exterior = SimpleNamespace(
+        image=np.arange(n),
+        position_m=np.zeros((n, 3)),
+        angles_rad=np.radians(observed_deg),
+        angle_sigma_rad=np.radians(np.tile(sigma_deg, (n, 1))),
+        angle_use=np.full(n, OBSERVED_VALUE),
+    )
+    block: Any = SimpleNamespace(
+        exterior=exterior,
+        images=SimpleNamespace(active=np.ones(n, bool), camera=np.zeros(n, int)),
+        cameras=SimpleNamespace(id=np.array(["c"]), mount_deg=np.zeros(1)),
+        rotation="omega-phi-kappa",
+    )
+    rotation = Rotation.from_euler("XYZ", true_deg, degrees=True).as_matrix()
+    state = {POSE: Poses(np.zeros((n, 3)), rotation)}
+    records = SimpleNamespace(active=np.ones(n, bool))
+    inputs: Any = SimpleNamespace(
+        observed=[SimpleNamespace(kind="attitude", exact=False, row=np.arange(n), records=records)]
+    )
+    return attitude_conventions(ObservationSource(block, None, np.zeros(3), state), inputs, state, before=True)
+
+
+def _near_vertical(n: int, heading_deg: float, tilt_deg: float) -> tuple[np.ndarray, np.random.Generator]:
+    rng = np.random.default_rng(1)
+    return rng.normal(size=(n, 3)) * [tilt_deg, tilt_deg, 0.3] + [0.0, 0.0, heading_deg], rng
+
+
+def test_poor_headings_of_images_all_turned_alike_are_in_no_other_unit() -> None:
+    """Thousandths of any angles are no turn at all: they agree with such images as well as no attitudes would."""
+    true, rng = _near_vertical(30, 35.0, 0.3)
+    observed = true + rng.normal(size=(30, 3)) * [0.01, 0.01, 4.0]
+    (warning,) = _of_attitudes(true, observed, (0.01, 0.01, 0.01))
+    assert (warning.level, "read as" in str(warning)) == ("warning", False)
+    assert not _of_attitudes(true, observed, (0.01, 0.01, 4.0))
+
+
+def test_a_convention_shows_on_images_all_turned_alike_whatever_their_headings_are_worth() -> None:
+    true, rng = _near_vertical(30, 35.0, 3.0)
+    noise = rng.normal(size=(30, 3)) * 0.01
+    (error,) = _of_attitudes(true, 1000 * (true + noise), (0.01, 0.01, 0.01))
+    assert "read as omega-phi-kappa in thousandths" in error.sentence
+    (error,) = _of_attitudes(true, (true + noise) * [-1, 1, 1], (0.1, 0.1, 5.0))
+    assert "read as omega-phi-kappa with omega of opposite sign" in error.sentence
+
+
+@pytest.mark.parametrize("n", [4, 6, 9])
+def test_one_wrong_attitude_of_few_is_no_convention_of_its_camera(n: int) -> None:
+    true, rng = _near_vertical(n, 0.0, 0.3)
+    true[2, 0] = 8.0
+    observed = true + rng.normal(size=(n, 3)) * 0.01
+    observed[2, 0] = -observed[2, 0]
+    assert not _of_attitudes(true, observed, (0.01, 0.01, 0.01))
+
+
+def test_a_strip_in_which_alone_the_convention_shows_is_told_of() -> None:
+    """Three strips: of the third alone omega is large enough for its sign to show."""
+    true, rng = _near_vertical(9, 0.0, 0.0)
+    true[6:, 0] = 8.0
+    (error,) = _of_attitudes(true, (true + rng.normal(size=(9, 3)) * 0.01) * [-1, 1, 1], (0.01, 0.01, 0.01))
+    assert "read as omega-phi-kappa with omega of opposite sign" in error.sentence

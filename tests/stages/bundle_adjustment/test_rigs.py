@@ -100,6 +100,31 @@ def test_mounts_in_another_convention_are_told_with_it_before_the_adjustment(
     assert all(what in str(f) and f.level == "error" for f in findings)
 
 
+@pytest.mark.parametrize(
+    ("true_deg", "declared_deg", "sigma_deg", "remedy"),
+    [
+        (-0.7, 0.75, 0.0, "omega, phi, kappa of 0, -0.75, 0 deg"),
+        (-0.7, 0.75, 2.0, ""),
+        (-40.0, 40.0, 2.0, "omega, phi, kappa of 0, -40, 0 deg"),
+        (0.2, 30.0, 0.0, ""),  # in thousandths 0.03, which is as good as none
+        (0.2, 200.0, 0.0, "omega, phi, kappa of 0, 0.2, 0 deg"),
+    ],
+)
+def test_a_mount_is_refused_beyond_its_sigmas_and_with_a_reading_better_than_none(
+    true_deg: float, declared_deg: float, sigma_deg: float, remedy: str
+) -> None:
+    block = rigged(1, {"left": {"position_m": (0.1, 0.0, 0.0), "angles_deg": (0.0, true_deg, 0.0)}})
+    true, members = block.true_images, block.rig_members
+    assert true is not None
+    angles = np.where(members.angles_rad != 0, np.radians(declared_deg), 0.0)
+    changed = replace(members, angles_rad=angles, angle_sigma_rad=np.full_like(angles, np.radians(sigma_deg)))
+    findings = mount_conventions(
+        replace(block, rig_members=changed), {POSE: Poses(true.position_m, true.ground_from_image)}
+    )
+    assert len(findings) == bool(remedy)
+    assert all(remedy in f.remedy for f in findings)
+
+
 @pytest.mark.slow
 def test_a_wrong_fixed_mount_shows_in_sigma0_and_rigs_can_be_set_aside() -> None:
     block = made(1, error_deg=(0.2, 0.1, -0.3))
