@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,10 +39,8 @@ class BlockReading:
     started = logged = advanced = failed = planned
 
 
-def block_reading(
-    spec: Spec, nodes: tuple[StageNode, ...], sources: Collection[str], local: Path | None = None
-) -> BlockReading:
-    """Run the stages `sources` alone, which read files; those of `local` too, a folder of plugins."""
+def block_reading(spec: Spec, nodes: tuple[StageNode, ...], local: Path | None = None) -> BlockReading:
+    """Run the stages that read files, alone; those of `local` too, a folder of plugins."""
     from aatri.pipeline.plan.decisions import Selection
     from aatri.pipeline.run.runner import RunSettings, run_pipeline
     from aatri.pipeline.run.task import StageSource
@@ -51,9 +48,8 @@ def block_reading(
     reading = BlockReading()
     with tempfile.TemporaryDirectory() as folder:
         elsewhere = replace(spec, run=Path(folder) / "run")
-        settings = RunSettings(
-            Selection(frozenset(sources)), source=StageSource(local=local, runs_code=local is not None)
-        )
+        source = StageSource(local=local, runs_code=local is not None)
+        settings = RunSettings(Selection(frozenset(spec.sources)), source=source)
         try:
             run_pipeline(elsewhere, nodes, reading, settings)
         except AatriError as error:

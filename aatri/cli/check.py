@@ -105,13 +105,12 @@ def _checks(request: Request) -> Iterator[_Check]:
     if wired is not None:
         _, packages = _tried("packages", lambda: _import(wired[1], local))
         yield packages
-    sources = {name: stage for name, stage in spec.stages.items() if not stage.inputs}
     if wired is None:  # then at least the block, where its own stage is in order
-        bare = replace(spec, stages=sources, gates={})
+        bare = replace(spec, stages=spec.sources, gates={})
         wired, _ = _tried("", lambda: without_compiler(_wired, bare, replace(request, set_=(), use=()), local))
     made: list[Mapping[str, Any]] = []
     if wired is not None:
-        block, made = _read(wired[0], wired[1], frozenset(sources), local)
+        block, made = _read(wired[0], wired[1], local)
         block.warnings += _without_start(wired[1], {record["stage"]: record["metrics"] for record in made})
         yield block
     done = wired is not None and pipeline.error is None and _is_done(*wired)
@@ -158,12 +157,10 @@ def _import(nodes: tuple[StageNode, ...], local: Path | None) -> None:
         registry.card(node.method.name)
 
 
-def _read(
-    spec: Spec, nodes: tuple[StageNode, ...], sources: frozenset[str], local: Path | None
-) -> tuple[_Check, list[Mapping[str, Any]]]:
+def _read(spec: Spec, nodes: tuple[StageNode, ...], local: Path | None) -> tuple[_Check, list[Mapping[str, Any]]]:
     """Read the block, and compare it with what the stages use and need; gives the records of what was read, too."""
-    reading = block_reading(spec, nodes, sources, local)
-    figures = [reading.records[name]["metrics"] for name in sorted(sources) if name in reading.records]
+    reading = block_reading(spec, nodes, local)
+    figures = [reading.records[name]["metrics"] for name in sorted(spec.sources) if name in reading.records]
     names = ("images", "points", "image_points", "control_points", "check_points")
     detail = "; ".join(amounts({name: of_block.get(name) for name in names}) for of_block in figures)
     return _Check("block", detail, reading.error, reading.warnings), list(reading.records.values())

@@ -212,22 +212,25 @@ def new(
 
 
 def _refuse_as_a_run(pipeline: Path) -> None:
-    """Read the block as a run will: what that refuses is refused at once, in the same words.
+    """Read the block as a run will: what that refuses is refused at once, what it warns of is shown, in its words.
 
     The pipeline stays, as an option or an edit in it may be the remedy.
     """
     from aatri.cli.block_reading import block_reading
     from aatri.pipeline.methods.catalogue import Catalogue
+    from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.plan.graph import wire
     from aatri.pipeline.run.workers import share_cores
     from aatri.pipeline.spec.pipeline_file import load_spec
 
     share_cores(1)
     spec = load_spec(pipeline)
-    sources = {name for name, stage in spec.stages.items() if not stage.inputs}
-    reading = block_reading(spec, wire(spec, Catalogue()), sources)
+    reading = block_reading(spec, without_compiler(wire, spec, Catalogue()))
+    for text in reading.warnings:
+        narrate(f"warning: {text}")
     if reading.error is not None:
-        narrate(f"{pipeline} is written; as it stands, a run of it is refused:")
+        text = f"{pipeline} is written; as it stands, a run of it is refused for what follows: edit the file, or remove"
+        narrate(f"{text} it before `aatri new` is repeated with other options")
         raise reading.error
 
 

@@ -125,6 +125,24 @@ def test_formats_with_a_stage_of_their_own_are_read_by_it(tmp_path: Path, name: 
     wire(load_spec(path), Catalogue())
 
 
+def test_what_a_run_would_refuse_and_warn_of_is_shown_and_the_pipeline_is_there_to_be_edited(tmp_path: Path) -> None:
+    source, path = tmp_path / "source", tmp_path / "mine" / "pipeline.yaml"
+    source.mkdir()
+    READERS["tables"].write(source)  # with a lever arm to which no position refers
+    result = invoked("new", path.parent, "--from", source)
+    assert result.exit_code == 3
+    assert path.is_file()
+    text = result.stderr
+    refused = f"{path} is written; as it stands, a run of it is refused for what follows: edit the file, or remove it"
+    parts = [
+        "warning: block: rejected: geodetic distance 3 3: from a station",
+        refused,
+        "error: camera uav: lever arms",
+    ]
+    places = [text.find(part) for part in parts]
+    assert 0 <= places[0] < places[1] < places[2]
+
+
 def test_formats_are_listed_and_described() -> None:
     listed = json.loads(invoked("formats", "--json").stdout)
     assert {"tables", "opensfm", "odm_gcp", "colmap"} <= {f["name"] for f in listed}

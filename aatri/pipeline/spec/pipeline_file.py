@@ -66,6 +66,11 @@ class Spec:
         """Folder that relative paths refer to."""
         return self.path.parent
 
+    @property
+    def sources(self) -> dict[str, StageSpec]:
+        """Stages without inputs, which read files."""
+        return {name: stage for name, stage in self.stages.items() if not stage.inputs}
+
     def where(self, stage: str, *keys: str | int) -> str:
         """Place of a value of a stage, in the file or on the command line."""
         return self._written_where(stage, *keys) or self.document.where("stages", stage, *keys)
