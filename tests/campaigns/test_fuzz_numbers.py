@@ -70,12 +70,14 @@ def complaints(numbers: Numbers, count: int = COUNT) -> Iterator[str]:
     return (said for _ in range(count) if (said := numbers.wrong(chance)))
 
 
+@pytest.mark.slow(after=3)
 def test_the_numbers_of_every_reader_are_taken_rightly_or_refused_with_their_line(numbers: Numbers) -> None:
     assert list(complaints(numbers)) == []
     looked_at = list(numbers.cells.values())
     assert sum(cell is not None for cell in looked_at) >= 5
 
 
+@pytest.mark.slow(after=3)
 @pytest.mark.parametrize("name", OF_OTHER_PROGRAMS)
 def test_numbers_of_other_programs_are_taken_rightly_or_refused_with_their_line(tmp_path: Path, name: str) -> None:
     numbers = numbers_of(OF_OTHER_PROGRAMS[name], tmp_path)
@@ -83,6 +85,7 @@ def test_numbers_of_other_programs_are_taken_rightly_or_refused_with_their_line(
     assert any(cell is not None for cell in numbers.cells.values())
 
 
+@pytest.mark.slow(after=3)
 def test_a_loosened_parser_is_found_out(numbers: Numbers, monkeypatch: pytest.MonkeyPatch) -> None:
     anything = re.compile(r"(?s).+")
     monkeypatch.setattr(number_text, "_NUMBER", anything)
