@@ -2,10 +2,11 @@
 
 1. Adjust by least squares. Where something is above the limit, and a group explains more than any single observation
    does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that takes
-   half of the squares of what is above the limit, there or from all; of several the one that leaves the least v'v, or
-   a simpler one that leaves no more than `SEPARABLE` above it, the others named beside it; none where the single
-   observation that explains most leaves as little (`single_errors`). Positions that an earlier stage has rejected take
-   part: they may be a group, or agree with all else where self-calibration estimates what that stage lacked.
+   half of the squares of what is above the limit, that of a camera also if it takes as much of all squares; of several
+   the one that leaves the least v'v, or a simpler one that leaves no more than `SEPARABLE` above it, the others named
+   beside it; none where the single observation that explains most leaves as little (`single_errors`). Positions that an
+   earlier stage has rejected take part: they may be a group, or agree with all else where self-calibration estimates
+   what that stage lacked.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
@@ -181,7 +182,7 @@ def _groups_before_single_errors(
             block, result, candidates_of, largest_gain_root(result), [g.key for g in groups]
         )
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in candidates]
-        fits = [(g, r) for g, r in trials if r is not None and _explains_most(r, result, options.limit)]
+        fits = [(g, r) for g, r in trials if r is not None and _explains_most(g, r, result, options.limit)]
         if not fits:
             break
         least_cost = min(r.adjusted.cost for _, r in fits)
@@ -205,10 +206,11 @@ def _with_equivalents(group: Group, equivalent: list[Group]) -> Group:
     return replace(group, or_else=tuple(dict.fromkeys([*others, *group.or_else])))
 
 
-def _explains_most(result: BundleResult, before: BundleResult, limit: float) -> bool:
-    """Whether half of the squares above the limit are gone, or as much of all: a lens is in every ray, by less."""
+def _explains_most(group: Group, result: BundleResult, before: BundleResult, limit: float) -> bool:
+    """Whether half of the squares above the limit are gone, or of a camera as much of all: a lens is in every ray."""
     squares = MUCH_LESS * misfit(before, limit)
-    return misfit(result, limit) <= squares or before.adjusted.cost - result.adjusted.cost >= squares
+    of_all = group.per == "camera" and before.adjusted.cost - result.adjusted.cost >= squares
+    return of_all or misfit(result, limit) <= squares
 
 
 def _adjusted_with(
