@@ -192,10 +192,11 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
     are mirrored; of these it counts how steeply the images look upwards.
     """
     steep = -float((to.rotation @ up)[2]) / float(np.linalg.norm(up))
-    text = "oriented by its control the images look upwards, so the control is mirrored"
-    if not (kept.kind == CONTROL).any():
+    if (kept.kind == CONTROL).any():
+        text = "oriented by its control the images look upwards, so the control is mirrored"
+    else:
         text = "oriented by positions alone the images look upwards, so images have each other's id or position, or "
-        text += "their axes are mirrored"
+        text += "the axes of the positions are mirrored"
     full = kept.given.all(axis=1)
     if full.sum() >= FEWEST_MIRRORED:
         x, X = kept.xyz[full], kept.observed_m[full]
