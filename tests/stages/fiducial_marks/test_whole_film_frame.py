@@ -18,7 +18,8 @@ SIZE, TILE, PIXEL_MM = 20_000, 2_000, 0.0115
 REACH = 100
 PLACES = ((800, 800), (18_400, 800), (18_400, 18_400), (800, 18_400))
 MEASURED = """
-import resource, sys
+import sys
+from pathlib import Path
 import numpy as np
 from aatri.artifacts.block import Fiducials
 from aatri.artifacts.builder import block_of
@@ -35,11 +36,13 @@ images = {"id": ["a"], "camera": "c", "path": [path], "content": [content_of(pat
 marks = Fiducials.of(camera=np.zeros(4, int), id=list("1234"), xy_mm=film)
 block = block_of(name="film", cameras=camera, images=images, fiducials=marks)
 found = template(block, options=TemplateOptions(picture=picture, search_mm=4.0)).fiducial_points
-print(np.abs(found.xy - places[found.fiducial]).max(), len(found), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+peak_kb = Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]  # ru_maxrss begins with the parent's
+print(np.abs(found.xy - places[found.fiducial]).max(), len(found), peak_kb)
 """
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the peak of memory is read from /proc")
 def test_a_frame_of_400_million_pixels_is_measured_in_a_gigabyte(tmp_path: Path, shared_data: Path) -> None:
     mark = np.asarray(Image.open(shared_data / "images" / "fiducials" / "nagap" / "arc" / "T.jpg").convert("L"))
     row, column = 289, 893  # of the cross
