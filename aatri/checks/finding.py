@@ -74,4 +74,5 @@ def report(findings: Iterable[Finding | Note], reporter: Reporter) -> None:
     listed = list(findings)
     tell([f if isinstance(f, Note) else f.note for f in listed if f.level != "error"], reporter)
     errors = [f for f in listed if isinstance(f, Finding) and f.level == "error"]
-    raise_all([f.error(f.what, where=f.where, remedy=f.remedy) for f in errors])
+    if errors:
+        raise_all([f.error(f.what, where=f.where, remedy=f.remedy) for f in errors])

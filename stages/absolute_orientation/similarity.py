@@ -26,8 +26,9 @@ Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with in
 from dataclasses import replace
 from typing import Literal
 
-from aatri.adapters.frame.tangent_block import in_tangent_frame
-from aatri.adapters.ground.absolute_orientation import Joining, StripsOfBlock, orient_strips
+from aatri.adapters.frame.adjustment_frame import in_tangent_frame
+from aatri.adapters.ground.absolute_datum import StripsOfBlock
+from aatri.adapters.ground.absolute_orientation import Joining, orient_strips
 from aatri.adapters.ground.absolute_solution import absolute_solution
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.tp_frame import tp_rows
@@ -41,7 +42,6 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
-from aatri.observations.image_points import rays_of
 from aatri.orientation.bodies.absolute import Start
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
@@ -91,7 +91,7 @@ def similarity(
     inside = in_tangent_frame(block)
     ground = ground_observed(block, inside.block, use_positions=options.use_positions)
     oriented = orient_strips(
-        StripsOfBlock(inside.block, ground, strips, rays_of(inside.block, image_points)),
+        StripsOfBlock(inside.block, ground, strips, image_points),
         Joining(
             options.tie_limit,
             options.control_limit,

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from aatri.adapters.bundle.orientations import given_orientations
-from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.ground.component_bodies import principal_distance_shares
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.initial_notes import shown_components

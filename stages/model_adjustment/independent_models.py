@@ -24,7 +24,7 @@ from typing import Literal, Self
 
 from pydantic import PositiveFloat, field_validator, model_validator
 
-from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.model_adjustment import ModelSettings, adjusted_models
 from aatri.artifacts.block import Block

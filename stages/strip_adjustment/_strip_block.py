@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from aatri.adapters.frame.tangent_block import in_tangent_frame
+from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
 from aatri.adapters.strips.strip_degrees import highest_degree

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,18 +14,39 @@ from aatri.adapters.strips.tied_tables import not_rejected
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
+from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
 from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import rays_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, levelled
+
+
+@dataclass(frozen=True)
+class StripsOfBlock:
+    """Free strips, the block in the frame of the adjustment, what is observed of the ground, and the image points."""
+
+    block: Block
+    ground: GroundObserved
+    strips: Strips
+    image_points: ImagePoints
+
+    @cached_property
+    def rays(self) -> ImagePointRows:
+        """Of all image points, which control that no strip holds is looked for among."""
+        return rays_of(self.block, self.image_points)
+
+    def control_beside(self, component: Component) -> Int:
+        """Control points that the strips of a component do not hold, (n,): rows in points."""
+        return np.setdiff1d(control_of(self.ground.block).point, component.point)
 
 
 @dataclass(frozen=True)
@@ -60,12 +82,7 @@ def pooled(parts: Sequence[OrientedPart]) -> tuple[tuple[int, int], float]:
 
 
 def oriented_part(
-    ground: GroundObserved,
-    strips: Strips,
-    rays: ImagePointRows,
-    component: Component,
-    what: str,
-    settings: OrientationSettings,
+    block_strips: StripsOfBlock, component: Component, what: str, settings: OrientationSettings
 ) -> tuple[OrientedPart, list[Note]]:
     """A component by what is observed of it, control that no strip holds included; see `oriented_by`.
 
@@ -78,8 +95,11 @@ def oriented_part(
     def begin(observed: Sequence[Observed]) -> Bool:
         return not_rejected(observed, {o.kind: strips.suspects for o in observed})
 
-    body = _body(ground.block, strips, component)
-    by_rays = control_by_rays(component, body, control_of(ground.block).point, rays, TIE_LIMIT)
+    ground, strips = block_strips.ground, block_strips.strips
+    body, lacking = _body(ground.block, strips, component), block_strips.control_beside(component)
+    by_rays = ControlByRays(component, body, lacking, lacking, np.zeros(0))
+    if len(lacking):
+        by_rays = control_by_rays(component, body, lacking, block_strips.rays, TIE_LIMIT)
     try:
         result, notes = oriented_by(ground, by_rays.body, settings, what, begin=begin)
     except (ConvergenceError, GeometryError) as failure:
@@ -88,29 +108,24 @@ def oriented_part(
 
 
 def levelled_part(
-    ground: GroundObserved,
-    strips: Strips,
-    rays: ImagePointRows,
-    free: FreeBlock,
-    component: Component,
-    what: str,
-    settings: OrientationSettings,
+    block_strips: StripsOfBlock, free: FreeBlock, component: Component, what: str, settings: OrientationSettings
 ) -> OrientedPart | None:
     """A component that nothing but its turn about a line is open of, as images look down; None if more is open.
 
     Points that it shares with others, too few to join it, and rays of single images to control hold it all the same:
     the bundle takes them up. Without any it stays open.
     """
-    image = free_images(strips, component)[2]
+    ground, rays = block_strips.ground, block_strips.rays
+    image = free_images(block_strips.strips, component)[2]
     seen = rays.point[rays.active & np.isin(rays.image, image)]
     others = [c.point for c in free.components if c is not component]
-    control = np.setdiff1d(control_of(ground.block).point, component.point)
+    control = block_strips.control_beside(component)
     if not np.isin(np.append(seen, component.point), np.concatenate([control, *others])).any():
         return None
     looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
-    level = replace(ground, beside=(*ground.beside, looking_down))
+    level = replace(block_strips, ground=replace(ground, beside=(*ground.beside, looking_down)))
     try:
-        return oriented_part(level, strips, rays, component, what, settings)[0]
+        return oriented_part(level, component, what, settings)[0]
     except (ConvergenceError, GeometryError):
         return None
 

@@ -8,18 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import OrientedPart, levelled_part, oriented_part, pooled
+from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, levelled_part, oriented_part, pooled
 from aatri.adapters.ground.ground_fit import fit_notes, height_notes, misfitting_strips, stretched_start
-from aatri.adapters.ground.ground_observed import GroundObserved
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
 from aatri.adjustment.threads import one_blas_thread
-from aatri.artifacts.block import Block
-from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
@@ -32,16 +28,6 @@ MISFIT_SHARE = 4
 
 CANDIDATES = 3
 """So many strips are tried, as a bent strip bends those it is joined to."""
-
-
-@dataclass(frozen=True)
-class StripsOfBlock:
-    """Free strips, the block in the frame of the adjustment, what is observed of the ground, and the rays."""
-
-    block: Block
-    ground: GroundObserved
-    strips: Strips
-    rays: ImagePointRows
 
 
 @dataclass(frozen=True)
@@ -213,10 +199,10 @@ def _joined_and_oriented(
             continue
         what = f"component {number} ({strip_names(component, names)})"
         try:
-            part, more = oriented_part(block_strips.ground, strips, block_strips.rays, component, what, settings)
+            part, more = oriented_part(block_strips, component, what, settings)
         except (ConvergenceError, GeometryError) as error:
-            begun = (block_strips.ground, strips, block_strips.rays, free, component, what, settings)
-            level = levelled_part(*begun) if joining.level and isinstance(error, GeometryError) else None
+            may_begin = joining.level and isinstance(error, GeometryError)
+            level = levelled_part(block_strips, free, component, what, settings) if may_begin else None
             if level is None:
                 failed.append(error)
                 continue

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import OrientedPart, free_images, pooled
+from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, free_images, pooled
 from aatri.adapters.ground.absolute_orientation import OrientedStrips
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
@@ -31,7 +31,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.artifacts.uncontrolled import Uncontrolled
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
-from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.components import strip_names
@@ -48,7 +47,7 @@ def absolute_solution(
     position, rotation = np.full((len(block.images), 3), np.nan), np.full((len(block.images), 3, 3), np.nan)
     points = np.full((len(block.points), 3), np.nan)
     transformations, parameters, residuals = [StripTransformations.empty()], [Parameters.empty()], [Residuals.empty()]
-    suspects = [_carried(block, strips, oriented.block_strips.rays, parts)]
+    suspects = [_carried(oriented.block_strips, parts)]
     for part in parts:
         to_ground, component = part.result.ground_from_body, part.component
         centres, rotations, image = free_images(strips, component)
@@ -110,13 +109,14 @@ def _on_ground(adjusted: AdjustedObservations, to: Similarity) -> AdjustedObserv
     return replace(adjusted, observed=replace(adjusted.observed, spread=turned))
 
 
-def _carried(block: Block, strips: Strips, rays: ImagePointRows, parts: Sequence[OrientedPart]) -> Suspects:
+def _carried(block_strips: StripsOfBlock, parts: Sequence[OrientedPart]) -> Suspects:
     """Suspects of earlier stages but those that were tested here anew."""
-    before = strips.suspects
+    strips, before = block_strips.strips, block_strips.strips.suspects
     for part in parts:
         for _, tied in part.adjusted():
             before = not_tested(before, tied, strips.strips.id[part.component.strips])
-        before = part.by_rays.suspects(before, block, rays, ROLE_NAME)
+        if len(part.by_rays.meeting):
+            before = part.by_rays.suspects(before, block_strips.block, block_strips.rays, ROLE_NAME)
     return before
 
 
@@ -141,4 +141,6 @@ def _uncontrolled_tables(block: Block, strips: Strips, parts: Sequence[OrientedP
         if ties is not None:
             tables.append(uncontrolled_kinds(ties, result.ground_from_body.rotation))
         tables.append(uncontrolled_kinds(result.tied))
-    return stacked([not_seen_since(strips.uncontrolled, block, seen_twice), *tables])
+    if strips.uncontrolled is not None:
+        tables.insert(0, not_seen_since(strips.uncontrolled, block, seen_twice))
+    return stacked([Uncontrolled.empty(), *tables])

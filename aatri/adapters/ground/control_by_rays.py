@@ -57,7 +57,7 @@ class ControlByRays:
 
 
 def control_by_rays(
-    component: Component, body: FreeBody, control_point: Int, rays: ImagePointRows, limit: float
+    component: Component, body: FreeBody, lacking: Int, rays: ImagePointRows, limit: float
 ) -> ControlByRays:
     """Intersect the control points that a component lacks.
 
@@ -65,14 +65,13 @@ def control_by_rays(
     ----------
     body : FreeBody
         The same as a body.
-    control_point : (n,) int
-        Rows of the control points in points.
+    lacking : (n,) int
+        Rows of these control points in points.
     rays : ImagePointRows
         Of all images.
     limit : float
         Test statistic of rays that do not meet. Points as uncertain as one at infinity stay out.
     """
-    lacking = np.setdiff1d(control_point, component.point)
     rows = np.flatnonzero(rays.active & body.has[POSE][rays.image] & np.isin(rays.point, lacking))
     if not len(rows):
         return ControlByRays(component, body, rows, rows, np.zeros(0))

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of
-from aatri.adapters.frame.tangent_block import InTangentFrame
+from aatri.adapters.frame.adjustment_frame import InTangentFrame, frame_of, geodesy_of
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints

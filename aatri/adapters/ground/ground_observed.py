@@ -40,6 +40,9 @@ NOT_USED = ("ground_point_covariances", "geodetic_covariances", "images.rig")
 USES = tuple(name for name in (*catalogue.USES, "undulation", "earth_curvature:frame") if name not in NOT_USED)
 """What the orientation of bodies uses of a block: neither correlations between points nor rigs."""
 
+LEFT_TO_THE_BUNDLE = ("image_points", "ground_point_covariances", "geodetic_covariances")
+"""Tables that say nothing of free bodies."""
+
 HARDLY = 1e-4
 """Motions with a lambda above this (errors of control magnified less than 100 times) may start a bundle, which tells
 how well they are known, where nothing better is there; see `datum_analysis`."""
@@ -59,7 +62,7 @@ class GroundObserved:
     """What is observed of a block."""
 
     block: Block
-    """In its own frame, without correlations between points."""
+    """In its own frame, without image points and correlations between points."""
     origin_m: Float
     """(3,), m. In the frame of the adjustment; all places are reduced to it."""
     use_positions: bool
@@ -107,17 +110,12 @@ class GroundObserved:
 
 def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> GroundObserved:
     """What is observed of a block, given in its own frame and in that of the adjustment."""
-    positions = positions_of(inside)
-    if not use_positions:
-        positions = positions.take(np.zeros(0, dtype=np.int64))
-    uncorrelated = replace(
-        as_given,
-        ground_point_covariances=as_given.ground_point_covariances.take(np.zeros(0, dtype=np.int64)),
-        geodetic_covariances=as_given.geodetic_covariances.take(np.zeros(0, dtype=np.int64)),
-    )
+    observed = use_positions and len(inside.exterior)
+    position_m = positions_of(inside).position_m if observed else np.zeros((0, 3))
+    without = {name: getattr(as_given, name).take(np.zeros(0, dtype=np.int64)) for name in LEFT_TO_THE_BUNDLE}
     frame = frame_of(as_given)
-    origin = pieces.origin_of(control_of(inside), positions)
-    return GroundObserved(uncorrelated, origin, use_positions, frame, geodesy_of(as_given, frame))
+    origin = pieces.origin_of(control_of(inside), position_m)
+    return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy_of(as_given, frame))
 
 
 def everything(_: Observed) -> bool:

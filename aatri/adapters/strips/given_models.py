@@ -57,7 +57,7 @@ def adjusted_given_models(
     x, variance = coordinates.xyz - centre[model], coordinates.sigma**2
     covariance = variance[:, None, None] * np.eye(3)
     body_points = BodyPoints(model.astype(np.int64), coordinates.point.astype(np.int64), x, covariance)
-    origin = pieces.origin_of(control, positions_of(block))
+    origin = pieces.origin_of(control, positions_of(block).position_m)
     start, notes = models_on_ground(block, control, body_points, names, origin, exchanged=exchanged)
     chosen = np.flatnonzero([s is not None for s in start])
     place = np.full(len(names), -1)

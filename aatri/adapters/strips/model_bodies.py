@@ -149,7 +149,7 @@ def _ground(block: Block, initial: Solution) -> tuple[Float, Poses, list[Observe
     Positions whose group has a shift of its own take no part: that is for the bundle.
     """
     control, images = control_of(block), initial.images
-    origin = pieces.origin_of(control, positions_of(block))
+    origin = pieces.origin_of(control, positions_of(block).position_m)
     poses = Poses(images.position_m - origin, images.ground_from_image)
     observed = positions(ObservationSource(block, None, origin, {POSE: poses}), PositionOptions())
     observed = tuple(o for o in observed if not o.unknowns and len(o.records.touches) == 1)

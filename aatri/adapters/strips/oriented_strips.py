@@ -25,16 +25,15 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
 from aatri.observations.control import Control
-from aatri.observations.positions import Positions
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
 
 
-def origin_of(control: Control, positions: Positions) -> Float:
+def origin_of(control: Control, position_m: Float) -> Float:
     """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    observed_m = np.concatenate([np.where(control.given, control.xyz_m, np.nan), positions.position_m])
+    observed_m = np.concatenate([np.where(control.given, control.xyz_m, np.nan), position_m])
     sums, counts = np.nansum(observed_m, axis=0), np.isfinite(observed_m).sum(axis=0)
     return np.asarray(np.round(sums / np.maximum(counts, 1)))
 
@@ -48,10 +47,12 @@ def strip_points_of(strips: Strips) -> BodyPoints:
 def usable_ties(strips: Strips) -> Bool:
     """Strip points that no earlier stage has rejected, (n,) bool."""
     table = strips.strip_points
+    if not len(strips.suspects):
+        return np.ones(len(table), dtype=bool)
     out = strips.suspects.take(np.flatnonzero((strips.suspects.kind == STRIP_TIE) & staying_out(strips.suspects)))
     listed = set(zip(out.image.tolist(), out.point.tolist()))
     names = zip(strips.strips.id[table.strip].tolist(), strips.points.id[table.point].tolist())
-    return np.array([not listed or pair not in listed for pair in names], dtype=bool)
+    return np.array([pair not in listed for pair in names], dtype=bool)
 
 
 def most_models(strips: Strips) -> int:

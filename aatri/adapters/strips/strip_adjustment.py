@@ -63,7 +63,7 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
         If `initial` orients no strip.
     """
     control = control_of(block)
-    origin = pieces.origin_of(control, positions_of(block))
+    origin = pieces.origin_of(control, positions_of(block).position_m)
     images, table = strips.strip_images, pieces.strip_points_of(strips)
     oriented = initial.images.oriented[images.image]
     numbers: list[int] = []

@@ -64,6 +64,8 @@ def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -
 
 
 def _rejected(o: Observed, before: Suspects) -> Bool:
+    if not len(before):
+        return np.zeros(len(o), dtype=bool)
     table = before.take(np.flatnonzero((before.kind == o.kind) & staying_out(before)))
     if not len(table) or (o.row >= 0).any():
         return np.asarray(np.isin(o.row, table.row[table.row >= 0]))

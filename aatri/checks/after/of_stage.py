@@ -30,7 +30,9 @@ def findings_of(
         Of the Solution it began from.
     """
     exchanged = exchanged_numbers(block, artifact, before or Suspects.empty()) if isinstance(artifact, Solution) else []
-    findings = [*rejections(artifact.suspects, stage), *exchanged, *uncontrolled_observations(artifact.uncontrolled)]
-    if not isinstance(artifact, Solution):
+    findings = [*rejections(artifact.suspects, stage), *exchanged]
+    if artifact.uncontrolled:
+        findings += uncontrolled_observations(artifact.uncontrolled)
+    if not isinstance(artifact, Solution) or not len(block.relative_control):
         return findings
     return [*sharp_conditions(block, artifact.images.position_m, artifact.points.xyz_m), *findings]

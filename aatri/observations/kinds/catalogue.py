@@ -52,7 +52,7 @@ class Kind:
 
 
 KINDS = (
-    Kind(image_points.image_points),
+    Kind(image_points.image_points, "image_points"),
     Kind(control.control, "ground_points", uses=control.USES),
     Kind(positions.positions, "exterior", lambda o: o.positions, uses=positions.USES),
     Kind(attitudes.attitudes, "exterior", lambda o: o.attitudes, uses=attitudes.USES),

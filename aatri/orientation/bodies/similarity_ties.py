@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.kernels.spectra import turn
+from aatri.adjustment.kernels.spectra import eigen, turn
 from aatri.adjustment.records import Bind, Fill, Weigh
 from aatri.adjustment.threads import in_threads
 from aatri.adjustment.unknowns import State, Unknowns
@@ -22,7 +22,6 @@ from aatri.geometry.similarity import Similarity, motions
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
 from aatri.orientation.bodies.kernels import ties as kernels
-from aatri.orientation.bodies.kernels.eigen import eigen
 
 FARTHEST = 20.0
 """Step of the logarithm of a scale that no start calls for: a factor of 5e8."""
