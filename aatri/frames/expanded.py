@@ -57,13 +57,14 @@ class Expanded:
 
     def _add(self, nodes: Float) -> None:
         frame, first = self.frame, len(self._x)
-        steps = np.eye(3) * STEP_M
-        bent = [frame.derivatives_at(nodes + s) - frame.derivatives_at(nodes - s) for s in steps]
-        turned = [frame.axes_at(nodes + s) - frame.axes_at(nodes - s) for s in steps]
-        H, dB = (np.stack(change, axis=-1) / (2 * STEP_M) for change in (bent, turned))
+        steps = STEP_M * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+        places = (nodes + steps[:, None]).reshape(-1, 3)
+        derivatives = frame.derivatives_at(places)
+        D, B = (a.reshape(7, -1, 3, 3) for a in (derivatives, frame.axes_of(derivatives, places).swapaxes(1, 2)))
+        H, dB = (np.moveaxis(a[1:4] - a[4:], 0, -1) / (2 * STEP_M) for a in (D, B))
         self._x = np.concatenate([self._x, frame.to_block(nodes) - self.reference])
-        self._D = np.concatenate([self._D, frame.derivatives_at(nodes)])
+        self._D = np.concatenate([self._D, D[0]])
         self._H = np.concatenate([self._H, 0.5 * (H + H.swapaxes(2, 3))])
-        self._B = np.concatenate([self._B, frame.axes_at(nodes).swapaxes(1, 2)])
-        self._dB = np.concatenate([self._dB, dB.swapaxes(1, 2)])
+        self._B = np.concatenate([self._B, B[0]])
+        self._dB = np.concatenate([self._dB, dB])
         self._place |= {tuple(n): first + k for k, n in enumerate(nodes)}

@@ -72,9 +72,9 @@ class TangentFrame:
         """D: derivatives of the coordinates of the block at places of the tangent frame, (n, 3, 3)."""
         if self.geocentric:
             return np.broadcast_to(self.axes, (len(xyz_m), 3, 3)).copy()
-        steps = np.eye(3) * STEP_M
-        changes = [self.to_block(xyz_m + step) - self.to_block(xyz_m - step) for step in steps]
-        return np.stack(changes, axis=-1) / (2 * STEP_M)
+        steps = STEP_M * np.concatenate([np.eye(3), -np.eye(3)])
+        ahead, behind = self.to_block((xyz_m + steps[:, None]).reshape(-1, 3)).reshape(2, 3, -1, 3)
+        return np.moveaxis(ahead - behind, 0, -1) / (2 * STEP_M)
 
     def axes_at(self, xyz_m: Float) -> Float:
         """B: grid east, grid north and up at places of the tangent frame, (n, 3, 3), columns.
@@ -82,9 +82,12 @@ class TangentFrame:
         Grid north is the direction in which the east coordinate and the height do not change. NaN where the map has
         no such place.
         """
+        return self.axes_of(self.derivatives_at(xyz_m), xyz_m)
+
+    def axes_of(self, D: Float, xyz_m: Float) -> Float:
+        """B at places of the tangent frame, where the derivatives D there are computed already."""
         if self.geocentric:
             return np.broadcast_to(self.axes.T, (len(xyz_m), 3, 3)).copy()
-        D = self.derivatives_at(xyz_m)
         with np.errstate(invalid="ignore"):
             north = np.sign(np.linalg.det(D))[:, None] * np.cross(D[:, 2], D[:, 0])
             return _frame_of(north, self.up_at(xyz_m))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import hashlib
 from dataclasses import astuple, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.cameras.sharing import camera_scale
 from aatri.adapters.pairs.image_pairs import neighbouring_images
-from aatri.artifacts.block import CHECK, Block
+from aatri.artifacts.block import CHECK
 from aatri.orientation.bundle.block import start_of
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.block.tables import TablesOptions, tables
@@ -287,14 +288,13 @@ def equations(folder: Path, content: Folder) -> tuple[bytes, tuple[str, ...]]:
         numbers += [] if o.holds is None else [o.holds.scalar, o.holds.value]
     told = [str(note) for o in given.observed for note in o.notes if note.level == "warning"]
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in numbers)).digest()
-    return digest, (*heard.warned, *told, *unused_offers(block, options))
+    return digest, (*heard.warned, *told, *(offer.what for offer in block.offers() if offer.name not in used_offers()))
 
 
-def unused_offers(block: Block, options: BundleOptions) -> list[str]:
-    """What of the block is told to be without effect in this chain."""
-    registry, used = find_stages(), set[str]()
-    for name in ("interior_orientation/affine", "image_refinement/systematic", "accuracy/evaluation"):
-        card = registry.card(name)
-        used |= set(card.used_with(card.options() if card.options else None) or ())
-    used |= set(registry.card("bundle_adjustment/bundle").used_with(options) or ())
-    return [offer.what for offer in block.offers() if offer.name not in used]
+@cache
+def used_offers() -> set[str]:
+    """Names of what the stages of this chain use of a block."""
+    registry, interior = find_stages(), "interior_orientation/affine"
+    chain = (interior, "image_refinement/systematic", "bundle_adjustment/bundle", "accuracy/evaluation")
+    cards = [registry.card(name) for name in chain]
+    return {name for card in cards for name in card.used_with(card.options() if card.options else None) or ()}

@@ -82,12 +82,14 @@ def _fit_cylinder(points: Float, _axes: Float, radius_m: float = np.nan) -> tupl
         own = np.sqrt(max(m[2] + m[:2] @ m[:2], 1e-12))
         start = np.array([0.0, 0.0, m[0], m[1], radius_m if fixed_radius else own])
 
-        def residuals(t: Float, x: Float = x, start: Float = start) -> Float:
-            return _cylinder(x, np.tile([*t, *start[len(t) :]], (len(x), 1)))[0][:, 0]
+        def linearised(t: Float, x: Float = x, start: Float = start) -> tuple[Float, Float]:
+            v, _, by_t = _cylinder(x, np.tile([*t, *start[len(t) :]], (len(x), 1)))
+            return v[:, 0], by_t[:, 0, : len(t)]
 
         from scipy.optimize import least_squares  # takes a tenth of a second to import
 
-        fitted = least_squares(residuals, start[: 4 if fixed_radius else 5])
+        estimated = start[: 4 if fixed_radius else 5]
+        fitted = least_squares(lambda t, f=linearised: f(t)[0], estimated, jac=lambda t, f=linearised: f(t)[1])
         if fitted.cost < best:
             best, cylinder = fitted.cost, (F, np.array([*fitted.x, *start[len(fitted.x) :]]))
     return cylinder[0], centre, cylinder[1]
