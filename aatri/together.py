@@ -4,8 +4,6 @@ A part that is begun anew, as its worker has died, sends the same messages again
 until it has come to where it was.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

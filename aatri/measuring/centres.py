@@ -7,8 +7,6 @@ where the correlation of f(p + d) and f(p - d) is largest among the pixels withi
 rest, with f by cubic splines. What looks the same only along an edge leaves p open and is no mark.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 

@@ -5,8 +5,6 @@ in the pixel system of the camera, as block.yaml has it; of digital cameras with
 image centre.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

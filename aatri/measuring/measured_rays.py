@@ -6,8 +6,6 @@ The interior orientation of each image and the corrections are those of the run,
 of a self-calibration, and what the fiducial marks of a film leave open, those that it found.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 

@@ -6,8 +6,6 @@ lines, comments, the order of columns, byte order mark and line ends stay as the
 at all, under a lock of the folder that other programs of this kind share.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The pictures of a block folder: the last ones shown stay open."""
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 

@@ -10,8 +10,6 @@ Poses have their covariances within the block, of each other they are taken as i
 used already fits its poses a little too well.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

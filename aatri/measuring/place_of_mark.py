@@ -4,8 +4,6 @@ w is the calibrated place or, as y counts down in the scan, its conjugate: a fil
 marks fit both; then it is taken to lie the right way up.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

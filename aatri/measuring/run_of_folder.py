@@ -1,7 +1,5 @@
 """The run that tells where points are: the one named, or the newest that oriented images of the block folder."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

@@ -5,8 +5,6 @@ path, and come from the page itself or from the address line. The page loads not
 it to.
 """
 
-from __future__ import annotations
-
 import json
 import secrets
 import urllib.parse

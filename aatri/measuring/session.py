@@ -3,8 +3,6 @@
 Places on the page are px from the outer corner of the upper left pixel of a file, x right, y down.
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

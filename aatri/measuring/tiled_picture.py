@@ -5,8 +5,6 @@ read by windows only those are read that a tile touches; the levels from `COARSE
 by going through the file once, in bands. So a scan of 370 million pixels takes some hundred MB.
 """
 
-from __future__ import annotations
-
 import threading
 from functools import cached_property
 

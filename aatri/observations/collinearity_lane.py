@@ -1,7 +1,5 @@
 """The compiled lanes of the collinearity equations, and the sides of the cameras that points lie on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -14,8 +14,6 @@ Source: Ait-Aider et al., ECCV 2006 (linear motion within an image); Vautherin e
 (drones: the motion along the flight is what matters).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

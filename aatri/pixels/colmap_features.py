@@ -5,8 +5,6 @@ Of the orientations of a place one stays; the largest features are kept. Its des
 Source: Lowe 2004, IJCV 60, 91; Vedaldi & Fulkerson 2010 (VLFeat, which COLMAP uses).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.artifacts.features import Features, Keypoints, MatchedKeypoints, Matches

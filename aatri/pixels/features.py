@@ -12,8 +12,6 @@ ones find pairs, small ones measure.
 Source: Lowe 2004, IJCV 60, 91; OpenCV issue 23123 (the shift); Arandjelovic & Zisserman 2012 (root of the histograms).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

@@ -19,8 +19,6 @@ Source: Ackermann 1984; Gruen 1985, South African Journal of Photogrammetry 14, 
 (1999) 1 (covariances of neighbours); Foerstner & Wrobel 2016, Photogrammetric Computer Vision (variance components).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

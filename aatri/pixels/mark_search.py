@@ -8,8 +8,6 @@ than any other place of the window.
 Source: Gonzalez & Woods, Digital Image Processing (correlation); Gruen 1985 (least squares).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

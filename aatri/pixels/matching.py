@@ -7,8 +7,6 @@ Matrix products find all distances: for some thousand features no search tree is
 Source: Lowe 2004 (ratio); Arandjelovic & Zisserman 2012 (roots).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import KDTree
 

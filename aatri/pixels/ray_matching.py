@@ -8,8 +8,6 @@ deviation lets it, is not measured anew.
 Source: Gruen 1985, South African Journal of Photogrammetry 14, 175.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float, Int

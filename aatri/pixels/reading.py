@@ -5,8 +5,6 @@ range, in which no feature is found); CMYK and colours become the brightness of 
 read by the strips or tiles that it touches, so that a scan of 370 million pixels is never whole in memory.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 import warnings

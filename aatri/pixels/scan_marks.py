@@ -6,8 +6,6 @@ A film lies in a scanner in four ways, on either side, so that calibrated marks 
 place is looked at once; only windows of the file are read.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -3,8 +3,6 @@
 cross   two strokes of a width, as long as the mark        dot    a disc        ring   a disc without its inner part
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -5,8 +5,6 @@ any, Gruber positions and more, and an image with few keeps them all. Points do 
 with the root of their number, the time of the adjustment with the number.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int

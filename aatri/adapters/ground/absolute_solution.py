@@ -1,7 +1,5 @@
 """Strips on the ground as a Solution: orientations, residuals, suspects, parameters, what nothing controls."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -7,8 +7,6 @@
 Source: lecture notes, free strips: X_S2 = X_S1 + m B_x, m the denominator of the photo scale (A404).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

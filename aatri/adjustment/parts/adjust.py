@@ -6,8 +6,6 @@ covariances that follow from it come with the result. What only the whole shows 
 iteration that does not converge) ends the parts, and the whole is adjusted at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

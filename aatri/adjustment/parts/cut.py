@@ -8,8 +8,6 @@ above go to the part of its first child: each is in one part.
 Unknowns keep the numbers that they have in the whole: those of other parts are held, and have no place in the index.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

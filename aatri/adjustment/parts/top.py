@@ -1,7 +1,5 @@
 """Who joins the parts: their shared unknowns in one dense front, and the totals that all of them go by."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

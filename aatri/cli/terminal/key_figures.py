@@ -6,8 +6,6 @@ their difference is better known than this says. The number of independent error
 the number of points; of sigma0 the redundancy. The last result comes first, then those on the way to it.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -11,8 +11,6 @@
 Source: docs/formats.md, photographs.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace

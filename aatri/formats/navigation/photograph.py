@@ -8,8 +8,6 @@ The orientation with which a viewer turns the picture is read and never applied:
 Source: JEITA CP-3451 (Exif 2.32); CIPA DCG-001-2018.
 """
 
-from __future__ import annotations
-
 import calendar
 import math
 import re

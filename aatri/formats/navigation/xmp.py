@@ -17,8 +17,6 @@ No pixel is decoded: the packet is looked for in the first bytes of the file.
 Source: DJI, manuals of Zenmuse P1 and Mavic 3M; Adobe, XMP specification part 3 (ISO 16684-1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -9,8 +9,6 @@ by a note. A file that the user has named is never left out.
 Blocks of different images in one folder, and several networks, are not joined: the user chooses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The mark that ends a list in the files of WuCAPS."""
 
-from __future__ import annotations
-
 from aatri.formats.text.text_line import TextLine
 
 END = ("-99", "-99.0")

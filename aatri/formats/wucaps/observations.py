@@ -8,8 +8,6 @@ The layout that WuCAPS itself has is not published. Here a line is an observatio
     angle from at to value sigma                    at the second point, clockwise, degrees
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any

@@ -8,8 +8,6 @@ The layout of its own results is not published; these hold what its menu shows a
     RESVGC  point vX vY vH                                                  m, control: adjusted minus given
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aatri.arrays import Float

@@ -4,8 +4,6 @@ Matches join features to components. A component with two features of one image 
 two. Its weakest link is not known, so that it is refused whole.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

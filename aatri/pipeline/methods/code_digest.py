@@ -6,8 +6,6 @@ file the syntax tree without docstrings is digested, with the version of Python 
 docstrings change nothing, any other edit does. Nothing is imported for this.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import os

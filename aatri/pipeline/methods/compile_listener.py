@@ -3,8 +3,6 @@
 Numba announces what it compiles as events `numba:compile`; what it takes from the cache is none.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -6,8 +6,6 @@ file and declared with `@stage`, its ports are those of the role, it returns the
 model derived from `Options`.
 """
 
-from __future__ import annotations
-
 import ast
 import errno
 import importlib

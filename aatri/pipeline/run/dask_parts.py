@@ -5,8 +5,6 @@ worker that makes the stage and back: into a queue, whose bell is rung then. Who
 other task's place. A part whose worker has died is begun anew by another one, and is told again what it had been told.
 """
 
-from __future__ import annotations
-
 import importlib
 import pickle
 import uuid

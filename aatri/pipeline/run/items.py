@@ -7,8 +7,6 @@ it is there: a run that was killed goes on from there, and an image more makes i
 order of the items, and the same for any number of processes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import json

@@ -2,8 +2,6 @@
 `geometry.similarity.robust_closed_form`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -4,8 +4,6 @@
 With the whitener T of a point, v = T (X - x_o), and the derivatives are T by the ground point and -T dx_o by the strip.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Common points of pairs of images, compiled: both lists of points are ascending and run through side by side."""
 
-from __future__ import annotations
-
 from numba import njit
 
 from aatri.adjustment.kernels.small import OPTIONS

@@ -10,8 +10,6 @@ is right, as over a plane: the other orientation of points in a plane is always 
 optimisation).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

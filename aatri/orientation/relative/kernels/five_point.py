@@ -8,8 +8,6 @@ derivative, found in the same way); x and y follow from B(z).
 Source: Nister, PAMI 26 (2004) 756, sections 3.1 and 3.2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

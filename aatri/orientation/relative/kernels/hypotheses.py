@@ -7,8 +7,6 @@ in front of both images counts; points behind count as gross errors.
 `pose` and `rays` are those of `sampson`. Source: Horn 1990, Recovering baseline and orientation from essential matrix.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -3,8 +3,6 @@
 `pose` and `rays` are those of `sampson`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -14,8 +14,6 @@ m follows from the inverse lengths q of the rays, m'u = q, which are linear in i
 `pose` and `rays` are those of `sampson`. Source: Longuet-Higgins, Proc. R. Soc. B 227 (1986) 399.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

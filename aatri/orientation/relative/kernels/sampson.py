@@ -18,8 +18,6 @@ Source: More 1978, The Levenberg-Marquardt algorithm (D); Transtrum & Sethna 201
 Levenberg-Marquardt algorithm (a).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

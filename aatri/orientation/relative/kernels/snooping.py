@@ -6,8 +6,6 @@ its test statistic exceeds the limit, and tests those rejected for re-admission.
 `pose`, `rays` and `work` are those of `sampson`; `active` are the points used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

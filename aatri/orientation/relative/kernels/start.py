@@ -7,8 +7,6 @@ gives R = Rz(kappa) and a base along t.
 Source: docs/formulas.md 3.3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -4,8 +4,6 @@ The problem is linear: v = A x - y of the common points, all whitened, and v = x
 unknowns but the last one, which is the logarithm of the scale; its column of A is 1 / sigma.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

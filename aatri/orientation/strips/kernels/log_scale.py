@@ -5,8 +5,6 @@ the same image. A turn of a ray in its plane with the base changes log r by cot 
 the ray of the common image changes both distances, so that they are correlated. See `strips.joints`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Weighted means of points over the models of a strip, compiled, one point after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 
