@@ -15,8 +15,7 @@ from aatri.adjustment.statistics.variance_components import GroupSigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 

@@ -17,7 +17,7 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Uncontrolled
 
 IMAGE_POINT = "image_point"
 

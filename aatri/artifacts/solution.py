@@ -11,8 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 

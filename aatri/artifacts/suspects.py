@@ -1,6 +1,7 @@
 """Suspects: observations a stage tested and did not believe. They travel from stage to stage.
 
-The next stage starts without what was rejected and tests each for re-admission.
+The next stage starts without what was rejected and tests each for re-admission. Observations that nothing controls are
+told beside them by every stage that adjusts.
 """
 
 from dataclasses import dataclass
@@ -45,3 +46,17 @@ LEFT_OUT = ("rejected", "undecidable", "swapped")
 def staying_out(suspects: Suspects) -> Bool:
     """Which of the suspects stay out, (n,)."""
     return np.isin(suspects.verdict, LEFT_OUT)
+
+
+@dataclass(frozen=True, eq=False)
+class Uncontrolled(Table):
+    """Observations with a direction that nothing controls: a gross error along it shows in no residual."""
+
+    kind: Text = column("str", doc="image_point, control, position, distance ...")
+    row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
+    image: Text = column("str", doc="id of the image, model or strip, empty if none")
+    point: Text = column("str", doc="id of the point, name of the parameter, empty if none")
+    redundancy: Float = column("f8", doc="redundancy number in that direction, below 0.01")
+    direction: Float = column(
+        "f8", 3, doc="the direction, of length 1, along the axes of residual; NaN: any", optional=True
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,11 +14,27 @@ from aatri.cli.arguments.locate import LocatedRun, find_run, split_stage
 from aatri.cli.arguments.options import LensMisfit, ListAngle, ListColumns, ListRotation, Overwrite
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ArtifactError, ResourceError, SpecError
+from aatri.ids import printable
+from aatri.pipeline.run.overview import arguments_of
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
+    from aatri.cli.arguments.planning import Opened
     from aatri.formats.results.oriented_block import OrientedBlock
 
+_HEAD = """\
+#!/usr/bin/env bash
+# Submits the stages of {pipeline} to SLURM, each waiting for those it needs.
+# Arguments go to sbatch: bash {name} --partition=long --cpus-per-task=8
+set -euo pipefail
+cd {folder}
+submit() {{  # NAME DEPENDENCIES COMMAND
+    local name=$1 after=$2; shift 2
+    sbatch --parsable --job-name="aatri-$name" ${{after:+--dependency=afterok:$after}} --kill-on-invalid-dep=yes \\
+        "${{options[@]}}" --wrap "$*"
+}}
+options=("$@")
+"""
 
 OTHERS = ("slurm",)
 """Forms that are no format of blocks."""
@@ -78,13 +95,12 @@ def export(
 
 def _write_script(run: Path, path: Path, *, overwrite: bool) -> None:
     from aatri.cli.arguments.planning import open_run
-    from aatri.cli.slurm import script
 
     opened = open_run(run)
     if (path.exists() and not overwrite) or path.is_symlink():
         raise SpecError("is there already", where=str(path), remedy="another file, or --overwrite")
     try:
-        path.write_text(script(opened), encoding="utf-8")
+        path.write_text(slurm_script(opened), encoding="utf-8")
         path.chmod(0o755)
     except OSError as error:
         raise ResourceError(f"cannot write: {error.strerror}", where=str(path)) from error
@@ -157,3 +173,21 @@ def _last_solution(run: LocatedRun) -> str:
         if record is not None and record["output"]["kind"] == "Solution":
             return str(entry["stage"])
     raise ArtifactError("no stage with a Solution", where=str(run.folder), remedy="aatri run")
+
+
+def slurm_script(opened: Opened) -> str:
+    """The text of the script: a job per stage, after those above it; the last makes results current and the report."""
+    arguments = arguments_of(opened.request.plain() | {"into": opened.request.into})
+    # within a comment a name must not begin a line of its own
+    lines = [
+        _HEAD.format(pipeline=printable(str(opened.spec.path)), name="SCRIPT", folder=shlex.quote(str(Path.cwd())))
+    ]
+    for node in opened.nodes:
+        after = ":".join(f"$job_{source}" for source in dict.fromkeys(node.inputs.values()))
+        command = shlex.join(["aatri", "exec", opened.request.pipeline, node.name, *arguments])
+        lines.append(f'job_{node.name}=$(submit {node.name} "{after}" {shlex.quote(command)})\n')
+    after = ":".join(f"$job_{node.name}" for node in opened.nodes)
+    command = shlex.join(["aatri", "run", opened.request.pipeline, *arguments])
+    lines.append(f'job_report=$(submit report "{after}" {shlex.quote(command)})\n')
+    lines.append('echo "$job_report"\n')
+    return "".join(lines)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aatri.cli.calibration import say_parameters
+from aatri.cli.run_ending import say_parameters
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.tables.hdf5 import read, write
 from tests.formats.results.test_readable import full_solution

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.cli.compare_page import _figure
+from aatri.cli.compare import _figure
 from aatri.cli.terminal.compare_tables import shown_value
 from aatri.cli.terminal.key_figures import key_figures, pasted, say_key_figures
 from aatri.pipeline.plan.compare import Compared, option_rows

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Uncontrolled
 from aatri.evaluation.accuracy import evaluate
 from aatri.ids import amounts, natural_order
 from aatri.report.drawing.scales import length_text

@@ -22,8 +22,7 @@ from aatri.artifacts.solution import (
     StripTransformations,
     Tests,
 )
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.camera.parameters.brown import interior_orientation
 from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
 from aatri.observations.observed import ObservationSource

@@ -7,7 +7,7 @@ from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
 from aatri.arrays import Float, Int
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Uncontrolled
 from aatri.orientation.bundle.result import BundleResult
 
 

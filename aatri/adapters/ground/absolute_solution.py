@@ -25,8 +25,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
 from aatri.observations.observed import Spread

@@ -21,8 +21,7 @@ from aatri.artifacts.solution import (
     Tests,
     VarianceComponents,
 )
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import WIDE_RAD

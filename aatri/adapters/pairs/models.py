@@ -15,8 +15,7 @@ from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, ModelPoints, Models, Orientations, SecondOrientations, Turns, Unformed
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.relative.connected_pairs import Connection
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements

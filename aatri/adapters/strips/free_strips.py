@@ -12,8 +12,7 @@ from aatri.arrays import Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.strips import Discrepancies, FreeStrips, Gaps, Joints, StripImages, StripPoints, Strips
-from aatri.artifacts.suspects import Suspects
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.orientation.strips.chain import ChainedModels, form_strips
 from aatri.orientation.strips.joints import JointTable, ModelTable
 

@@ -19,8 +19,7 @@ from aatri.artifacts.solution import (
     VarianceComponents,
 )
 from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.notes import Note

@@ -10,8 +10,7 @@ from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
-from aatri.adapters.strips.strip_statistics import strip_notes
-from aatri.adapters.strips.strip_tables import StripsOnGround
+from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -1,18 +1,33 @@
-"""Transformations, residuals and suspects of the strip block adjustment, as tables of a Solution."""
+"""Transformations, residuals and suspects of the strip block adjustment, as tables of a Solution; the same in figures.
 
+Figures are counts as textbooks have them, tie residuals, what lies beyond control and ties.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, Text
+from aatri.artifacts.block import Block
 from aatri.artifacts.solution import StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.geometry.similarity import Similarity
 from aatri.geometry.strip_bases import StripAxes
+from aatri.ids import several
+from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.strip_polynomials import StripPolynomials
+from aatri.orientation.bodies.polynomial_ties import in_axes
+from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
+
+BEYOND = 2**0.5 - 1
+"""Share of the half range of a strip by which points may lie beyond its control and ties: there a polynomial of the
+second degree, 2 u^2 - 1 in the worst case, has three times the error that it has within."""
+
+BEYOND_ALL = 0.5
+"""Of the same, beyond all control of the block."""
 
 
 @dataclass(frozen=True)
@@ -55,3 +70,51 @@ def transformation_tables(
             values, sigma = result.coefficients_m[k, of_part], sigma_m[k, of_part]
             tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
     return tables
+
+
+def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, names: Text) -> Iterator[Note]:
+    """Counts, RMS of the tie residuals of every strip, and points that are extrapolated.
+
+    Ties carry control from strip to strip, but not beyond all of it: where no strip has any, all bend together.
+    """
+    equations, coefficients = textbook_counts(result, ground.points, ground.control)
+    text = f"{equations} equations of control and ties, {coefficients} coefficients of {len(names)} strips, redundancy"
+    yield Note("note", f"{text} {equations - coefficients} (ground points eliminated)")
+    points, tied = ground.points, result.tied
+    active = tied.active[: len(points.point)]
+    often = np.bincount(points.point[active], minlength=len(block.points))[points.point] > 1
+    v = result.point_m[points.point] - result.corrected_m
+    local, _ = in_axes(points, ground.axes)
+    controlled_points = often.copy()
+    control = np.zeros(len(block.points), dtype=bool)
+    control[ground.control.point[tied.active[len(points.point) :]]] = True
+    controlled_points |= control[points.point]
+    at_control = result.point_m[control & np.isfinite(result.point_m[:, 0])]
+    for k, name in enumerate(names):
+        of_strip = (points.strip == k) & active
+        shared = of_strip & often
+        if shared.any():
+            x, y, z = np.sqrt((v[shared] ** 2).mean(axis=0))
+            largest = np.abs(v[shared]).max()
+            text = f"strip {name}: RMS of {int(shared.sum())} tie residuals X {x:.3f}, Y {y:.3f}, Z {z:.3f} m"
+            yield Note("note", f"{text}, largest {largest:.3f} m")
+        bends = int(result.degree[k].max()) > 0
+        axes = ground.axes[k]
+        controlled = ((at_control - axes.origin_m) @ axes.ground_from_axes)[:, :2] / axes.half_range_m
+        off = _beyond(local[of_strip], local[of_strip & controlled_points] if bends else local[:0])
+        far = _beyond(local[of_strip], controlled if bends else local[:0])
+        own, of_block = off > BEYOND, far > BEYOND_ALL
+        for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
+            if rows.any():
+                text = (
+                    f"strip {name}: {several(int(rows.sum()), 'point', 'lies', 'lie')} beyond {what}, by up to "
+                    f"{by[rows].max() / 2:.0%} of its length or width: extrapolated"
+                )
+                yield Note("warning", text, tuple(block.points.id[points.point[of_strip][rows]].tolist()))
+
+
+def _beyond(local: Float, inside: Float) -> Float:
+    """By how much of the half range points of a strip, in its axes, lie outside the range of others; 0 without any."""
+    if not len(inside):
+        return np.zeros(len(local))
+    return np.asarray(np.maximum(local - inside.max(axis=0), inside.min(axis=0) - local).max(axis=1))

@@ -22,8 +22,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Residuals, Solution, StripTransformations, Tests, VarianceComponents
-from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
 from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
-from aatri.formats.text.xml_text import xml_text
-from aatri.formats.text.xml_tree import XmlElement, read_xml
+from aatri.formats.text.xml_tree import XmlElement, read_xml, xml_text
 
 MOST_OF_NAME = 255
 """Bytes of a file name that disks take."""

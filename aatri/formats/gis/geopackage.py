@@ -1,9 +1,11 @@
 """Writing of layers as a GeoPackage 1.3, with the styles of QGIS in `layer_styles`.
 
 A GeoPackage is an SQLite file: tables of coordinate systems, contents and geometry columns, a table a layer, geometries
-as WKB behind a header. Coordinates are those of the block; a local block is in the undefined Cartesian system.
+as WKB behind a header. Coordinates are those of the block; a local block is in the undefined Cartesian system. Styles
+are as QGIS keeps them (QML): one symbol a layer, names beside images and control.
 
-Source: OGC 12-128r17, GeoPackage Encoding Standard, 1.1 and 2.1.
+Source: OGC 12-128r17, GeoPackage Encoding Standard, 1.1 and 2.1; QGIS documentation, appendix A, QML; the table
+layer_styles of its GeoPackage provider.
 """
 
 import sqlite3
@@ -11,18 +13,18 @@ import struct
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from aatri.arrays import Float
 from aatri.formats.gis.layers import Layer, layers_of
-from aatri.formats.gis.styles import style_of
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import write_files
+from aatri.formats.text.xml_writing import element, xml_of
 from aatri.frames.conversion import Frame, crs_of
 from aatri.progress import SILENT, Reporter
 
@@ -140,3 +142,56 @@ def blob(geometry: str, shape: Float, srs: int) -> bytes:
     vertices = np.ascontiguousarray(shape, dtype="<f8").tobytes()
     counts = {"Point": b"", "LineString": struct.pack("<I", len(shape)), "Polygon": struct.pack("<II", 1, len(shape))}
     return b"GP\0\x01" + struct.pack("<i", srs) + struct.pack("<BI", 1, WKB[geometry]) + counts[geometry] + vertices
+
+
+class Symbol(NamedTuple):
+    """Kind and class of a symbol of QGIS, its options, and the field that labels it."""
+
+    kind: str
+    of: str
+    options: dict[str, str]
+    label: str = ""
+
+
+SYMBOLS = {
+    "footprints": Symbol("fill", "SimpleFill", {
+        "color": "90,140,200,25", "outline_color": "60,100,160,160", "outline_width": "0.2", "style": "solid",
+    }),
+    "strips": Symbol("line", "SimpleLine", {"line_color": "60,100,160,255", "line_width": "0.4"}, "strip"),
+    "ellipses": Symbol("fill", "SimpleFill", {
+        "style": "no", "outline_color": "200,60,40,255", "outline_width": "0.2",
+    }),
+    "points": Symbol("marker", "SimpleMarker", {
+        "name": "circle", "color": "120,120,120,255", "size": "0.8", "outline_style": "no",
+    }),
+    "images": Symbol("marker", "SimpleMarker", {
+        "name": "cross", "outline_color": "60,100,160,255", "size": "2",
+    }, "image"),
+    "control": Symbol("marker", "SimpleMarker", {"name": "triangle", "color": "200,60,40,255", "size": "3"}, "point"),
+}  # fmt: skip
+
+
+def style_of(layer: str) -> str:
+    """The QML of a layer."""
+    symbol = SYMBOLS[layer]
+    options = [element("Option", type="QString", name=name, value=value) for name, value in symbol.options.items()]
+    drawn = element(
+        "layer", element("Option", *options, type="Map"), **{"class": symbol.of, "enabled": "1", "pass": "0"}
+    )
+    renderer = element(
+        "renderer-v2",
+        element("symbols", element("symbol", drawn, type=symbol.kind, name="0", alpha="1")),
+        type="singleSymbol",
+    )
+    parts = [renderer]
+    if symbol.label:
+        text = element("text-style", fieldName=symbol.label, fontSize="8", textColor="40,40,40,255")
+        parts.append(element("labeling", element("settings", text), type="simple"))
+    root = element(
+        "qgis",
+        *parts,
+        version="3.28.0",
+        styleCategories="Symbology|Labeling",
+        labelsEnabled="1" if symbol.label else "0",
+    )
+    return xml_of(root)

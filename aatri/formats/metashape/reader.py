@@ -23,17 +23,15 @@ from aatri.codes import CHECK, CONTROL, NO_ROLE
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES, PIXEL_MM
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
-from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_of
+from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_of, rigs_of
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
-from aatri.formats.metashape.rigs import rigs_of
 from aatri.formats.metashape.sensors import Sensor, lens_of, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
 from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import check_positive, once, places
-from aatri.formats.text.xml_text import decoded_xml
-from aatri.formats.text.xml_tree import XmlElement, read_xml
+from aatri.formats.text.xml_tree import XmlElement, decoded_xml, read_xml
 from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
 

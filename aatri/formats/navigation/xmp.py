@@ -30,8 +30,7 @@ from aatri.formats.conventions.poses import ENU_FROM_NED
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import missing
-from aatri.formats.text.xml_text import decoded_xml
-from aatri.formats.text.xml_tree import XmlElement, read_xml
+from aatri.formats.text.xml_tree import XmlElement, decoded_xml, read_xml
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.ids import several, shown

@@ -4,18 +4,25 @@ The form of the files is that of `wucaps_files`. Image coordinates have their or
 not subtracted. Ground coordinates, X north and Y east in the files, are turned into east, north, up. Ground points
 without a role keep their coordinates. Two strips of the same number are two strips; strips are then named by their
 order. The files hold no standard deviations: image points get the one given, control is exact unless one is given.
+What PREPHI says of its strips, number of photos and photo scale, is held against what was read.
 """
 
+import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from aatri.artifacts.block import NO_ROLE, Block, Fiducials, Frames
 from aatri.artifacts.builder import block_of
-from aatri.formats.wucaps.files import read_files
-from aatri.formats.wucaps.stated import compare_strips
+from aatri.formats.wucaps.files import WucapsFiles, WucapsPhoto, read_files
 from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
+
+Place = tuple[float, float]
+
+LARGEST_RATIO = 2.0
+"""Stated scale over that of known points; tilt and relief change it by less, a wrong factor by more."""
 
 CAMERA = "PRECAI"
 """Id of the camera; the files give it none."""
@@ -84,3 +91,43 @@ def read_wucaps(
         exterior=files.exterior or None,
         geodetic=files.geodetic or None,
     )
+
+
+def compare_strips(files: WucapsFiles, reporter: Reporter) -> None:
+    """Warn of strips that have another number of photos than they say, or another scale than their known points."""
+    others, seen = [], _known_points(files)
+    by_strip: dict[int, list[WucapsPhoto]] = {}
+    for photo in files.photos:
+        by_strip.setdefault(photo.strip, []).append(photo)
+    for k, strip in enumerate(files.stated):
+        photos = by_strip.get(k, [])
+        if strip.photos not in (0, len(photos)):
+            others.append(f"line {strip.entry.line} says {strip.photos}, {len(photos)} follow")
+        scale = np.median([s for photo in photos for s in _scales(seen.get(photo.id, []))] or [np.nan])
+        stated = strip.scale_times_10 / 10.0
+        if stated > 0 and not 1 / LARGEST_RATIO <= np.nan_to_num(stated / scale, nan=1.0) <= LARGEST_RATIO:
+            what = f"a scale of {strip.scale_times_10:.10g}, but between known points it is 1 : {scale:.0f}"
+            remedy = f"write {10 * scale:.0f}, ten times the scale number, or check both units"
+            reporter.warn(f"{strip.entry.path}:{strip.entry.line}: {what}; {remedy}")
+    if others:
+        path = files.stated[0].entry.path
+        reporter.warn(f"{path}: other numbers of photos in strips than stated: {'; '.join(others)}: is it complete?")
+
+
+def _known_points(files: WucapsFiles) -> dict[str, list[tuple[Place, Place]]]:
+    """Of each photo the places of known points in it, mm, and on the ground, m."""
+    seen: dict[str, list[tuple[Place, Place]]] = {}
+    for m in files.measured:
+        if m.point in files.ground:
+            east, north, _ = files.ground[m.point].xyz_m
+            seen.setdefault(m.photo, []).append((m.xy, (east, north)))
+    return seen
+
+
+def _scales(seen: list[tuple[Place, Place]]) -> list[float]:
+    """Ground over photo distances of known points that are neighbours in a photo."""
+    scales = []
+    for (xy, ground), (other_xy, other_ground) in pairwise(seen):
+        if (apart := math.dist(xy, other_xy)) > 0:
+            scales.append(1000.0 * math.dist(ground, other_ground) / apart)
+    return scales

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Uncontrolled
 from aatri.ids import shown
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 from aatri.report.view.numbers import number, spoken

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.uncontrolled import Uncontrolled
+from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.after.hinge_image import hanging_parts
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.checks.after.smooth_signal import smooth_signal
