@@ -24,9 +24,8 @@ from aatri.adapters.bundle.orientations import given_orientations
 from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.ground.component_bodies import principal_distance_shares
 from aatri.adapters.ground.ground_observed import USES, ground_observed
-from aatri.adapters.ground.initial_notes import shown_components
 from aatri.adapters.ground.initial_orientation import to_ground
-from aatri.adapters.ground.initial_solution import initial_solution
+from aatri.adapters.ground.initial_solution import initial_solution, shown_components
 from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion

@@ -11,7 +11,7 @@ from aatri.evaluation.accuracy import evaluate
 from aatri.report.drawing.network import ellipses, network_picture, observed_lines
 from aatri.report.facts import facts
 from aatri.report.sections import network
-from aatri.report.sections.shapes import shapes_table
+from aatri.report.sections.network import shapes_table
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.bundle_adjustment.test_networks import HEAD

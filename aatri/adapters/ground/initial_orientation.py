@@ -43,8 +43,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
-from aatri.orientation.graph.component import ImageComponent
-from aatri.orientation.graph.frame import first_base_one
+from aatri.orientation.graph.component import ImageComponent, first_base_one
 from aatri.orientation.graph.joining import FEWEST
 from aatri.orientation.graph.on_ground import fits_bent
 

@@ -1,4 +1,4 @@
-"""The Solution of components on the ground."""
+"""The Solution of components on the ground, and what an initial orientation has to say of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +22,11 @@ from aatri.artifacts.solution import (
     VarianceComponents,
 )
 from aatri.artifacts.suspects import Suspects, Uncontrolled
+from aatri.ids import shown
+from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
-from aatri.orientation.graph.component import WIDE_RAD
+from aatri.orientation.graph.component import WIDE_RAD, ImageComponent
 from aatri.orientation.graph.triangulation import contradicting, residuals_mm
 
 METHOD = f"{STAGE}/graph"
@@ -148,3 +150,18 @@ def _trimmed(block: Block, rays: ImagePointRows, placed: _Placed, rows: Int, ver
         test=np.where(finite, off / sigma, np.nan),
         verdict=np.full(n, verdict),
     )
+
+
+def shown_components(components: tuple[ImageComponent, ...], block: Block) -> list[Note]:
+    """Sizes of the components; the images of all but the first by name."""
+    if len(components) == 1:
+        return [Note("note", f"one component of {int(components[0].images.sum())} images")]
+    return [
+        Note(
+            "warning",
+            f"{len(components)} components that are not joined; number {k} has {int(c.images.sum())} "
+            f"images: {shown(block.images.id[c.images])}",
+        )
+        for k, c in enumerate(components, 1)
+        if k > 1
+    ]

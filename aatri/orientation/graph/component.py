@@ -14,6 +14,7 @@ from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.errors import GeometryError
+from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, transform
 from aatri.ids import shown
 from aatri.observations.image_point_rows import ImagePointRows
@@ -25,6 +26,9 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.graph.triangulation import LIMIT, intersected, residuals_mm
 from aatri.progress import SILENT, Reporter
+
+ALIKE = 0.3
+"""Length of the mean viewing direction below which images look to all sides."""
 
 WIDE_RAD = 0.03
 """Rays farther off than this before the bundle are left out of it."""
@@ -199,3 +203,23 @@ def _bundled(
     if lost.any():
         reporter.log(f"not held by the points that fit: {shown(ids[lost])}")
     return result.poses, result.xyz_m
+
+
+def first_base_one(component: ImageComponent) -> tuple[ImageComponent, Similarity]:
+    """A component without a datum in its own frame, and the similarity that led there.
+
+    The first base is 1, the images look down where they do so in the mean. The origin is the first image's projection
+    centre, the second image the next one in the order of ids. Images that look to all sides, as in an orbit, have no
+    mean direction: then the axes are those of the first image.
+    """
+    rows = np.flatnonzero(component.images)
+    centre, rotation = component.poses.position_m[rows], component.poses.ground_from_image[rows]
+    base = np.linalg.norm(centre - centre[0], axis=1)
+    apart = base > 1e-6 * base.max()
+    scale = 1.0 / float(base[np.argmax(apart)])
+    up = rotation[:, :, 2].mean(axis=0)
+    turn = rotation[0].T
+    if np.linalg.norm(up) > ALIKE:
+        turn = levelling(turn @ up) @ turn
+    similarity = Similarity(-scale * turn @ centre[0], scale, turn)
+    return component.moved(similarity), similarity
