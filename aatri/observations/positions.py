@@ -112,21 +112,21 @@ def positions(source: ObservationSource, options: PositionOptions) -> tuple[Obse
     if not options.use or not len(rows.row):
         return ()
     coordinates = given_coordinates(source, rows.position_m, rows.given)
-    names, terms = block.images.id[rows.image], terms_of(source, rows, options)
+    names, group = block.images.id[rows.image], drift_groups(block, rows, options)
+    terms = _terms(block, rows, group, options)
     observed = observed_positions(rows, source.origin_m, names, coordinates, terms)
     drifting = next((k for k, o in enumerate(observed) if DRIFT in o.start), None)
     if options.drift == "linear" and drifting is not None:
-        notes = time_notes(block.images, rows.image, drift_groups(block, rows, options))
+        notes = time_notes(block.images, rows.image, group)
         observed = (*observed[:drifting], replace(observed[drifting], notes=notes), *observed[drifting + 1 :])
     if not any(t.unknowns.name == LEVER_ARM for t in terms):
         return observed
     return (*observed, *ARMS.priors(block, block.cameras.lever_arm_m, ARMS.unknowns(block)))
 
 
-def terms_of(source: ObservationSource, rows: Positions, options: PositionOptions) -> list[SharedUnknowns]:
-    """The unknowns of positions beside the poses: drift, unknown lever arms, exposure-time offsets."""
-    block, terms = source.block, []
-    group = drift_groups(block, rows, options)
+def _terms(block: Block, rows: Positions, group: Text, options: PositionOptions) -> list[SharedUnknowns]:
+    """The unknowns of positions beside the poses: drift by groups, unknown lever arms, exposure-time offsets."""
+    terms = []
     if (group != "").any():
         time = group_times(block.images.time_s[rows.image], block.images.sequence[rows.image], group)
         terms.append(drift_term(group, time, rows.given, linear=options.drift == "linear"))

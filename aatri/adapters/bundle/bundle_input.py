@@ -77,7 +77,7 @@ def observation_source(
         rays, offered = rays_of(block, image_points), poses_into(frame, *given_poses).shifted(-origin)
         poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)
     given_values = np.isfinite(xyz)
-    xyz, notes = network_start(block, xyz)
+    xyz, notes = network_start(block, xyz) if len(block.geodetic) else (xyz, ())
     if rays is not None:
         if (np.isfinite(xyz) & ~given_values).any():
             poses, xyz = complete_start(rays, poses, xyz, linear=linear_start, offered=offered)

@@ -36,8 +36,10 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     findings: list[Finding | Note] = [
         *other_conventions(block.geodetic, inputs),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
-        *sharp_conditions(block, inputs.poses.shifted(inputs.origin_m).position_m, inputs.xyz_m + inputs.origin_m),
     ]
+    if len(block.relative_control):
+        position_m = inputs.poses.shifted(inputs.origin_m).position_m
+        findings += sharp_conditions(block, position_m, inputs.xyz_m + inputs.origin_m)
     if not of_the_block:  # attitudes held against orientations that others have made
         state = start_of(inputs)
         mounts = mount_conventions(block, state) if len(block.rig_members) else []

@@ -27,7 +27,7 @@ def sharp_conditions(block: Block, position_m: Float, xyz_m: Float) -> list[Find
         Where the adjustment starts.
     """
     m, conditions = block.image_points, block.relative_control
-    if not len(m) or not len(conditions):
+    if not len(m):
         return []
     distance_m = np.linalg.norm(xyz_m[m.point] - position_m[m.image], axis=1)
     c_mm = block.cameras.principal_distance_mm[block.images.camera[m.image]]
