@@ -2,7 +2,7 @@
 
     python -m tests.campaigns.equality 9
 
-The ways, of which the first so many are tried: a process of its own; two jobs; two jobs with forked instead of spawned
+The ways, of which the first so many are tried: two jobs; a process of its own; two jobs with forked instead of spawned
 workers; another seed of Python's hashes; one thread for compiled kernels; stage by stage through `aatri exec`; a wheel,
 unpacked elsewhere; the wheel with two jobs; another folder and time zone.
 """
@@ -117,8 +117,8 @@ def elsewhere(pipeline: Path, folder: Path) -> None:
 
 
 WAYS = (
-    own_process,
     two_jobs,
+    own_process,
     forked_workers,
     other_hash_seed,
     one_thread,
