@@ -31,7 +31,7 @@ FREE = ("principal_distance", "principal_point.x", "principal_point.y", "k1", "k
 FLAT = {**SMALL_UAV, "flight": {"strips": 4, "images_per_strip": 8}, "ties": {"random_per_image": 60.0}}
 HOVER = {"preset": "hover", "ties": {"new_points": 300}}
 ORBIT = {"preset": "orbit", "ties": {"new_points": 300}}
-OBLIQUE = {"preset": "oblique", "flight": {"strips": 2, "images_per_strip": 4}, "ties": {"new_points": 1200}}
+OBLIQUE = {"preset": "oblique", "flight": {"strips": 2, "images_per_strip": 4}, "ties": {"new_points": 300}}
 
 
 def uncalibrated(block: Block, c_factor: float, x0_share: float = 0.0) -> Block:
