@@ -128,7 +128,7 @@ def main() -> None:
         ):
             trace(tables, *verb)
         trace(tables, "export", "out:block", "tables", str(place / "block"), more=[place / "block"])
-        for link in LINKS[:: 13 if given.short else 1]:
+        for link in LINKS[:: 14 if given.short else 1]:
             _attack(tables, link, secret, trace)
         for path in secret.rglob("*"):
             if path.is_file() and path.read_bytes() != SECRET:
