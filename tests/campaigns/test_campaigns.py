@@ -23,10 +23,10 @@ from tests.stages.geodetic_blocks import made
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = {
-    "kills": ["6", "--made-up"],
-    "faults": ["12", "--made-up"],
+    "kills": ["4", "--made-up"],
+    "faults": ["8", "--made-up"],
     "concurrency": ["1", "--made-up"],
-    "corruptions": ["20", "--made-up"],
+    "corruptions": ["12", "--made-up"],
     "edits": ["2", "--short"],
     "edits_of_plans": ["100"],
     "kernels": ["2"],
