@@ -19,7 +19,7 @@ from tests.stages.film_blocks import Told
 
 # The same block with the factor in memory, in a file, and by conjugate gradients.
 
-SIZES = {"small": (2, 5), "medium": (4, 16)}
+SIZES = {"small": (2, 5), "medium": (3, 10)}
 
 
 @pytest.fixture(scope="module", params=SIZES)
@@ -43,9 +43,14 @@ def _adjusted(chain: Chain, told: Told | None = None, **options: object) -> Solu
     return bundle(chain.block, chain.refined, initial, options=chosen, context=told or Told())
 
 
+@pytest.fixture(scope="module")
+def reference(chain: Chain) -> Solution:
+    """With the factor in memory."""
+    return _adjusted(chain)
+
+
 @pytest.mark.slow
-def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
-    reference = _adjusted(chain)
+def test_conjugate_gradients_give_the_direct_solution(chain: Chain, reference: Solution) -> None:
     told = Told()
     found = _adjusted(chain, told, solver="conjugate_gradients", memory_gb=1e-3)
     sigma = np.sqrt(np.einsum("nii->ni", reference.points.covariance_m2))
@@ -65,8 +70,7 @@ def test_conjugate_gradients_give_the_direct_solution(chain: Chain) -> None:
 
 
 @pytest.mark.slow
-def test_a_factor_in_a_file_changes_nothing(chain: Chain) -> None:
-    reference = _adjusted(chain)
+def test_a_factor_in_a_file_changes_nothing(chain: Chain, reference: Solution) -> None:
     told = Told()
     found = _adjusted(chain, told, solver="direct", memory_gb=1e-3)
     assert any("above the limit of 0.001 GB: the factor goes to" in line for line in told.lines)
