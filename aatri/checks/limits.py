@@ -76,6 +76,10 @@ FEWEST_COVERING, SMALL_COVERAGE, NO_COVERAGE, BEYOND_FORMAT = 20, 0.1, 0.05, 2.0
 """Image points of a camera below which they may lie together; shares of the format that they cover below which it is
 told, and is an error; times the half diagonal beyond which they are in another unit. Units differ by 25 and more."""
 
+IMPRECISE, TOO_IMPRECISE = 0.005, 0.02
+"""Standard deviations of image points as shares of what the points span: half a pixel is 0.003 of a thermal image of
+160 pixels, the smallest in use; micrometres read as mm make 0.02 to 0.5."""
+
 LARGEST_AIRCRAFT_M, LONG_LEVER_ARM_M, LEVER_SHARE = 90.0, 10.0, 0.5
 """Nothing that flew was larger (Antonov 225: 84 by 88 m), and no antenna is farther from its camera; a lever arm long
 for other carriers, and the share of the distance from the object beyond which it is one in another unit."""

@@ -1,11 +1,13 @@
 """What the image points of a camera cover of its format: all of them in a corner, or beyond its marks, is a wrong unit.
 
     share = largest extent of the points of all images / format,     reach = largest distance from the middle
+    imprecision = median standard deviation / largest extent
 
 Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
 rays, which some adjustments survive with another principal distance.
 Test: a share below a twentieth, or a reach beyond twice the half diagonal. Where neither format nor marks are given,
 the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
+An imprecision of more than 0.005 is told, one of more than 0.02 an error: the points of an image would be one.
 """
 
 import numpy as np
@@ -17,8 +19,10 @@ from aatri.checks.limits import (
     BEYOND_FORMAT,
     FEWEST_COVERING,
     FIELD_OF_VIEW_DEG,
+    IMPRECISE,
     NO_COVERAGE,
     SMALL_COVERAGE,
+    TOO_IMPRECISE,
     USUAL_FIELD_DEG,
 )
 
@@ -26,6 +30,7 @@ UNITS_MM = {"0.1 um": 1e-4, "um": 1e-3, "0.01 mm": 1e-2, "cm": 10.0, "inches": 2
 """Units in which photo coordinates are met with, other than mm."""
 
 REMEDY = "check the unit of the image coordinates: `image_coordinates` of the camera, pixel size, all lengths in mm"
+SIGMA_REMEDY = "check `sigma: {image: ...}`, the columns sx and sy, and their unit `units.sigma_image`"
 
 
 def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Finding]:
@@ -63,6 +68,28 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
         else:
             continue
         findings.append(Finding("coverage", level, text, REMEDY * (level != "note"), where=f"camera {name}"))
+    return findings
+
+
+def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_mm: Float) -> list[Finding]:
+    """Standard deviations of image points that are no small part of the image: they are in another unit.
+
+    Parameters
+    ----------
+    camera_of_ray : (k,) int
+    xy_mm, sigma_mm : (k, 2) float64, mm
+    """
+    findings = []
+    for k, name in enumerate(cameras.id):
+        rows = camera_of_ray == k
+        if np.count_nonzero(rows) < FEWEST_COVERING:
+            continue
+        extent, sigma = float(np.ptp(xy_mm[rows], axis=0).max()), float(np.median(sigma_mm[rows]))
+        if sigma > IMPRECISE * extent:
+            level: Level = "error" if sigma > TOO_IMPRECISE * extent else "warning"
+            text = f"standard deviations of its image points are {sigma:.3g} mm in the median, {sigma / extent:.1%} of "
+            text += f"the {extent:.4g} mm over which the points lie"
+            findings.append(Finding("coverage", level, text, SIGMA_REMEDY, where=f"camera {name}"))
     return findings
 
 

@@ -27,7 +27,7 @@ from aatri.checks.as_read.control_ids import joined, lost_control
 from aatri.checks.as_read.control_place import control_off_the_block
 from aatri.checks.as_read.control_rays import control_rays, photo_mm
 from aatri.checks.as_read.copies import without_copies
-from aatri.checks.as_read.coverage import coverage
+from aatri.checks.as_read.coverage import coverage, imprecision
 from aatri.checks.as_read.exchanged_images import exchanged_images
 from aatri.checks.as_read.frame import outside_of_its_frame
 from aatri.checks.as_read.lever_arms import impossible_lever_arms
@@ -130,6 +130,7 @@ def _held_against_control(block: Block, active: Bool) -> list[Finding]:
     in_place = (block.cameras.image_coordinates == "photo") | (block.cameras.kind == "digital")
     rows = usable & in_place[camera]
     covered = coverage(cameras, camera[rows], xy_mm[rows])
+    covered += imprecision(cameras, camera[usable], xy_mm[usable], block.image_points.sigma_mm[usable])
     if any(finding.level == "error" for finding in covered):
         return [*figures, *impossible, *covered]
     if impossible:

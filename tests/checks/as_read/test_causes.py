@@ -14,7 +14,7 @@ import pytest
 from aatri.artifacts.block import ANTENNA, PROJECTION_CENTRE, Block
 from aatri.checks.as_read import screening
 from aatri.checks.as_read.cameras import CameraFrames, camera_figures
-from aatri.checks.as_read.coverage import coverage
+from aatri.checks.as_read.coverage import coverage, imprecision
 from aatri.checks.as_read.lever_arms import impossible_lever_arms
 from aatri.checks.finding import Finding
 from aatri.errors import AatriError, InputError
@@ -199,6 +199,15 @@ def test_a_small_target_in_the_middle_is_a_warning_and_few_points_are_nothing() 
     (finding,) = coverage(FILM, OF, 0.07 * XY)
     assert finding.level == "warning"
     assert coverage(FILM, OF[:19], 1e-3 * XY[:19]) == []
+
+
+@pytest.mark.parametrize(("sigma_mm", "level"), [(5e-3, []), (0.5, []), (1.5, ["warning"]), (5.0, ["error"])])
+def test_standard_deviations_in_another_unit_than_their_image_are_named(sigma_mm: float, level: list[str]) -> None:
+    sigma = np.full_like(XY, sigma_mm)
+    sigma[:5] = 50.0  # a few points may be as bad as they like
+    told = imprecision(BARE, OF, XY, sigma)
+    assert [finding.level for finding in told] == level
+    assert all("sigma_image" in finding.remedy and finding.where == "camera wide" for finding in told)
 
 
 # Positions that cannot be: one may always go, more than the share may not, and all go where all are the same.
