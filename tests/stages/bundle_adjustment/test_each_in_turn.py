@@ -47,6 +47,20 @@ def _out(solution: Solution, kind: str) -> list[int]:
     return sorted(s.row[(s.kind == kind) & staying_out(s)].tolist())
 
 
+@pytest.mark.slow
+def test_a_wrong_control_point_that_the_datum_rests_on_stays_and_is_named(tmp_path: Path) -> None:
+    """One of three, 5 m off, contradicts four bars; without it a turn of the block would be open."""
+    bars = [(a, b, float(np.linalg.norm(OF.xyz_m[a] - OF.xyz_m[b]))) for a, b in ((0, 5), (5, 24), (0, 24), (2, 26))]
+    rows = [f"distance,p{a:02},p{b:02},{d!r},0.05" for a, b, d in bars]
+    (tmp_path / "geodetic.csv").write_text("\n".join(["type,from,to,value,sigma", *rows]) + "\n")
+    ground = ground_rows(OF, CORNERS[:3], off=np.outer([0, 0, 1], [-3.0, 4.0, 0.0]))
+    block, points = read(tmp_path, OF, ground=ground, xy_mm=_noisy())
+    heard = Heard()
+    solution = bundle(block, points, start(OF, block), options=BundleOptions(max_sigma0=1e9), context=heard)
+    assert _out(solution, "control") == []
+    assert any(text.startswith("control: ") and "kept" in text and f"p{CORNERS[2]}" in text for text in heard.warned)
+
+
 @pytest.mark.slow(after=1)
 @pytest.mark.parametrize("begins", [1.0, 1.01, 1.02])
 @pytest.mark.parametrize("wrong", [0, 1])

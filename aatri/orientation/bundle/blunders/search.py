@@ -29,6 +29,7 @@ import numpy as np
 from aatri.adjustment.statistics import search as statistics
 from aatri.adjustment.statistics.rejection import overfull, room_of
 from aatri.arrays import Bool
+from aatri.errors import GeometryError
 from aatri.notes import Note
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
@@ -103,8 +104,8 @@ class _Search(ExactCoordinates):
             start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or ((self.smeared or self._is_harmful(start, active)) and not start.low_redundancy)
         if self.options.method == "robust_snooping" and harmful:
-            active = self._active_after_robust(active, start)
-            start = self._with_fitting_sigmas(self.solve(None, active))
+            start, active = self._solved_after_robust(active, start)
+            start = self._with_fitting_sigmas(start)
         elif start is None and failure is not None:
             raise failure
         else:
@@ -159,6 +160,17 @@ class _Search(ExactCoordinates):
             renumbered,
             self.scaling.main_factor if self.options.sigmas == "estimated" else 1.0,
         )
+
+    def _solved_after_robust(self, active: Bool, start: TestedBlock | None) -> tuple[TestedBlock, Bool]:
+        """Adjusted without what a robust adjustment rejects; what the datum rests on comes back, where it would be open."""
+        less = self._active_after_robust(active, start)
+        try:
+            return self.solve(None, less), less
+        except GeometryError:
+            with_datum = less | (active & ~(self.all.at_points & ~self.all.coordinates))
+            if (with_datum == less).all():
+                raise
+        return self.solve(None, with_datum), with_datum
 
     def _without_errors_of_lost_points(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool]:
         """Adjusted without what is wrong at the points that rays contradict which an earlier stage has rejected.
