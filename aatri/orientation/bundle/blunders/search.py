@@ -162,7 +162,7 @@ class _Search(ExactCoordinates):
         )
 
     def _solved_after_robust(self, active: Bool, start: TestedBlock | None) -> tuple[TestedBlock, Bool]:
-        """Adjusted without what a robust adjustment rejects; what the datum rests on comes back, where it would be open."""
+        """Adjusted without what a robust adjustment rejects; where the datum would be open, all but rays comes back."""
         less = self._active_after_robust(active, start)
         try:
             return self.solve(None, less), less
