@@ -10,7 +10,6 @@ from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import ConvergenceError, GeometryError
@@ -52,7 +51,9 @@ class AdjustmentOptions(KindOptions):
     tolerance: float = Field(
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
     )
-    max_sigma0: float = Field(MAX_SIGMA0, gt=1, description="a sigma0 beyond this is an error, not a result")
+    max_sigma0: float | None = Field(
+        None, gt=1, description="a sigma0 beyond this is an error; null: 20, where no cause with a name explains it"
+    )
 
 
 COARSE = 5.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, levelled_part, oriented_part, pooled
-from aatri.adapters.ground.ground_fit import fit_notes, height_notes, misfitting_strips, stretched_start
+from aatri.adapters.ground.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of
 from aatri.adjustment.threads import one_blas_thread
@@ -93,7 +93,7 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         if without is not None:
             return without
         block, strips = block_strips.ground.block, block_strips.strips
-        stretched = stretched_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
+        stretched = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
         return oriented.with_notes([stretched])
     if oriented.strips < len(block_strips.strips.strips) and (level := _levelled(block_strips, joining)) is not None:
         return level if level.strips > oriented.strips else fitting

@@ -119,26 +119,30 @@ def _farthest(parts: Sequence[OrientedPart]) -> str:
     return f"; farthest off: {', '.join(texts)}" if texts else ""
 
 
-def stretched_start(
+def distant_start(
     block: Block, strips: Strips, parts: Sequence[OrientedPart], misfit: ConvergenceError, *, may_begin: bool
 ) -> Note:
-    """A warning where a principal distance explains the largest misfit and the bundle, which names it, can begin.
+    """A warning where the bundle, which tells what is wrong, can begin from the largest misfit.
+
+    It names the principal distance that explains the misfit, as far as heights tell it.
 
     Raises
     ------
     ConvergenceError
-        The misfit, where nothing explains it, it is beyond `FARTHEST_START`, or the bundle is not to begin from it.
+        The misfit, where it is beyond `FARTHEST_START`, or the bundle is not to begin from it.
     """
     worst = max(parts, key=_misfit_m)
-    text = _stretch(block, worst.result)
-    if text == "":
-        raise misfit
+    stretch = _stretch(block, worst.result)
     off = _misfit_m(worst) / _distance_m(strips, [worst])
+    text, remedy = misfit.what, misfit.remedy
+    if stretch:
+        text, remedy = f"{text}; {stretch}", CHECK_DISTANCE
     if not may_begin or off > FARTHEST_START:
-        raise ConvergenceError(f"{misfit.what}; {text}", where=misfit.where, remedy=CHECK_DISTANCE) from misfit
+        raise ConvergenceError(text, where=misfit.where, remedy=remedy) from misfit
     share = f"that is {off:.1%} of the distance between images and points: the bundle can begin from there"
-    text = f"{misfit.what}; {text}; {share}"
-    return Note("warning", f"{text}; {CHECK_DISTANCE}, or estimate the principal distance (`self_calibration`)")
+    if stretch:
+        remedy = f"{remedy}, or estimate the principal distance (`self_calibration`)"
+    return Note("warning", f"{text}; {share}; {remedy}")
 
 
 def _stretch(block: Block, body: OrientedBody) -> str:

@@ -31,7 +31,7 @@ def findings_after(
     source: ObservationSource,
     done: AdjustedBlock,
     groups: tuple[AcceptedGroup, ...],
-    max_sigma0: float,
+    max_sigma0: float | None,
     *,
     tests: bool,
 ) -> list[Finding | Note]:

@@ -2,12 +2,13 @@
 
 Seen: residuals larger or smaller than the standard deviations allow: gross errors, an effect that is not modelled,
 wrong standard deviations.
-Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused.
+Test: the global test, chi-square (`adjustment.statistics.global_test`); beyond `max_sigma0` the result is refused, but
+for one that contradicts its own tests by a cause with a name.
 Points or images that are held, and that an earlier stage has made of these observations, follow them: v'P v is that of
 a redundancy smaller by their unknowns. A sigma0 that is too small is so only where it is by that redundancy, too.
 """
 
-from aatri.adjustment.statistics.global_test import global_test, sigma0_note
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, sigma0_note
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
 from aatri.ids import several
@@ -21,12 +22,14 @@ REFUSED = (
 
 
 def sigma0(
-    result: BundleResult, max_sigma0: float, scale: float = 1.0, cause: Finding | None = None, held: int = 0
+    result: BundleResult, max_sigma0: float | None, scale: float = 1.0, cause: Finding | None = None, held: int = 0
 ) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
     Parameters
     ----------
+    max_sigma0 : float, optional
+        Default: `MAX_SIGMA0`, and only where no `cause` explains it.
     scale : float
         Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
     cause : Finding, optional
@@ -38,10 +41,10 @@ def sigma0(
         return []
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
-    if test.verdict != "untested" and test.sigma0 * scale > max_sigma0:
-        text = (
-            f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {max_sigma0:g}: the adjustment ended where the "
-        )
+    limit = MAX_SIGMA0 if max_sigma0 is None else max_sigma0
+    explained = max_sigma0 is None and cause is not None
+    if test.verdict != "untested" and test.sigma0 * scale > limit and not explained:
+        text = f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {limit:g}: the adjustment ended where the "
         return [
             Finding(
                 "sigma0",

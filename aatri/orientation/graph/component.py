@@ -114,8 +114,12 @@ def adjusted_component(
         If too little of it fits.
     """
     poses = Poses(centre, rotation).where(images)
-    limit_mm = WIDE_RAD * float(np.median(rays.c_mm)) if len(rays.c_mm) else 0.0
-    return refined(rays, poses, image_ids, point_ids, (limit_mm, None), reporter)
+    return refined(rays, poses, image_ids, point_ids, (wide_mm(rays), None), reporter)
+
+
+def wide_mm(rays: ImagePointRows) -> float:
+    """`WIDE_RAD` in images of the usual principal distance, mm."""
+    return WIDE_RAD * float(np.median(rays.c_mm)) if len(rays.c_mm) else 0.0
 
 
 def refined(

@@ -1,8 +1,9 @@
 """Components joined by the points they have in common, and single images resected to what is known.
 
 Two components become one by the robust similarity of their common points, where enough of these fit; where they share
-images these give all but the scale, and the distances of a few common points from them give that. The whole is adjusted
-again. What stays apart is listed. Images in no component that see enough known points are resected.
+images these give all but the scale, and the distances of a few common points from them give that; where common
+points are few, all rays between them do (`few_points`). The whole is adjusted again. What stays apart is listed. Images
+in no component that see enough known points are resected.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,8 @@ from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
-from aatri.orientation.graph.component import ImageComponent, refined
+from aatri.orientation.graph.component import ImageComponent, refined, wide_mm
+from aatri.orientation.graph.few_points import BY_POINT, by_few_points, conditions
 from aatri.progress import Reporter
 
 FEWEST = 5
@@ -50,12 +52,13 @@ def joined(
         while grown:
             grown = False
             for other in list(left):
-                merged = _merged(base, other)
+                merged = _merged(base, other, rays)
                 if merged is None:
                     continue
-                poses, points = merged
+                poses, points, limits_mm = merged
                 try:
-                    refined_base = refined(rays, poses, image_ids, point_ids, (None, None), reporter)
+                    refined_base = refined(rays, poses, image_ids, point_ids, limits_mm, reporter)
+                    _held_together(refined_base, base, other, rays)
                 except (ConvergenceError, GeometryError) as failed:
                     reporter.log(f"components are not joined: {failed.what}")
                     continue
@@ -74,9 +77,13 @@ def joined(
     return sorted(done, key=lambda c: -int(c.images.sum())), notes
 
 
-def _merged(base: ImageComponent, other: ImageComponent) -> tuple[Poses, int] | None:
-    """Poses of both in the frame of the first, and the points that joined them; None where they do not."""
-    fit = _by_points(base, other) or _by_images(base, other)
+def _merged(
+    base: ImageComponent, other: ImageComponent, rays: ImagePointRows
+) -> tuple[Poses, int, tuple[float | None, ...]] | None:
+    """Poses of both in the frame of the first, the points that joined them, limits of rays; None where they do not."""
+    fit, limits_mm = _by_points(base, other) or _by_images(base, other), tuple[float | None, ...]((None, None))
+    if fit is None:
+        fit, limits_mm = _by_rays(base, other, rays), (wide_mm(rays), None)
     if fit is None:
         return None
     similarity, points = fit
@@ -84,7 +91,7 @@ def _merged(base: ImageComponent, other: ImageComponent) -> tuple[Poses, int] | 
     position = np.where(new[:, None], transform(similarity, other.poses.position_m), base.poses.position_m)
     turned = similarity.rotation @ other.poses.ground_from_image
     rotation = np.where(new[:, None, None], turned, base.poses.ground_from_image)
-    return Poses(position, rotation), points
+    return Poses(position, rotation), points, limits_mm
 
 
 def _by_points(base: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
@@ -117,6 +124,32 @@ def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
     scale = float(np.exp(np.median(ratio[fits])))
     turn = nearest_rotation(np.einsum("nij,nkj->ik", S, R))
     return Similarity((C - scale * c @ turn.T).mean(axis=0), scale, turn), int(fits.sum())
+
+
+def _by_rays(base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> tuple[Similarity, int] | None:
+    """The same of all rays between them, where they share no image."""
+    if (base.images & other.images).any():
+        return None
+    similarity = by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG)
+    seen = [
+        np.bincount(rays.point[rays.active & part.images[rays.image]], minlength=len(base.xyz))
+        for part in (base, other)
+    ]
+    return None if similarity is None else (similarity, int(((seen[0] > 0) & (seen[1] > 0)).sum()))
+
+
+def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> None:
+    """Refuse two components without a common image whose rays to each other do not fit once all is adjusted.
+
+    Raises
+    ------
+    GeometryError
+    """
+    if (base.images & other.images).any():
+        return
+    fitting = conditions(base, other, rays, np.flatnonzero(merged.kept))
+    if fitting < BY_POINT * FEWEST:
+        raise GeometryError(f"{fitting} conditions of rays between them fit", remedy=f"{BY_POINT * FEWEST} are needed")
 
 
 def _with_resected(

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.geometry.similarity import transform
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.differences import fitted, fitted_robustly
 from aatri.orientation.graph.directions import CENTRE, POINT, _across, adjusted_directions
+from aatri.orientation.graph.few_points import by_few_points
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
 from tests.complex_step import complex_step
 
@@ -111,3 +114,60 @@ def test_a_component_is_itself_whatever_its_arrays_hold() -> None:
     last = components[2]
     components.remove(last)
     assert not any(component is last for component in components)
+
+
+STRIPS, SHIFT, TURN = (
+    np.repeat([0, 1], 3),
+    np.array([5.0, -3.0, 2.0]),
+    Rotation.from_rotvec([0.4, -1.1, 2.0]).as_matrix(),
+)
+
+
+def _two_strips(wrong: bool, common: int) -> tuple[ImageComponent, ImageComponent, ImagePointRows, np.ndarray]:
+    """Two strips of three images 100 over the ground, and projection centres of the second in the frame of the first.
+
+    `common` points in a row between them are in both, two beside it once in the other strip; in this another object
+    carries the number of the first if `wrong`.
+    """
+    centre = np.array([[60.0 * k, 90.0 * s, 100.0] for s in (0, 1) for k in (0, 1, 2)])
+    rng = np.random.default_rng(6)
+    row = np.column_stack([np.linspace(10.0, 110.0, 5), 45.0 + rng.uniform(-0.2, 0.2, 5), rng.uniform(-5.0, 5.0, 5)])
+    ground = np.vstack(
+        [row[:common], [[35.0, 20.0, 3.0], [85.0, 18.0, -2.0]], rng.uniform([0, -60, 0], [120, -40, 5], (4, 3))]
+    )
+    in_first, in_second = np.arange(len(ground)), np.array([*range(common)])
+    seen = [(k, p) for k in (0, 1, 2) for p in in_first] + [(k, p) for k in (3, 4, 5) for p in in_second]
+    seen += [(4, common), (4, common + 1)]
+    image, point = np.array(seen).T
+    there = ground[point] + np.where(wrong & (image > 2) & (point == 0), 200.0, 0.0)[:, None] * [0.5, 1.0, 0.0]
+    ray = there - centre[image]
+    xy_mm = -150.0 * ray[:, :2] / ray[:, 2:]
+    n = len(image)
+    rays = ImagePointRows(
+        image, point, xy_mm, np.full((n, 2), 0.005), np.full(n, 150.0), np.zeros((n, 2)), np.ones(n, dtype=bool)
+    )
+    xyz = np.full((2, *ground.shape), np.nan)
+    xyz[0], xyz[1, in_second] = ground, ground[in_second]
+    xyz[1, 0] += 200.0 * wrong * np.array([0.5, 1.0, 0.0])
+    upright = np.tile(np.eye(3), (6, 1, 1))
+    base = ImageComponent(Poses(centre, upright).where(STRIPS == 0), xyz[0], STRIPS[image] == 0, 1.0)
+    free = Poses(0.1 * centre @ TURN.T + SHIFT, TURN @ upright).where(STRIPS == 1)
+    kept = (STRIPS[image] == 1) & (point < common)
+    return base, ImageComponent(free, 0.1 * xyz[1] @ TURN.T + SHIFT, kept, 1.0), rays, centre
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("wrong", [False, True])
+def test_strips_are_joined_by_fewer_points_than_locate_a_wrong_one(wrong: bool) -> None:
+    """Points in a row leave the turn about it open, which two rays to points of the first strip alone give."""
+    base, other, rays, centre = _two_strips(wrong, 5)
+    similarity = by_few_points(base, other, rays, 15, 0.4)
+    assert similarity is not None
+    np.testing.assert_allclose(
+        transform(similarity, other.poses.position_m[3:]), centre[3:], atol=0.01 if wrong else 1e-5
+    )
+
+
+def test_strips_with_too_few_rays_between_them_stay_apart() -> None:
+    base, other, rays, _ = _two_strips(False, 3)  # 3 x 3 and 2 x 2 conditions
+    assert by_few_points(base, other, rays, 15, 0.4) is None
