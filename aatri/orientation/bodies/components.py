@@ -18,7 +18,7 @@ from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
-from aatri.ids import several
+from aatri.ids import several, shown
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints, Tie, grow_components
@@ -159,7 +159,7 @@ def _adjusted(
     del own_points  # the ties have what they need of them
     begin = similarities_of(start)
     active = use[rows] & _plausible(ties.on_ground(begin, ties.rows), ties.spectrum(begin)[0].sum(axis=1), point)
-    what = f"joining {word}s {', '.join(str(names[k]) for k in strips)}"
+    what = f"joining {word}s {shown(str(names[k]) for k in strips)}"
     ids = point_ids[number]
     of_ties = ties.observed(STRIP_TIE, np.array([names[k] for k in strips], dtype=np.str_)[local], ids[point], begin)
     problem = tied_problem([of_ties], {POINT: ties.places(begin, len(number))}, {POINT: ids}, what)
@@ -248,5 +248,5 @@ def _reasons(
 
 
 def strip_names(component: Component, names: Sequence[str], word: str = "strip") -> str:
-    """`strip 1` or `strips 1, 2`."""
-    return f"{word}{'s' * (len(component.strips) > 1)} {', '.join(str(names[k]) for k in component.strips)}"
+    """`strip 1` or `strips 1, 2`; of many the first ones and how many more there are."""
+    return f"{word}{'s' * (len(component.strips) > 1)} {shown(str(names[k]) for k in component.strips)}"
