@@ -35,3 +35,9 @@ def finite_rows(values: npt.ArrayLike) -> Bool:
     """
     finite = np.isfinite(np.asarray(values, dtype=np.float64))
     return np.asarray(finite.reshape(len(finite), int(np.prod(finite.shape[1:]))).all(axis=1))
+
+
+def is_uniform(values: npt.NDArray[Any], at_a_time: int = 100_000) -> bool:
+    """Whether all rows are the same bits, of which so many are compared at a time."""
+    pieces = (values[first : first + at_a_time] for first in range(0, len(values), at_a_time))
+    return values.size > 0 and all(piece.tobytes() == len(piece) * values[:1].tobytes() for piece in pieces)

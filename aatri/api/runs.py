@@ -205,7 +205,7 @@ def run_pipeline(
     local_plugins : bool
         Run the project's own stages too.
     cluster : str or distributed.Client
-        Stages on a Dask cluster: `tcp://HOST:PORT`, `local:WORKERS`, or a client.
+        Stages on a Dask cluster: `tcp://HOST:PORT`, `local:WORKERS`, `local:WORKERS:MEMORY`, or a client.
     quiet : bool
         Without narration, but for warnings; else a bar and a line per stage, in a notebook below the cell.
 

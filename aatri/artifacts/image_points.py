@@ -35,7 +35,7 @@ class Measurements(Table):
     xy_mm: Float = column(
         "f8", 2, unit="mm", doc="photo coordinates from the principal point; NaN if not determined", optional=True
     )
-    sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation")
+    sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation", uniform=True)
     active: Bool = column("bool", doc="to be used")
 
 

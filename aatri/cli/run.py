@@ -75,7 +75,7 @@ Cluster: TypeAlias = Annotated[
     typer.Option(
         metavar="ADDRESS",
         autocompletion=one_of_words("local:", "tcp://"),
-        help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS.",
+        help="Stages on a Dask cluster: tcp://HOST:PORT, or local:WORKERS[:MEMORY].",
     ),
 ]
 DryRun: TypeAlias = Annotated[bool, typer.Option("--dry-run", "-n", help="Show what would be done, and why.")]

@@ -64,10 +64,17 @@ def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
         m.point,
         m.xy_mm,
         m.sigma_mm,
-        block.cameras.principal_distance_mm[camera],
-        block.cameras.principal_point_mm[camera],
+        _of_rays(block.cameras.principal_distance_mm, camera),
+        _of_rays(block.cameras.principal_point_mm, camera),
         m.active & finite_rows(m.xy_mm),
     )
+
+
+def _of_rays(of_cameras: Float, camera: Int) -> Float:
+    """Values of the camera of each ray; those of the only camera are in memory once."""
+    if len(of_cameras) == 1:
+        return np.broadcast_to(of_cameras, (len(camera), *of_cameras.shape[1:]))
+    return of_cameras[camera]
 
 
 def observed_image_points(

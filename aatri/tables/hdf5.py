@@ -20,10 +20,10 @@ import numpy.typing as npt
 from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
+from aatri.tables.checked_column import DTYPES
 from aatri.tables.digest import content_digest
 from aatri.tables.hdf5_guard import guarded, scalar_of
 from aatri.tables.schema import (
-    DTYPES,
     Artifact,
     Column,
     Table,

@@ -25,12 +25,12 @@ import numpy.typing as npt
 
 from aatri.errors import ArtifactError
 from aatri.ids import several
+from aatri.tables.checked_column import DTYPES, checked
 from aatri.tables.offers import Offer
 from aatri.units import DASH
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
 ATTRIBUTE_TYPES = (str, int, float, bool)
 
 
@@ -39,6 +39,7 @@ class Column:
     """Declaration of one column.
 
     `digest` is False for provenance, which is not part of the content. Without a `default` it has to be stated.
+    `uniform` columns of long tables often have one value in all rows, which then is in memory once: a view of it.
     """
 
     dtype: str
@@ -49,6 +50,7 @@ class Column:
     optional: bool
     digest: bool
     default: str | float | bool | None = None
+    uniform: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ def column(
     digest: bool = True,
     default: str | float | bool | None = None,
     absent: bool = False,
+    uniform: bool = False,
 ) -> Any:
     """Field of a `Table`: one value of `shape` per row. `refers` names the table whose rows it holds.
 
@@ -77,7 +80,7 @@ def column(
     """
     if optional and default is None:
         default = np.nan if dtype == "f8" else -1
-    declared = Column(dtype, shape, unit, doc, refers, optional, digest, default)
+    declared = Column(dtype, shape, unit, doc, refers, optional, digest, default, uniform)
     return dataclasses.field(default=None if absent else dataclasses.MISSING, metadata={"column": declared})
 
 
@@ -106,7 +109,7 @@ class Table:
         for name, declared in columns_of(type(self)).items():
             if getattr(self, name) is None and may_be_absent(type(self), name):
                 object.__setattr__(self, name, np.full((len(self), *declared.shape), np.nan))
-            values = _checked(type(self).__name__, name, declared, getattr(self, name))
+            values = checked(type(self).__name__, name, declared, getattr(self, name))
             object.__setattr__(self, name, values)
             lengths[name] = len(values)
         if len(set(lengths.values())) > 1:
@@ -272,29 +275,3 @@ def tables_of(cls: type[Artifact]) -> Mapping[str, type[Table]]:
             kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
             tables[f.name] = kinds[0]
     return tables
-
-
-def _checked(table_name: str, name: str, declared: Column, values: Any) -> npt.NDArray[Any]:
-    where = f"{table_name}.{name}"
-    array = np.asarray(values)
-    if declared.dtype == "str":
-        array = array.astype(np.str_, copy=False) if array.size else np.zeros(array.shape, "U1")
-    else:
-        expected = np.dtype(DTYPES[declared.dtype])
-        if array.dtype != expected:
-            if not np.can_cast(array.dtype, expected, "same_kind") and array.size:
-                raise ArtifactError(f"{where} is {array.dtype}, not {expected}")
-            narrowed = array.astype(expected)
-            if np.issubdtype(expected, np.integer) and array.size and not np.array_equal(narrowed, array):
-                raise ArtifactError(f"{where} holds a number too large for {expected}")
-            array = narrowed
-    if array.ndim != 1 + len(declared.shape) or array.shape[1:] != declared.shape:
-        raise ArtifactError(f"{where} has shape {array.shape}, not (n, {', '.join(map(str, declared.shape))})")
-    if declared.dtype == "f8" and array.size:
-        bad = np.isinf(array) if declared.optional else ~np.isfinite(array)
-        if bad.any():
-            row = int(np.argwhere(bad)[0][0])
-            raise ArtifactError(f"{where} holds {array[bad][0]} in row {row}")
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

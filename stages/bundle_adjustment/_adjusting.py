@@ -81,7 +81,7 @@ def _searched(
 
     adjust = failing_once(partial(adjusted, options=options, context=context))
 
-    def single(block: BundleInput, squares: BundleResult | None) -> AdjustedBlock:
+    def single(block: BundleInput, squares: list[BundleResult] | None) -> AdjustedBlock:
         if searching.method == "none":
             return with_readmission(block, adjust)
         return search_anew(block, adjust, searching, options.tolerance, squares)

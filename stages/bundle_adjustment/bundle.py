@@ -213,9 +213,10 @@ def bundle(
     exchanged = exchanged_proposals(proposed, suspects) if proposed is not None else []
     report([*findings, *exchanged, *camera_notes, *uncontrolled_observations(uncontrolled)], context)
     suspects = after(suspects, done, options.blunders.search_options())
+    orderings = report_orderings(done, options.ordering, context)  # before the tables are made, which are large, too
     solution = replace(
         bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),
-        orderings=report_orderings(done, options.ordering, context),
+        orderings=orderings,
         variance_components=adjusted.components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
         contradictions=sum(map(contradicts, groups)),

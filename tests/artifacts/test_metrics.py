@@ -14,7 +14,8 @@ from aatri.artifacts import models as m
 from aatri.artifacts import solution as s
 from aatri.artifacts import strips as st
 from aatri.artifacts.suspects import Suspects
-from aatri.tables.schema import DTYPES, columns_of, may_be_absent, tables_of
+from aatri.tables.checked_column import DTYPES
+from aatri.tables.schema import columns_of, may_be_absent, tables_of
 from tests.made_solutions import made_block, made_solution
 
 

@@ -147,6 +147,26 @@ def test_columns_cannot_be_written_to() -> None:
         _network().stations.xyz_m[0, 0] = 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Readings(Table):
+    """Readings, often of one instrument."""
+
+    sigma_m: Float = column("f8", 2, unit="m", doc="standard deviation", optional=True, uniform=True)
+    group: Text = column("str", doc="group", uniform=True)
+
+
+def test_one_value_in_all_rows_of_a_uniform_column_is_in_memory_once() -> None:
+    alike = Readings(sigma_m=np.full((200_001, 2), [0.01, np.nan]), group=np.full(200_001, "tacheometer"))
+    assert [alike.sigma_m.strides[0], alike.group.strides[0]] == [0, 0]
+    np.testing.assert_array_equal(alike.sigma_m, np.full((200_001, 2), [0.01, np.nan]))
+    assert set(alike.take([0, 200_000]).group.tolist()) == {"tacheometer"}
+    differing = np.full((200_001, 2), 0.0)
+    differing[-1, 1] = -0.0  # other bits
+    one = Readings(sigma_m=differing, group=np.full(200_001, ""))
+    assert one.sigma_m.flags.c_contiguous
+    assert np.signbit(one.sigma_m).sum() == 1
+
+
 def test_another_kind_is_refused_by_name(tmp_path: Path) -> None:
     write(_network(), tmp_path / "n.h5")
     with pytest.raises(ArtifactError, match="kind Network, where Other is wanted") as caught:

@@ -1,12 +1,12 @@
 """What a problem will take, before the first iteration, and what to do if it is more than there is.
 
 Flops and factor follow from the elimination tree; the fronts in memory at a time from the order in which they are
-worked on; rays and eliminated blocks count with what an iteration keeps of them. Python, the observations, and the
-arrays of the result come on top.
+worked on; rays and eliminated blocks count with what an iteration keeps of them. Python, the block and its observations
+are what the process takes already (on Linux; nothing else tells); the arrays of the result come on top.
 
 | predicted memory | what is done |
 |---|---|
-| within the limit | factor in memory |
+| within the limit, beside what the process takes already | factor in memory |
 | within the limit without the factor, which the disk has room for | panels of the factor in a file |
 | more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
@@ -18,6 +18,7 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from aatri.adjustment.elimination.schedule import Schedule
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
@@ -101,6 +102,15 @@ def memory_limit(memory_gb: float | None) -> float:
         return float("inf")
 
 
+def resident_bytes() -> int:
+    """What the process has in memory now; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, AttributeError, ValueError):
+        return 0
+
+
 def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     """Choose how to solve a problem by its settings, and announce what it will take.
 
@@ -113,12 +123,15 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     expected, limit = forecast(problem), memory_limit(problem.settings.memory_gb)
     _announce(problem, expected, reporter)
     fits = expected.memory_bytes() <= limit
-    disk = SHARE * shutil.disk_usage(tempfile.gettempdir()).free
-    fits_on_disk = expected.memory_bytes(spill=True) <= limit and expected.factor_bytes <= disk
+    disk_holds = expected.factor_bytes <= SHARE * shutil.disk_usage(tempfile.gettempdir()).free
+    fits_on_disk = expected.memory_bytes(spill=True) <= limit and disk_holds
     if solver == "direct" or (solver == "auto" and (fits or fits_on_disk)):
-        if not fits:
-            reporter.log(f"above the limit of {limit / 1e9:.3g} GB: the factor goes to {tempfile.gettempdir()}")
-        return replace(problem, spill=not fits)
+        resident = resident_bytes()
+        spill = not fits or (expected.memory_bytes() + resident > limit and disk_holds)
+        if spill:
+            above = f"with {resident / 1e9:.3g} GB of the process above the limit of {limit / 1e9:.3g} GB"
+            reporter.log(f"{above}: the factor goes to {tempfile.gettempdir()}")
+        return replace(problem, spill=spill)
     if problem.constraints:
         _refuse("exact constraints", "observe them with small standard deviations", expected, limit, solver)
     if problem.settings.demands:

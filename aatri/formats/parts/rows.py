@@ -12,7 +12,8 @@ import numpy.typing as npt
 from aatri.artifacts.block import CameraParameters, Cameras, Exterior, GroundPoints, Images, MeasuredPoints
 from aatri.errors import InputError
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.tables.schema import DTYPES, Column, Table, columns_of
+from aatri.tables.checked_column import DTYPES
+from aatri.tables.schema import Column, Table, columns_of
 
 Rows = dict[str, npt.NDArray[Any]]
 """Columns of equal length by name."""

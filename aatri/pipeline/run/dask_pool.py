@@ -9,6 +9,7 @@ same versions, which are compared before the first task.
 import contextlib
 import hashlib
 import os
+import re
 import uuid
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -26,6 +27,7 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
 
 LOCAL = "local:"
+_MEMORY = re.compile(r"[0-9]+(\.[0-9]+)?[GM]B")
 COMPARED = ("aatri", "python", "numpy", "scipy", "numba", "h5py", "code")
 """What a worker must have as this process has it, for a stage's key names the code here."""
 
@@ -37,7 +39,8 @@ def dask_pool(cluster: Any, run: Path, tell: Tell) -> Iterator["_Workers"]:
     Parameters
     ----------
     cluster : str or distributed.Client
-        Address of a scheduler, `tcp://HOST:PORT`; `local:WORKERS` processes of this machine; a client stays open.
+        Address of a scheduler, `tcp://HOST:PORT`; `local:WORKERS` processes of this machine, with a limit of memory for
+        each `local:WORKERS:MEMORY`; a client stays open.
     run : Path
         The run folder.
     tell : callable
@@ -85,7 +88,9 @@ def _local_cluster(address: str) -> Any:
     """Processes of this machine, each with its share of the cores."""
     from distributed import LocalCluster
 
-    count = address.removeprefix(LOCAL)
+    count, _, memory = address.removeprefix(LOCAL).partition(":")
+    if memory and not _MEMORY.fullmatch(memory):
+        raise SpecError(f"--cluster {address}: {memory} is no size of memory", remedy="local:2:6GB")
     if not count.isdecimal() or not int(count):
         raise SpecError(f"--cluster {address}: {count or 'nothing'} is no number of workers", remedy="local:4")
     threads = str(max(1, (os.cpu_count() or 1) // int(count)))
@@ -93,6 +98,7 @@ def _local_cluster(address: str) -> Any:
     return cluster(
         n_workers=int(count),
         threads_per_worker=1,
+        memory_limit=memory or "auto",
         dashboard_address="127.0.0.1:0",
         env={"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": threads},
     )

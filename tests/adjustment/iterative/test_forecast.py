@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.iterative.forecast import forecast, memory_limit
+from aatri.adjustment.iterative.forecast import forecast, memory_limit, resident_bytes
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
@@ -80,19 +80,28 @@ def test_the_peak_of_memory_is_near_the_prediction(spill: bool) -> None:
 
 
 @pytest.mark.slow
-def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up() -> None:
+def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     unknowns, records, start = _tangled()
     expected = forecast(prepare(unknowns, records))
     spilled, whole = expected.memory_bytes(spill=True), expected.memory_bytes()
     found = {}
-    for name, limit in {"fits": 1.01 * whole, "on disk": 1.01 * spilled, "neither": 0.99 * spilled}.items():
+    limits = {"fits": 1.01 * whole, "beside the block": 1.01 * whole, "on disk": 1.01 * spilled}
+    for name, limit in {**limits, "neither": 0.99 * spilled}.items():
         log = _Log()
+        resident = int(0.02 * whole) if name == "beside the block" else 0
+        monkeypatch.setattr("aatri.adjustment.iterative.forecast.resident_bytes", lambda resident=resident: resident)
         problem = adjust_large(unknowns, records, start, memory_gb=limit / 1e9, reporter=log).problem
         found[name] = (problem.spill, problem.iterative is not None)
         assert log.lines[1].startswith(f"memory predicted: {whole / 1e6:.0f} MB (factor ")
-        assert ("the factor goes to" in log.lines[2]) == (name == "on disk")
+        assert ("the factor goes to" in log.lines[2]) == (name in ("beside the block", "on disk"))
         assert ("conjugate gradients" in log.lines[2]) == (name == "neither")
-    assert found == {"fits": (False, False), "on disk": (True, False), "neither": (False, True)}
+    on_disk = {"beside the block": (True, False), "on disk": (True, False)}
+    assert found == {"fits": (False, False), **on_disk, "neither": (False, True)}
+
+
+def test_what_the_process_takes_counts_with_all_its_arrays() -> None:
+    before, array = resident_bytes(), np.ones(4_000_000)
+    assert resident_bytes() - before > 0.9 * array.nbytes
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+import weakref
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -182,6 +183,19 @@ def test_a_block_without_exact_coordinates_is_not_prepared_for_their_tests(monke
     done = search(parts.together(), least_squares, SearchOptions(limit=5.0), 1e-3)
     (rays,) = (o for o in done.result.observations if o.observed.kind == "image_point")
     assert np.flatnonzero(~rays.used).tolist() == [0]
+
+
+def test_the_least_squares_that_a_search_begins_with_is_not_in_memory_beside_the_next() -> None:
+    block = made_bundle().together()
+    begin = [least_squares(block, AdjustOptions())]
+    first, in_memory = weakref.ref(begin[0]), []
+
+    def adjusted(values: BundleInput, options: AdjustOptions) -> BundleResult:
+        in_memory.append(first() is not None)
+        return least_squares(values, options)
+
+    search(block, adjusted, SearchOptions(limit=5.0), 0.0, begin)  # adjusted again, as no decrement is zero
+    assert in_memory == [False]
 
 
 def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one() -> None:

@@ -79,11 +79,27 @@ def test_the_stage_of_a_worker_that_dies_is_made_by_another(tmp_path: Path, monk
 
 @pytest.mark.parametrize(
     ("address", "says"),
-    [("local:x", "x is no number of workers"), ("here", "is no address"), ("local:", "nothing is no")],
+    [
+        ("local:x", "x is no number of workers"),
+        ("here", "is no address"),
+        ("local:", "nothing is no"),
+        ("local:2:much", "much is no size of memory"),
+        ("local::6GB", "nothing is no number"),
+    ],
 )
 def test_what_is_no_address_is_refused(tmp_path: Path, address: str, says: str) -> None:
     with pytest.raises(AatriError, match=says), dask_pool.dask_pool(address, tmp_path, lambda *_: None):
         pass
+
+
+@pytest.mark.parametrize(
+    ("address", "limit"), [("local:2:6GB", "6GB"), ("local:1:0.5GB", "0.5GB"), ("local:2", "auto")]
+)
+def test_local_workers_have_the_limit_of_memory_that_is_stated(
+    monkeypatch: pytest.MonkeyPatch, address: str, limit: str
+) -> None:
+    monkeypatch.setattr("distributed.LocalCluster", lambda **settings: settings)
+    assert dask_pool._local_cluster(address)["memory_limit"] == limit
 
 
 def test_a_worker_with_other_versions_or_without_the_folder_is_refused(tmp_path: Path) -> None:

@@ -66,7 +66,11 @@ def with_sets_again(block: BundleInput) -> BundleInput:
 
 
 def search_anew(
-    block: BundleInput, adjust: Adjust, options: SearchOptions, tolerance: float, least_squares: BundleResult | None
+    block: BundleInput,
+    adjust: Adjust,
+    options: SearchOptions,
+    tolerance: float,
+    least_squares: list[BundleResult] | None,
 ) -> AdjustedBlock:
     """Search for gross errors, with and without what earlier stages have rejected of other kinds than rays.
 

@@ -77,7 +77,7 @@ class ExactCoordinates(RobustStart):
             return None
 
     def without_wrong_exact(
-        self, searched: SearchEnd, search: Callable[[TestedBlock, Bool], SearchEnd], rejected: Int
+        self, searched: SearchEnd, search: Callable[[list[TestedBlock], Bool], SearchEnd], rejected: Int
     ) -> tuple[SearchEnd, Bool]:
         """Search on without the exact coordinates that contradict the block; also what does and stays, (n,).
 
@@ -107,7 +107,7 @@ class ExactCoordinates(RobustStart):
             if reduced is None:
                 break
             try:
-                searched = search(self._with_fitting_sigmas(reduced), reduced.active)
+                searched = search([self._with_fitting_sigmas(reduced)], reduced.active)
             except (GeometryError, ConvergenceError):
                 break
             if searched[1][largest]:

@@ -57,7 +57,7 @@ def search(
     adjust: Adjust,
     options: SearchOptions,
     tolerance: float = 1e-3,
-    least_squares: BundleResult | None = None,
+    least_squares: list[BundleResult] | None = None,
 ) -> AdjustedBlock:
     """Adjust a block and leave out its gross errors.
 
@@ -67,8 +67,8 @@ def search(
         What earlier stages have rejected is not active, and may come back.
     tolerance : float
         Bound of the Newton decrement of the result.
-    least_squares : BundleResult, optional
-        Least squares with everything, where that is known.
+    least_squares : list of BundleResult, optional
+        Least squares with everything, where that is known; it is taken out, as it is as large as what follows.
 
     Raises
     ------
@@ -81,11 +81,11 @@ def search(
 class _Search(ExactCoordinates):
     """The steps of a search."""
 
-    def run(self, least_squares: BundleResult | None) -> AdjustedBlock:
+    def run(self, least_squares: list[BundleResult] | None) -> AdjustedBlock:
         """Search."""
         active = self.initially_active = self.all.native & ~self.all.rejected_in(self.block)
         initial, failure = (
-            (self._tested(least_squares, active), None) if least_squares else self._initial_least_squares(active)
+            (self._tested(least_squares.pop(), active), None) if least_squares else self._initial_least_squares(active)
         )
         if initial is not None and not np.isfinite(initial.test).any():
             untested = with_readmission(self.block, lambda block: self.adjust(block, AdjustOptions()))
@@ -113,10 +113,10 @@ class _Search(ExactCoordinates):
             start, active = self._without_errors_of_lost_points(start, active)
         assert start is not None
         del initial  # its tests are as long as the block, and are made again with the tails
-        start = replace(start, tails=self._tails(start.result))
-        return self._concluded(
-            *self.without_wrong_exact(self.data_snooping(start, active), self.data_snooping, far_exact)
-        )
+        taken_out = [replace(start, tails=self._tails(start.result))]
+        del start
+        searched = self.data_snooping(taken_out, active)
+        return self._concluded(*self.without_wrong_exact(searched, self.data_snooping, far_exact))
 
     def _concluded(self, searched: SearchEnd, wrong: Bool) -> AdjustedBlock:
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""
@@ -197,15 +197,22 @@ class _Search(ExactCoordinates):
         readmitted = self.all.native & ~active & (factor > 1.0)
         return readmitted if start is None else readmitted & ~(start.test > self.options.limit * factor)
 
-    def data_snooping(self, start: TestedBlock, active: Bool) -> SearchEnd:
-        """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them."""
-        initial = start
+    def data_snooping(self, start: list[TestedBlock], active: Bool) -> SearchEnd:
+        """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them.
+
+        Parameters
+        ----------
+        start : list of TestedBlock
+            Where it begins; taken out, as it is as large as what follows.
+        """
 
         def solve(previous: TestedBlock | None, use: Bool, _: float) -> TestedBlock:
-            return self.solve(previous or initial, use)
+            return self.solve(previous, use)
 
         while True:
-            searched = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections)
+            begin = statistics.SearchState(self._with_all_accuracy(start, active))
+            searched = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections, first=begin)
+            del begin
             tested, use = searched.solved, searched.active
             rejected = self.all.split(self.all.native & ~use)
             swapped = tuple(swaps(tested.result, self.block.rays, rejected, self.options.limit))
@@ -213,7 +220,7 @@ class _Search(ExactCoordinates):
             above_limit = use & (tested.test > self.options.limit)
             if explained.any() and above_limit.any():
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
-                initial, active = tested, use
+                start, active = [tested], use
                 continue
             initially_active = self.initially_active & self.pool.counted
             overfull_kinds, readmitted = overfull(
@@ -224,7 +231,7 @@ class _Search(ExactCoordinates):
             readmitted = readmitted if readmitted.any() else self._agreeing_at_lost_points(tested, use)
             if not readmitted.any():
                 return tested, use, swapped
-            initial, active = tested, use | readmitted
+            start, active = [tested], use | readmitted
 
     def _rows_of(self, swapped: Sequence[Swap]) -> Bool:
         """What fits with each other's numbers, (n,)."""

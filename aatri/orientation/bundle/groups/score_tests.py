@@ -84,7 +84,8 @@ def significant_groups(
     adjusted = result.adjusted
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
         return []
-    adjusted = with_factor(adjusted)
+    problem = adjusted.problem.without_lanes()  # copies of the rays, which are not kept with the result
+    adjusted = with_factor(replace(adjusted, problem=problem))
     candidates = list(candidates_of(block, result))
     significant = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
     groups: list[Group] = []

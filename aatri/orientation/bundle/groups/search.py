@@ -39,7 +39,7 @@ from aatri.orientation.bundle.groups.single_errors import attempted, cost_withou
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
-Single = Callable[[BundleInput, BundleResult | None], AdjustedBlock]
+Single = Callable[[BundleInput, list[BundleResult] | None], AdjustedBlock]
 
 MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
@@ -71,7 +71,8 @@ def search_with_groups(
     Parameters
     ----------
     single : callable
-        (block, least squares of it or None) -> the block adjusted by `options`, searching for single gross errors.
+        (block, its least squares where they are known, to be taken out: they are as large as what follows) -> the block
+        adjusted by `options`, searching for single gross errors.
     candidates_of : callable
         What is to be tested of a block.
     options : SearchOptions
@@ -92,8 +93,9 @@ def search_with_groups(
             block = with_earlier
         else:
             groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options)
-    done = _carried(block, groups, single, least_squares)
-    del least_squares  # as large as what follows
+    taken_out = [] if least_squares is None else [least_squares]
+    del least_squares
+    done = _carried(block, groups, single, taken_out)
     if done is None:
         groups, done = [], single(block, None)
     while len(groups) < MOST_GROUPS:
@@ -153,14 +155,14 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float)
 
 
 def _carried(
-    block: BundleInput, groups: list[Group], single: Single, least_squares: BundleResult | None = None
+    block: BundleInput, groups: list[Group], single: Single, least_squares: list[BundleResult] | None = None
 ) -> AdjustedBlock | None:
     """Single gross errors with groups carried; None where the block does not determine these."""
     return _adjusted_with_groups(block, groups, single, least_squares) if groups else single(block, least_squares)
 
 
 def _adjusted_with_groups(
-    block: BundleInput, groups: list[Group], single: Single, least_squares: BundleResult | None = None
+    block: BundleInput, groups: list[Group], single: Single, least_squares: list[BundleResult] | None = None
 ) -> AdjustedBlock | None:
     """The same; None where it cannot be adjusted."""
     try:
