@@ -76,9 +76,10 @@ FEWEST_COVERING, SMALL_COVERAGE, NO_COVERAGE, BEYOND_FORMAT = 20, 0.1, 0.05, 2.0
 """Image points of a camera below which they may lie together; shares of the format that they cover below which it is
 told, and is an error; times the half diagonal beyond which they are in another unit. Units differ by 25 and more."""
 
-IMPRECISE, TOO_IMPRECISE = 0.005, 0.02
-"""Standard deviations of image points as shares of what the points span: half a pixel is 0.003 of a thermal image of
-160 pixels, the smallest in use; micrometres read as mm make 0.02 to 0.5."""
+IMPRECISE, USUAL_SIGMA_MM = 0.008, (3e-4, 0.05)
+"""Standard deviation of image points as a share of what the points span: half a pixel is 0.006 of a thermal image of
+80 x 60 pixels; 2 um of 22 cm of film read as mm are 0.009, 1 um of 10 cm of a digital frame 0.010. Standard deviations
+that are usual: from a thirtieth of a pixel of 9 um (targets) to two pixels of film scanned at 25 um."""
 
 LARGEST_AIRCRAFT_M, LONG_LEVER_ARM_M, LEVER_SHARE = 90.0, 10.0, 0.5
 """Nothing that flew was larger (Antonov 225: 84 by 88 m), and no antenna is farther from its camera; a lever arm long

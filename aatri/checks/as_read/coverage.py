@@ -1,13 +1,14 @@
 """What the image points of a camera cover of its format: all of them in a corner, or beyond its marks, is a wrong unit.
 
     share = largest extent of the points of all images / format,     reach = largest distance from the middle
-    imprecision = median standard deviation / largest extent
+    imprecision = median standard deviation of the better coordinate / largest extent
 
 Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
 rays, which some adjustments survive with another principal distance.
 Test: a share below a twentieth, or a reach beyond twice the half diagonal. Where neither format nor marks are given,
 the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
-An imprecision of more than 0.005 is told, one of more than 0.02 an error: the points of an image would be one.
+An imprecision of more than 0.008 is a warning: it may be a target in the middle of all images, or a camera of little
+weight. It is an error where all cameras are so and the standard deviation would be a usual one in a smaller unit.
 """
 
 import numpy as np
@@ -22,8 +23,8 @@ from aatri.checks.limits import (
     IMPRECISE,
     NO_COVERAGE,
     SMALL_COVERAGE,
-    TOO_IMPRECISE,
     USUAL_FIELD_DEG,
+    USUAL_SIGMA_MM,
 )
 
 UNITS_MM = {"0.1 um": 1e-4, "um": 1e-3, "0.01 mm": 1e-2, "cm": 10.0, "inches": 25.4, "m": 1000.0}
@@ -79,18 +80,31 @@ def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_m
     camera_of_ray : (k,) int
     xy_mm, sigma_mm : (k, 2) float64, mm
     """
-    findings = []
+    measured, imprecise = 0, []
     for k, name in enumerate(cameras.id):
-        rows = camera_of_ray == k
-        if np.count_nonzero(rows) < FEWEST_COVERING:
+        xy, sigma = xy_mm[camera_of_ray == k], sigma_mm[camera_of_ray == k]
+        extent = float(np.ptp(xy, axis=0).max()) if len(xy) >= FEWEST_COVERING else 0.0
+        if extent == 0.0:  # all in one place: `coverage` tells that
             continue
-        extent, sigma = float(np.ptp(xy_mm[rows], axis=0).max()), float(np.median(sigma_mm[rows]))
-        if sigma > IMPRECISE * extent:
-            level: Level = "error" if sigma > TOO_IMPRECISE * extent else "warning"
-            text = f"standard deviations of its image points are {sigma:.3g} mm in the median, {sigma / extent:.1%} of "
-            text += f"the {extent:.4g} mm over which the points lie"
-            findings.append(Finding("coverage", level, text, SIGMA_REMEDY, where=f"camera {name}"))
+        measured += 1
+        median = float(np.median(sigma.min(axis=1)))  # a coordinate that is not measured has a large one
+        if median > IMPRECISE * extent:
+            imprecise.append((name, median, extent))
+    findings = []
+    for name, median, extent in imprecise:
+        units = _usual_units(median) if len(imprecise) == measured else []
+        text = f"standard deviations of its image points are {median:.3g} mm in the median, {median / extent:.1%} of "
+        text += f"the {extent:.4g} mm over which the points lie"
+        text += "".join(f"; in units of {unit} {1e3 * UNITS_MM[unit] * median:.3g} um" for unit in units)
+        level: Level = "error" if units else "warning"
+        findings.append(Finding("coverage", level, text, SIGMA_REMEDY, where=f"camera {name}"))
     return findings
+
+
+def _usual_units(sigma_mm: float) -> list[str]:
+    """Units smaller than mm in which a standard deviation would be a usual one that in mm is none."""
+    least, most = USUAL_SIGMA_MM
+    return [u for u, mm in UNITS_MM.items() if sigma_mm > most and mm < 1.0 and least <= mm * sigma_mm <= most]
 
 
 def _other_unit(reach_mm: float, c_mm: float) -> str:

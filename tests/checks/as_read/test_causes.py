@@ -201,13 +201,44 @@ def test_a_small_target_in_the_middle_is_a_warning_and_few_points_are_nothing() 
     assert coverage(FILM, OF[:19], 1e-3 * XY[:19]) == []
 
 
-@pytest.mark.parametrize(("sigma_mm", "level"), [(5e-3, []), (0.5, []), (1.5, ["warning"]), (5.0, ["error"])])
-def test_standard_deviations_in_another_unit_than_their_image_are_named(sigma_mm: float, level: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("sigma_mm", "what"),
+    [(2.0, "in units of um 2 um"), (5.0, "in units of um 5 um"), (200.0, "in units of 0.1 um 20 um")],
+)
+def test_standard_deviations_in_another_unit_than_their_image_are_an_error(sigma_mm: float, what: str) -> None:
     sigma = np.full_like(XY, sigma_mm)
-    sigma[:5] = 50.0  # a few points may be as bad as they like
-    told = imprecision(BARE, OF, XY, sigma)
+    sigma[:5] = 1e-3  # a few points may have others
+    (error,) = imprecision(BARE, OF, XY, sigma)
+    assert error.level == "error"
+    assert what in error.sentence
+    assert error.where == "camera wide"
+    assert "sigma_image" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("size", "sigma_mm", "level"),
+    [
+        (1.0, (5e-3, 5e-3), []),
+        (1.0, (0.5, 0.5), []),
+        (1.0, (5e-3, 100.0), []),  # only x is measured
+        (2e-3, (5e-3, 5e-3), ["warning"]),  # a target of 0.4 mm in the middle of all images
+        (1.0, (1e4, 1e4), ["warning"]),  # usual in no unit
+        (0.0, (5e-3, 5e-3), []),  # all points in one place: a matter of `coverage`
+    ],
+)
+def test_standard_deviations_of_a_legal_block_are_no_error(
+    size: float, sigma_mm: tuple[float, float], level: list[str]
+) -> None:
+    told = imprecision(BARE, OF, size * XY, np.full_like(XY, sigma_mm))
     assert [finding.level for finding in told] == level
-    assert all("sigma_image" in finding.remedy and finding.where == "camera wide" for finding in told)
+
+
+def test_a_camera_of_little_weight_beside_another_is_a_warning() -> None:
+    frames = FILM.principal_distance_mm, FILM.half_format_mm, FILM.pixel_mm
+    both = CameraFrames(["wide", "old"], *(np.repeat(of, 2, axis=0) for of in frames))
+    sigma = np.repeat([[5e-3], [5.0]], 40, axis=0) * np.ones(2)
+    (finding,) = imprecision(both, np.repeat([0, 1], 40), np.vstack([XY, XY]), sigma)
+    assert (finding.level, finding.where) == ("warning", "camera old")
 
 
 # Positions that cannot be: one may always go, more than the share may not, and all go where all are the same.
