@@ -30,7 +30,7 @@ CAMPAIGNS = {
     "edits": ["2", "--short"],
     "edits_of_plans": ["100"],
     "kernels": ["2"],
-    "equality": ["1"],
+    "equality": ["2"],
     "variance_components": ["--count", "2"],
     "ackermann": [],
     "classical_blocks": [],
