@@ -60,8 +60,8 @@ def test_a_run_with_every_entry_of_every_cache_damaged_ends_as_ever(
     caches = list((tmp_path / "cache" / "aatri").glob("*.json"))
     assert len(caches) >= 3
     entries = {path: json.loads(path.read_bytes()) for path in caches}
-    # In a cache of at least as many entries as values each entry meets one of them, not all: there (codes of modules, 100
-    # entries) all are read by `of_file`, which the test above gives every value. In smaller caches each meets all.
+    # In a cache of at least as many entries as values (100 of the code of modules) each entry meets one value, not all:
+    # `of_file` reads them all, and the test above gives it every value. In smaller caches each entry meets all.
     for first in range(len(ODD)):
         for path, keys in entries.items():
             if first == 0 or len(keys) < len(ODD):
