@@ -65,8 +65,8 @@ class SimilarityOptions(Options):
     max_sigma0: float | None = Field(
         None,
         gt=0,
-        description="an error where strips deform by so many times what their length explains; null: 20, and "
-        "off by 0.5 % of the distance",
+        description="an error where strips deform by so many times what their length explains; null: a warning beyond "
+        "20, and an error where they are off by 5 % of the distance too",
     )
     reliability: bool = Field(
         False, description="redundancy numbers, test statistics and detectable errors of all observations"

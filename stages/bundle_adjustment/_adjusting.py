@@ -52,7 +52,9 @@ class AdjustmentOptions(KindOptions):
         1e-3, gt=0, le=1e-2, description="converged when no unknown moves by more than this times its sigma"
     )
     max_sigma0: float | None = Field(
-        None, gt=1, description="a sigma0 beyond this is an error; null: 20, where no cause with a name explains it"
+        None,
+        gt=1,
+        description="a sigma0 beyond this is an error; null: 20, and in `bundle` only where no named cause explains it",
     )
 
 

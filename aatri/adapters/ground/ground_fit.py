@@ -131,13 +131,13 @@ def distant_start(
     ConvergenceError
         The misfit, where it is beyond `FARTHEST_START`, or the bundle is not to begin from it.
     """
-    worst = max(parts, key=_misfit_m)
-    stretch = _stretch(block, worst.result)
-    off = _misfit_m(worst) / _distance_m(strips, [worst])
+    shares = [_misfit_m(part) / max(_distance_m(strips, [part]), np.finfo(float).tiny) for part in parts]
+    k = int(np.argmax(shares))
+    stretch, off = _stretch(block, parts[k].result), shares[k]
     text, remedy = misfit.what, misfit.remedy
     if stretch:
         text, remedy = f"{text}; {stretch}", CHECK_DISTANCE
-    if not may_begin or off > FARTHEST_START:
+    if not may_begin or not off <= FARTHEST_START:
         raise ConvergenceError(text, where=misfit.where, remedy=remedy) from misfit
     share = f"that is {off:.1%} of the distance between images and points: the bundle can begin from there"
     if stretch:

@@ -4,6 +4,8 @@ Seen: what the other files of this room look for.
 Test: sigma0 of kinds only where the search has not estimated standard deviations, and no group explains them.
 """
 
+import numpy as np
+
 from aatri.checks.after.at_infinity import points_at_infinity
 from aatri.checks.after.correlations import high_correlations
 from aatri.checks.after.error_budget import error_budget
@@ -49,6 +51,9 @@ def findings_after(
     inputs, result = done.inputs, done.result
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     named = wrong_groups(groups)
+    cause = next((group for group in named if group.contradicts), None)
+    carried = [one.group.sigma0 for one in groups if contradicts(one) and not one.left_out]
+    with_cause = min(carried, default=np.inf)
     return [
         *named,
         *attitude_conventions(source, inputs, result.adjusted.state, before=False),
@@ -58,7 +63,7 @@ def findings_after(
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
         *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
-        *sigma0(result, max_sigma0, done.scale, next((group for group in named if group.contradicts), None)),
+        *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *weak_datum(inputs, result, done.scale),
         *error_budget(source.block, result),

@@ -8,6 +8,8 @@ Points or images that are held, and that an earlier stage has made of these obse
 a redundancy smaller by their unknowns. A sigma0 that is too small is so only where it is by that redundancy, too.
 """
 
+import numpy as np
+
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, sigma0_note
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
@@ -22,7 +24,13 @@ REFUSED = (
 
 
 def sigma0(
-    result: BundleResult, max_sigma0: float | None, scale: float = 1.0, cause: Finding | None = None, held: int = 0
+    result: BundleResult,
+    max_sigma0: float | None,
+    scale: float = 1.0,
+    cause: Finding | None = None,
+    *,
+    with_cause: float = np.inf,
+    held: int = 0,
 ) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
@@ -30,6 +38,8 @@ def sigma0(
     ----------
     max_sigma0 : float, optional
         Default: `MAX_SIGMA0`, and only where no `cause` explains it.
+    with_cause : float
+        sigma0 of the adjustment that has carried the `cause`; with more than `MAX_SIGMA0` it explains nothing.
     scale : float
         Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
     cause : Finding, optional
@@ -42,7 +52,7 @@ def sigma0(
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
     limit = MAX_SIGMA0 if max_sigma0 is None else max_sigma0
-    explained = max_sigma0 is None and cause is not None
+    explained = max_sigma0 is None and with_cause * scale <= limit
     if test.verdict != "untested" and test.sigma0 * scale > limit and not explained:
         text = f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {limit:g}: the adjustment ended where the "
         return [

@@ -44,8 +44,8 @@ START = 0.005
 of what the bundle can begin from (docs/convergence.md)."""
 
 FARTHEST_START = 10 * START
-"""Misfit from which the bundle begins where its cause is one that it estimates or names: a principal distance a tenth
-off leaves 4 to 5 %, and from 0.7 to 1.3 times it the bundle ends right (docs/convergence.md, the bent valley)."""
+"""Misfit from which the bundle begins: a principal distance a tenth off leaves 4 to 5 %, and from 0.7 to 1.3 times it
+the bundle ends right (docs/convergence.md, the bent valley). Of other causes as large its own tests tell."""
 
 NAMED = 3
 """So many bodies are named where they do not fit."""

@@ -8,15 +8,17 @@ The seven unknowns are estimated from these, as directions of rays:
 with X a point of one component brought into the frame of the other, C and d centre and direction of a ray there, over
 the rays that are within `START_RAD` at the start. Common points near a line leave the turn about it open, and two
 objects may carry the number of one: starts are of all common points and of all but one, turned all round; that which
-most conditions fit counts.
+most conditions fit counts. What leaves one of the seven unknowns open, points on a line alone, joins nothing.
 
 Common points that locate a wrong one are `FEWEST` (`joining`); as many conditions as these have must fit.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import least_squares
 
-from aatri.arrays import Float, Int, finite_rows
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import (
     UNKNOWNS,
@@ -41,10 +43,27 @@ BY_RAY, BY_POINT = 2, 3
 """Conditions of a point that the other component sees once, and of one that it has determined itself."""
 
 
+@dataclass(frozen=True)
+class Crossing:
+    """Rays of the images of one component to points of another, each in its own frame."""
+
+    rows: Int
+    """(n,). Of the rays."""
+    centre: Float
+    direction: Float
+    """(n, 3). Projection centres, and unit vectors along the rays."""
+    xyz: Float
+    """(n, 3). The points."""
+
+    def off_rad(self, images_from_points: Similarity) -> Float:
+        """Directions to the points less those of the rays, (n, 3), rad where they are small."""
+        return np.asarray(unit(transform(images_from_points, self.xyz) - self.centre) - self.direction)
+
+
 def by_few_points(
-    base: ImageComponent, other: ImageComponent, rays: ImagePointRows, fewest: int, most_wrong: float
-) -> Similarity | None:
-    """Base from other by the rays between them; None where too few of their conditions fit.
+    base: ImageComponent, other: ImageComponent, rays: ImagePointRows, fewest: int, most_wrong: float, weakest: float
+) -> tuple[Similarity, int] | None:
+    """Base from other by the rays between them, and the points that fit; None where too few conditions do.
 
     Parameters
     ----------
@@ -52,46 +71,77 @@ def by_few_points(
         Conditions that must fit.
     most_wrong : float
         Share of the conditions that may not fit.
+    weakest : float
+        Least effect of any of the seven unknowns on the rays that fit, as a share of the largest.
     """
     common = finite_rows(base.xyz) & finite_rows(other.xyz)
-    rows = np.concatenate([_crossing(base, other, rays), _crossing(other, base, rays)])
-    every = conditions(base, other, rays, rows)
-    if common.sum() < FEWEST_COMMON or every < fewest:
+    if common.sum() < FEWEST_COMMON:
         return None
-    of_base, of_other = _of_unit_size(base.xyz[common]), _of_unit_size(other.xyz[common])
+    of_base, of_other = _to_unit_size(base.xyz[common]), _to_unit_size(other.xyz[common])
+    if of_base is None or of_other is None:
+        return None
     near, far = base.moved(of_base), other.moved(of_other)
+    of_near, of_far = crossing(near, far, rays), crossing(far, near, rays)
+    rows = np.concatenate([of_near.rows, of_far.rows])
+    every = int(conditions(base, other, rays, rows).sum())
+    if every < fewest:
+        return None
 
     def off_rad(similarity: Similarity) -> Float:
-        return np.concatenate([_off_rad(near, far, similarity, rays), _off_rad(far, near, inverse(similarity), rays)])
+        return np.concatenate([of_near.off_rad(similarity), of_far.off_rad(inverse(similarity))])
 
-    def adjusted(begun: Similarity) -> Similarity:
-        taking_part = np.linalg.norm(off_rad(begun), axis=1) < START_RAD
+    def fitting(similarity: Similarity, limit_rad: float = WIDE_RAD) -> tuple[int, float]:
+        """Conditions that fit, and how well."""
+        share = np.linalg.norm(off_rad(similarity), axis=1) / limit_rad
+        fits = conditions(base, other, rays, rows[share < 1.0])
+        return int(fits.sum()), -float((np.minimum(share, 1.0) ** 2).sum())
+
+    def adjusted(begun: Similarity, limit_rad: float = START_RAD) -> tuple[Similarity, Float]:
+        """With the singular values of the design of the rays that take part."""
+        taking_part = np.linalg.norm(off_rad(begun), axis=1) < limit_rad
 
         def residuals(dx: Float) -> Float:
             return np.asarray(off_rad(updated(begun, dx))[taking_part].ravel())
 
         if 2 * taking_part.sum() < UNKNOWNS:
-            return begun
-        return updated(begun, least_squares(residuals, np.zeros(UNKNOWNS), loss="soft_l1", f_scale=WIDE_RAD).x)
+            return begun, np.zeros(UNKNOWNS)
+        solved = least_squares(residuals, np.zeros(UNKNOWNS), loss="soft_l1", f_scale=WIDE_RAD)
+        return updated(begun, solved.x), np.linalg.svd(solved.jac, compute_uv=False)
 
-    def fitting(similarity: Similarity, limit_rad: float = WIDE_RAD) -> tuple[int, float]:
-        """Conditions that fit, and how well."""
-        share = np.linalg.norm(off_rad(similarity), axis=1) / limit_rad
-        return conditions(base, other, rays, rows[share < 1.0]), -float((np.minimum(share, 1.0) ** 2).sum())
-
-    turned = _starts(far.xyz[common], near.xyz[common])
-    starts = [max(of_line, key=lambda similarity: fitting(similarity, START_RAD)) for of_line in turned]
-    best = max(map(adjusted, starts), key=fitting)
-    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every):
+    of_lines = _starts(far.xyz[common], near.xyz[common])
+    starts = [max(turned, key=lambda similarity: fitting(similarity, START_RAD)) for turned in of_lines]
+    best = max((adjusted(start)[0] for start in starts), key=fitting)
+    best, effect = adjusted(best, WIDE_RAD)
+    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every) or effect[-1] < weakest * effect[0]:
         return None
-    return compose(inverse(of_base), compose(best, of_other))
+    fits = conditions(base, other, rays, rows[np.linalg.norm(off_rad(best), axis=1) < WIDE_RAD])
+    return compose(inverse(of_base), compose(best, of_other)), int((fits > 0).sum())
 
 
-def _of_unit_size(X: Float) -> Similarity:
-    """To a frame with most of these points at a distance of about one from its origin."""
+def crossing(images: ImageComponent, points: ImageComponent, rays: ImagePointRows) -> Crossing:
+    """Rays of the images of one component to points of the other; of points of its own only those that fit."""
+    crosses: Bool = rays.active & images.images[rays.image] & finite_rows(points.xyz)[rays.point]
+    rows = np.flatnonzero(crosses & (images.kept | ~finite_rows(images.xyz)[rays.point]))
+    direction = unit(rays.directions(images.poses, rows))
+    return Crossing(rows, images.poses.position_m[rays.image[rows]], direction, points.xyz[rays.point[rows]])
+
+
+def conditions(base: ImageComponent, other: ImageComponent, rays: ImagePointRows, rows: Int) -> Int:
+    """Conditions of two components by each point, (n_points,), of those of these rays that go between them."""
+    counts = np.zeros((2, len(base.xyz)), dtype=int)
+    known = np.stack([finite_rows(points.xyz) for points in (other, base)])
+    for side, images in enumerate((base, other)):
+        between = rows[images.images[rays.image[rows]] & known[side][rays.point[rows]]]
+        counts[side] = np.bincount(rays.point[between], minlength=len(base.xyz))
+    of_both = np.where((counts > 0).all(axis=0), BY_POINT, 0)
+    return np.where(known.all(axis=0), of_both, np.minimum(BY_RAY * counts.max(axis=0), BY_POINT))
+
+
+def _to_unit_size(X: Float) -> Similarity | None:
+    """To a frame with most of these points at a distance of about one from its origin; None where they coincide."""
     centre = np.median(X, axis=0)
     length = float(np.median(np.linalg.norm(X - centre, axis=1)))
-    return Similarity(-centre / length, 1.0 / length, np.eye(3))
+    return Similarity(-centre / length, 1.0 / length, np.eye(3)) if length > 0 else None
 
 
 def _starts(x: Float, X: Float) -> list[list[Similarity]]:
@@ -99,7 +149,8 @@ def _starts(x: Float, X: Float) -> list[list[Similarity]]:
     subsets = [np.ones(len(x), dtype=bool)]
     if FEWEST_COMMON < len(x) <= MOST_COMMON:
         subsets += list(~np.eye(len(x), dtype=bool))
-    return [_turned(robust_closed_form(x[s], X[s])[0], X[s]) for s in subsets]
+    apart = [s for s in subsets if np.ptp(x[s], axis=0).any() and np.ptp(X[s], axis=0).any()]
+    return [_turned(robust_closed_form(x[s], X[s])[0], X[s]) for s in apart]
 
 
 def _turned(similarity: Similarity, X: Float) -> list[Similarity]:
@@ -108,29 +159,3 @@ def _turned(similarity: Similarity, X: Float) -> list[Similarity]:
     axis = np.linalg.svd(X - centre)[2][0]
     turns = [exp_rotation(angle_rad * axis) for angle_rad in 2.0 * np.pi / TURNS * np.arange(TURNS)]
     return [compose(Similarity(centre - R @ centre, 1.0, R), similarity) for R in turns]
-
-
-def conditions(base: ImageComponent, other: ImageComponent, rays: ImagePointRows, rows: Int) -> int:
-    """Conditions of two components by those of these rays that go from one to points of the other."""
-    counts = np.zeros((2, len(base.xyz)), dtype=int)
-    for side, (images, points) in enumerate(((base, other), (other, base))):
-        crossing = rows[images.images[rays.image[rows]] & finite_rows(points.xyz)[rays.point[rows]]]
-        counts[side] = np.bincount(rays.point[crossing], minlength=len(base.xyz))
-    of_points = np.where((counts > 0).all(axis=0), BY_POINT, np.minimum(BY_RAY * counts.max(axis=0), BY_POINT))
-    return int(of_points.sum())
-
-
-def _crossing(images: ImageComponent, points: ImageComponent, rays: ImagePointRows) -> Int:
-    """Rays of the images of one component to points of the other; of points of its own only those that fit."""
-    crosses = rays.active & images.images[rays.image] & finite_rows(points.xyz)[rays.point]
-    return np.flatnonzero(crosses & (images.kept | ~finite_rows(images.xyz)[rays.point]))
-
-
-def _off_rad(
-    images: ImageComponent, points: ImageComponent, images_from_points: Similarity, rays: ImagePointRows
-) -> Float:
-    """Directions to the points of the other component less those of the rays, (k, 3), rad where they are small."""
-    rows = _crossing(images, points, rays)
-    X = transform(images_from_points, points.xyz[rays.point[rows]])
-    there = unit(X - images.poses.position_m[rays.image[rows]])
-    return np.asarray(there - unit(rays.directions(images.poses, rows)))

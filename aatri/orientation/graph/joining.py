@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool, finite_rows
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, robust_closed_form, transform
@@ -21,7 +21,7 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.graph.component import ImageComponent, refined, wide_mm
-from aatri.orientation.graph.few_points import BY_POINT, by_few_points, conditions
+from aatri.orientation.graph.few_points import BY_POINT, MOST_COMMON, by_few_points, conditions
 from aatri.progress import Reporter
 
 FEWEST = 5
@@ -100,12 +100,17 @@ def _by_points(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
     x, X = other.xyz[common], base.xyz[common]
     if len(x) < FEWEST:
         return None
-    spread = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
-    if spread[1] < FLAT * spread[0]:
+    if _on_a_line(X):
         return None
     similarity, distance = robust_closed_form(x, X)
     fits = distance < FITS * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
     return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST, (1.0 - MOST_WRONG) * len(x)) else None
+
+
+def _on_a_line(X: Float) -> bool:
+    """Whether points, at least two, spread less than `FLAT` across the line along which they lie."""
+    spread = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
+    return bool(spread[1] < FLAT * spread[0])
 
 
 def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
@@ -127,19 +132,16 @@ def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
 
 
 def _by_rays(base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> tuple[Similarity, int] | None:
-    """The same of all rays between them, where they share no image."""
-    if (base.images & other.images).any():
+    """The same of all rays between them, where they share no image, and common points are few or on a line."""
+    common = finite_rows(base.xyz) & finite_rows(other.xyz)
+    few = common.sum() <= MOST_COMMON or _on_a_line(base.xyz[common])
+    if (base.images & other.images).any() or not few:
         return None
-    similarity = by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG)
-    seen = [
-        np.bincount(rays.point[rays.active & part.images[rays.image]], minlength=len(base.xyz))
-        for part in (base, other)
-    ]
-    return None if similarity is None else (similarity, int(((seen[0] > 0) & (seen[1] > 0)).sum()))
+    return by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG, FLAT)
 
 
 def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> None:
-    """Refuse two components without a common image whose rays to each other do not fit once all is adjusted.
+    """Refuse components without a common image whose rays to each other, or images, do not fit once all is adjusted.
 
     Raises
     ------
@@ -147,7 +149,12 @@ def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageCom
     """
     if (base.images & other.images).any():
         return
-    fitting = conditions(base, other, rays, np.flatnonzero(merged.kept))
+    for part in (base, other):
+        n, left = int(part.images.sum()), int((merged.images & part.images).sum())
+        if left < (1.0 - MOST_WRONG) * n:
+            raise GeometryError(f"of {n} images {left} fit", remedy="check the ids of their points")
+    rows = np.flatnonzero(merged.kept & merged.images[rays.image])
+    fitting = int(conditions(base, other, rays, rows).sum())
     if fitting < BY_POINT * FEWEST:
         raise GeometryError(f"{fitting} conditions of rays between them fit", remedy=f"{BY_POINT * FEWEST} are needed")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -16,10 +18,13 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.after.hinge_image import hanging_parts
 from aatri.checks.after.rank_defect import rank_advice
+from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.smooth_signal import smooth_signal
 from aatri.checks.after.uncontrolled import uncontrolled_observations
+from aatri.checks.finding import Finding
 from aatri.checks.limits import OWN_DATUM
 from aatri.errors import GeometryError
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.refinement.collocation import collocate
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -261,3 +266,17 @@ def test_a_mirrored_model_that_is_joined_by_points_in_a_plane_is_named(tmp_path:
     else:
         given_models(models(options=options), context=told)
         assert any(line.startswith(text) for line in told.warnings)
+
+
+@pytest.mark.parametrize(
+    ("with_cause", "max_sigma0", "level"),
+    [(1.1, None, "warning"), (21.0, None, "error"), (np.inf, None, "error"), (1.1, 20.0, "error")],
+)
+def test_a_sigma0_beyond_its_limit_is_a_result_only_where_a_cause_explains_it(
+    with_cause: float, max_sigma0: float | None, level: str
+) -> None:
+    adjusted = SimpleNamespace(sigma0=23.0, redundancy=300, down_weighted=False)
+    result = cast(BundleResult, SimpleNamespace(adjusted=adjusted, counted=None))
+    cause = Finding("groups", "warning", "camera c asks for another principal distance", "check it", contradicts=True)
+    (finding,) = sigma0(result, max_sigma0, cause=cause, with_cause=with_cause)
+    assert finding.level == level

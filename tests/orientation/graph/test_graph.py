@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -161,13 +163,33 @@ def _two_strips(wrong: bool, common: int) -> tuple[ImageComponent, ImageComponen
 def test_strips_are_joined_by_fewer_points_than_locate_a_wrong_one(wrong: bool) -> None:
     """Points in a row leave the turn about it open, which two rays to points of the first strip alone give."""
     base, other, rays, centre = _two_strips(wrong, 5)
-    similarity = by_few_points(base, other, rays, 15, 0.4)
-    assert similarity is not None
-    np.testing.assert_allclose(
-        transform(similarity, other.poses.position_m[3:]), centre[3:], atol=0.01 if wrong else 1e-5
-    )
+    fit = by_few_points(base, other, rays, 15, 0.4, 0.02)
+    assert fit is not None
+    similarity, points = fit
+    assert points == (6 if wrong else 7)
+    np.testing.assert_allclose(transform(similarity, other.poses.position_m[3:]), centre[3:], atol=1e-4)
 
 
 def test_strips_with_too_few_rays_between_them_stay_apart() -> None:
     base, other, rays, _ = _two_strips(False, 3)  # 3 x 3 and 2 x 2 conditions
-    assert by_few_points(base, other, rays, 15, 0.4) is None
+    assert by_few_points(base, other, rays, 15, 0.4, 0.02) is None
+
+
+def test_strips_with_common_points_on_a_line_alone_stay_apart() -> None:
+    """Five points are fifteen conditions, which leave the turn about their line open."""
+    base, other, rays, _ = _two_strips(False, 5)
+    line = (base.xyz[4] - base.xyz[0]) * np.linspace(0.0, 1.0, 5)[:, None] + base.xyz[0]
+    rays = replace(rays, active=rays.point < 5)
+    on_line = [replace(base, xyz=np.vstack([line, base.xyz[5:]]))]
+    on_line.append(replace(other, xyz=np.vstack([0.1 * line @ TURN.T + SHIFT, other.xyz[5:]])))
+    seen = line[rays.point[rays.point < 5]]
+    ray = seen - _two_strips(False, 5)[3][rays.image[rays.point < 5]]
+    xy_mm = rays.xy_mm.copy()
+    xy_mm[rays.point < 5] = -150.0 * ray[:, :2] / ray[:, 2:]
+    assert by_few_points(*on_line, replace(rays, xy_mm=xy_mm), 15, 0.4, 0.02) is None
+
+
+def test_strips_whose_common_points_coincide_stay_apart() -> None:
+    base, other, rays, _ = _two_strips(False, 3)
+    at_one_place = replace(base, xyz=np.where(np.arange(len(base.xyz))[:, None] < 3, base.xyz[0], base.xyz))
+    assert by_few_points(at_one_place, other, rays, 3, 0.4, 0.02) is None
