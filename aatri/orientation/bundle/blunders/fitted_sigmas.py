@@ -141,25 +141,19 @@ class FittedSigmas(Rejections):
     def _is_harmful(self, tested: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
         return bool((active & (tested.test > HARMLESS * self.options.limit * scale)).any())
 
-    def _with_all_accuracy(self, start: list[TestedBlock], use: Bool) -> TestedBlock:
-        """`solve` from an adjustment that is taken out, and not kept while the other is made."""
-        tested = start.pop()
-        if (use == tested.active).all() and self._converged(tested.result):
-            return tested
-        values = from_result(self.block, tested.result)
-        del tested
-        return self._solved(values, use, anew=False)
-
     def solve(self, previous: TestedBlock | None, use: Bool) -> TestedBlock:
         """Adjusted by least squares with some records, from where an earlier adjustment has come to."""
-        if previous is not None and (use == previous.active).all() and self._converged(previous.result):
-            return previous
-        values = self.block if previous is None else from_result(self.block, previous.result)
-        return self._solved(values, use, anew=previous is None)
+        return self._with_all_accuracy([] if previous is None else [previous], use)
 
-    def _solved(self, values: BundleInput, use: Bool, *, anew: bool) -> TestedBlock:
-        """Adjusted by least squares with some records, from some values; tails may grow only if `anew`."""
-        block = replace(values, observed=self.all.without(values.observed, use))
+    def _with_all_accuracy(self, start: list[TestedBlock], use: Bool) -> TestedBlock:
+        """`solve` from an adjustment that is taken out, and not kept while the other is made."""
+        tested = start.pop() if start else None
+        if tested is not None and (use == tested.active).all() and self._converged(tested.result):
+            return tested
+        anew = tested is None
+        block = self.block if tested is None else from_result(self.block, tested.result)
+        del tested
+        block = replace(block, observed=self.all.without(block.observed, use))
         result = self.adjust(block, AdjustOptions())
         return TestedBlock(block, result, use, self.options, self._tails(result, anew=anew))
 
