@@ -38,6 +38,8 @@ def finite_rows(values: npt.ArrayLike) -> Bool:
 
 
 def is_uniform(values: npt.NDArray[Any], at_a_time: int = 100_000) -> bool:
-    """Whether all rows are the same bits, of which so many are compared at a time."""
+    """Whether all rows are the same bits, of which so many are compared at a time; of a view of one none is."""
+    if values.size and values.strides[0] == 0:
+        return True
     pieces = (values[first : first + at_a_time] for first in range(0, len(values), at_a_time))
     return values.size > 0 and all(piece.tobytes() == len(piece) * values[:1].tobytes() for piece in pieces)

@@ -71,8 +71,11 @@ def rays_of(block: Block, image_points: ImagePoints) -> ImagePointRows:
 
 
 def _of_rays(of_cameras: Float, camera: Int) -> Float:
-    """Values of the camera of each ray; those of the only camera are in memory once."""
-    if len(of_cameras) == 1:
+    """Values of the camera of each ray; those of the only camera are in memory once.
+
+    Of one ray the view would be contiguous and not to be written to, which compiled functions do not take.
+    """
+    if len(of_cameras) == 1 and len(camera) > 1:
         return np.broadcast_to(of_cameras, (len(camera), *of_cameras.shape[1:]))
     return of_cameras[camera]
 

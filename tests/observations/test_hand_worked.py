@@ -20,7 +20,7 @@ from aatri.adjustment.records import (
 from aatri.camera.models import calibration
 from aatri.observations.coordinates import value_records
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
-from aatri.observations.image_points import CameraRows, film_correction, image_point_records, side_veto
+from aatri.observations.image_points import CameraRows, _of_rays, film_correction, image_point_records, side_veto
 from aatri.observations.kernels.collinearity import in_front
 from aatri.observations.object_space import object_space_records
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses
@@ -291,3 +291,9 @@ def test_all_components_of_a_value_count_unless_it_is_said_otherwise() -> None:
     records = value_records("film", FILM, np.array([1]), np.array([[1.0, 2.0]]), np.diag([4.0, 16.0])[None])
     white, _ = whitened(records, {FILM: np.array([[0.0, 0.0], [3.0, 10.0]])}, np.arange(1))
     np.testing.assert_allclose(white, [[1.0, 2.0]])
+
+
+def test_the_camera_of_one_ray_is_an_array_that_a_compiled_function_takes() -> None:
+    """A view of one row is contiguous and not to be written to; one of more rows is no copy."""
+    assert _of_rays(np.array([[152.0, 0.1]]), np.zeros(1, dtype=int)).flags.writeable
+    assert _of_rays(np.array([[152.0, 0.1]]), np.zeros(3, dtype=int)).strides[0] == 0

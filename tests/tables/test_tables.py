@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Float, Int, Text, is_uniform
 from aatri.errors import AatriError, ArtifactError, ResourceError
 from aatri.tables.digest import content_digest
 from aatri.tables.hdf5 import read, read_header, read_warnings, write
@@ -160,6 +160,8 @@ def test_one_value_in_all_rows_of_a_uniform_column_is_in_memory_once() -> None:
     assert [alike.sigma_m.strides[0], alike.group.strides[0]] == [0, 0]
     np.testing.assert_array_equal(alike.sigma_m, np.full((200_001, 2), [0.01, np.nan]))
     assert set(alike.take([0, 200_000]).group.tolist()) == {"tacheometer"}
+    many = np.broadcast_to(np.array([0.01, np.nan]), (10**15, 2))  # row by row it would not end
+    assert is_uniform(many)
     differing = np.full((200_001, 2), 0.0)
     differing[-1, 1] = -0.0  # other bits
     one = Readings(sigma_m=differing, group=np.full(200_001, ""))

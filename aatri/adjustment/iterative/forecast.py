@@ -2,12 +2,14 @@
 
 Flops and factor follow from the elimination tree; the fronts in memory at a time from the order in which they are
 worked on; rays and eliminated blocks count with what an iteration keeps of them. Python, the block and its observations
-are what the process takes already (on Linux; nothing else tells); the arrays of the result come on top.
+are what the process takes already (on Linux; nothing else tells), the index of the rays among it; the arrays of the
+result come on top.
 
 | predicted memory | what is done |
 |---|---|
 | within the limit, beside what the process takes already | factor in memory |
 | within the limit without the factor, which the disk has room for | panels of the factor in a file |
+| within the limit, not beside what the process takes, and the disk has no room | factor in memory; the log says so |
 | more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
 The limit is `memory_gb`, or a share of the machine's memory.
@@ -49,6 +51,8 @@ class Forecast:
     fronts_bytes: float
     rays_bytes: float
     """Factor; fronts in memory at a time, at most; rays and eliminated blocks with their index."""
+    index_bytes: float = 0.0
+    """Of the index, which is in memory before the first iteration and part of `rays_bytes`."""
 
     def memory_bytes(self, spill: bool = False) -> float:
         """Memory of an iteration, with the factor or without."""
@@ -58,11 +62,12 @@ class Forecast:
 def forecast(problem: IndexedProblem) -> Forecast:
     """Predict work and memory of one iteration."""
     rays = problem.rays
-    rays_bytes = BLOCK_BYTES * len(problem.block_free)
+    rays_bytes, index_bytes = BLOCK_BYTES * len(problem.block_free), 0
     if rays is not None:
         arrays = (rays.rows, rays.ray_start, rays.block, rays.parts.vertex, rays.loc)
-        rays_bytes += sum(a.nbytes for a in arrays) + RAY_BYTES * len(rays.rows)
-    return Forecast(problem.tree.flops, problem.tree.factor_bytes, _fronts_bytes(problem), rays_bytes)
+        index_bytes = sum(a.nbytes for a in arrays)
+        rays_bytes += index_bytes + RAY_BYTES * len(rays.rows)
+    return Forecast(problem.tree.flops, problem.tree.factor_bytes, _fronts_bytes(problem), rays_bytes, index_bytes)
 
 
 def _fronts_bytes(problem: IndexedProblem) -> float:
@@ -126,11 +131,14 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     disk_holds = expected.factor_bytes <= SHARE * shutil.disk_usage(tempfile.gettempdir()).free
     fits_on_disk = expected.memory_bytes(spill=True) <= limit and disk_holds
     if solver == "direct" or (solver == "auto" and (fits or fits_on_disk)):
-        resident = resident_bytes()
-        spill = not fits or (expected.memory_bytes() + resident > limit and disk_holds)
-        if spill:
-            above = f"with {resident / 1e9:.3g} GB of the process above the limit of {limit / 1e9:.3g} GB"
-            reporter.log(f"{above}: the factor goes to {tempfile.gettempdir()}")
+        beside = max(resident_bytes() - expected.index_bytes, 0.0)
+        spill = not fits or (expected.memory_bytes() + beside > limit and disk_holds)
+        if not fits or expected.memory_bytes() + beside > limit:
+            of_process = f" and the {beside / 1e9:.3g} GB that the process takes already" if beside else ""
+            file = tempfile.gettempdir()
+            place = f"goes to {file}" if spill else f"stays in memory, for {file} has no room for it"
+            predicted = f"the prediction{of_process} {'are' if of_process else 'is'} above the limit"
+            reporter.log(f"{predicted} of {limit / 1e9:.3g} GB: the factor {place}")
         return replace(problem, spill=spill)
     if problem.constraints:
         _refuse("exact constraints", "observe them with small standard deviations", expected, limit, solver)

@@ -9,7 +9,7 @@ from aatri.adjustment.elimination.factor import LOST, Factored
 from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
 from aatri.adjustment.openness.nearly_open import loosely_held, nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
-from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, OpenError, described
 from aatri.adjustment.openness.unseen_motions import unseen_motions
 from aatri.adjustment.openness.weighted_datum import are_seen_motions, is_singular
 from aatri.adjustment.others import NotInParts
@@ -117,7 +117,8 @@ def refuse_singular(problem: IndexedProblem, state: State) -> None:
 
     vector = null_vector(problem, state)
     if vector is not None:
-        raise GeometryError(f"the observations leave unknowns open: {described(problem, vector)}")
+        combination = described(problem, vector)
+        raise OpenError(f"the observations leave unknowns open: {combination}", remedy="", combinations=[combination])
 
 
 def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: int) -> None:

@@ -27,7 +27,7 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
 
 LOCAL = "local:"
-_MEMORY = re.compile(r"[0-9]+(\.[0-9]+)?[GM]B")
+_MEMORY = re.compile(r"([0-9]+(?:\.[0-9]+)?)([GM])B")
 COMPARED = ("aatri", "python", "numpy", "scipy", "numba", "h5py", "code")
 """What a worker must have as this process has it, for a stage's key names the code here."""
 
@@ -88,9 +88,11 @@ def _local_cluster(address: str) -> Any:
     """Processes of this machine, each with its share of the cores."""
     from distributed import LocalCluster
 
-    count, _, memory = address.removeprefix(LOCAL).partition(":")
-    if memory and not _MEMORY.fullmatch(memory):
-        raise SpecError(f"--cluster {address}: {memory} is no size of memory", remedy="local:2:6GB")
+    count, colon, memory = address.removeprefix(LOCAL).partition(":")
+    size = _MEMORY.fullmatch(memory)
+    memory_bytes = int(float(size[1]) * {"G": 1e9, "M": 1e6}[size[2]]) if size else 0
+    if colon and not memory_bytes:  # Dask takes 0 for no limit
+        raise SpecError(f"--cluster {address}: {memory or 'nothing'} is no size of memory", remedy="local:2:6GB")
     if not count.isdecimal() or not int(count):
         raise SpecError(f"--cluster {address}: {count or 'nothing'} is no number of workers", remedy="local:4")
     threads = str(max(1, (os.cpu_count() or 1) // int(count)))
@@ -98,7 +100,7 @@ def _local_cluster(address: str) -> Any:
     return cluster(
         n_workers=int(count),
         threads_per_worker=1,
-        memory_limit=memory or "auto",
+        memory_limit=memory_bytes if colon else "auto",
         dashboard_address="127.0.0.1:0",
         env={"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": threads},
     )

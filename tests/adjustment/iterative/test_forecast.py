@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import tracemalloc
 
 import numpy as np
 import pytest
 
 from aatri.adjustment.elimination.fronts import factorise
-from aatri.adjustment.iterative.forecast import forecast, memory_limit, resident_bytes
+from aatri.adjustment.iterative.forecast import Forecast, forecast, memory_limit, resident_bytes, within_limit
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
@@ -88,7 +89,7 @@ def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up(monkeyp
     limits = {"fits": 1.01 * whole, "beside the block": 1.01 * whole, "on disk": 1.01 * spilled}
     for name, limit in {**limits, "neither": 0.99 * spilled}.items():
         log = _Log()
-        resident = int(0.02 * whole) if name == "beside the block" else 0
+        resident = int(expected.index_bytes + 0.02 * whole) if name == "beside the block" else 0
         monkeypatch.setattr("aatri.adjustment.iterative.forecast.resident_bytes", lambda resident=resident: resident)
         problem = adjust_large(unknowns, records, start, memory_gb=limit / 1e9, reporter=log).problem
         found[name] = (problem.spill, problem.iterative is not None)
@@ -99,6 +100,38 @@ def test_as_the_limit_falls_the_factor_goes_to_disk_and_then_is_given_up(monkeyp
     assert found == {"fits": (False, False), **on_disk, "neither": (False, True)}
 
 
+@pytest.mark.parametrize(
+    ("resident_gb", "free", "spill", "says"),
+    [
+        (0.0, 1e12, False, None),
+        (0.9, 1e12, False, None),  # all of it is the index
+        (1.2, 1e12, True, "prediction and the 0.3 GB that the process takes already are above the limit of 1.9 GB"),
+        (1.2, 0.1e9, False, "the factor stays in memory, for /"),
+    ],
+)
+def test_the_log_says_where_the_factor_is_and_the_index_counts_once(
+    monkeypatch: pytest.MonkeyPatch, resident_gb: float, free: float, spill: bool, says: str | None
+) -> None:
+    """0.4 GB of factor, 0.3 of fronts, 1 of rays with 0.9 of their index: 1.7 GB with a limit of 1.9."""
+    predicted = Forecast(1e9, 0.4e9, 0.3e9, 1.0e9, 0.9e9)
+    log, problem = _Log(), prepare(*_tangled(20, 60)[:2], memory_gb=1.9)
+    usage = shutil.disk_usage("/")._replace(free=int(free))
+    for name, value in (("forecast", predicted), ("resident_bytes", int(1e9 * resident_gb))):
+        monkeypatch.setattr(f"aatri.adjustment.iterative.forecast.{name}", lambda *_, value=value: value)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    assert within_limit(problem, log).spill == spill
+    assert [says in line for line in log.lines[2:]] == [True] * (says is not None)
+
+
+def test_where_the_system_does_not_tell_the_log_says_nothing_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, problem = _Log(), prepare(*_tangled(20, 60)[:2], memory_gb=0.6)
+    for name, value in (("forecast", Forecast(1e9, 0.4e9, 0.3e9, 0.2e9)), ("resident_bytes", 0)):
+        monkeypatch.setattr(f"aatri.adjustment.iterative.forecast.{name}", lambda *_, value=value: value)
+    assert within_limit(problem, log).spill
+    assert log.lines[2].startswith("the prediction is above the limit of 0.6 GB: the factor goes to ")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="nothing else tells")
 def test_what_the_process_takes_counts_with_all_its_arrays() -> None:
     before, array = resident_bytes(), np.ones(4_000_000)
     assert resident_bytes() - before > 0.9 * array.nbytes

@@ -198,6 +198,24 @@ def test_the_least_squares_that_a_search_begins_with_is_not_in_memory_beside_the
     assert in_memory == [False]
 
 
+def test_of_three_adjustments_of_a_search_the_last_alone_is_in_memory_beside_the_next() -> None:
+    """Three wrong image points of one image, which go one after the other."""
+    parts = made_bundle()
+    xy_mm, made, in_memory = parts.rays.xy_mm.copy(), list[weakref.ref[BundleResult]](), list[list[int]]()
+    rows = np.flatnonzero(parts.rays.image == 0)[:3]
+    xy_mm[rows, 0] += np.array([100.0, 60.0, 30.0]) * parts.rays.sigma_mm[rows, 0]
+    block = replace(parts, rays=replace(parts.rays, xy_mm=xy_mm)).together()
+
+    def adjusted(values: BundleInput, options: AdjustOptions) -> BundleResult:
+        in_memory.append([k for k, result in enumerate(made) if result() is not None])
+        result = least_squares(values, options)
+        made.append(weakref.ref(result))
+        return result
+
+    search(block, adjusted, SearchOptions(method="data_snooping", limit=5.0), 1e-3)
+    assert in_memory == [[], [0], [1]]
+
+
 def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one() -> None:
     """Predicted to 2, and to 100 times the standard deviation of the observation."""
     used, inflated = np.array([True, True, False, False]), np.array([0.1, 0.1, 4.0, 1e4])
@@ -260,9 +278,10 @@ def test_what_is_far_out_does_not_lengthen_the_tail_that_it_is_tested_with() -> 
     w = np.append(normal, [9.0, 5.1, 4.8, 4.4, 4.1])
     point = np.append(np.arange(400) // 5, [80] * 5).astype(np.int32)
     of_class = (w, np.ones(405), np.zeros(405, dtype=np.int64), np.arange(405))
-    classes = SimpleNamespace(names=("image_point",), _residuals=lambda *_, **__: of_class)
+    classes: Any = SimpleNamespace(names=("image_point",), _residuals=lambda *_, **__: of_class)
+    result: Any = SimpleNamespace(observations=(SimpleNamespace(used=np.ones(405, dtype=bool)),))
     assert tail_of(w, 4.2).limit > 9.0
-    assert Classes.tails(classes, None, None, 4.2, point) == (tail_of(normal, 4.2),)  # type: ignore[arg-type]
+    assert Classes.tails(classes, result, None, 4.2, point) == (tail_of(normal, 4.2),)
 
 
 def test_images_turned_over_are_told_of_very_many_rays_in_little_memory() -> None:

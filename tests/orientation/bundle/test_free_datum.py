@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +12,13 @@ import pytest
 from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
+from aatri.adjustment.openness.open_directions import OpenError
+from aatri.arrays import Bool
 from aatri.errors import GeometryError
 from aatri.observations.control import Control
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions
+from aatri.orientation.bundle.blunders.search import _Search
 from aatri.orientation.bundle.gains import gains_of_observations
 from aatri.orientation.bundle.result import BundleResult
 from tests.adjustment.reference import dense_jacobian, free_columns
@@ -228,3 +233,44 @@ def test_a_result_keeps_no_copies_of_its_rays() -> None:
     """A search keeps results while it makes others: 56 bytes an image point, made again where they are asked for."""
     problem = adjust_bundle(made_bundle(), datum="free").adjusted.problem
     assert not {"ray_lane", "predicting_lane", "ray_columns"} & set(vars(problem))
+
+
+@pytest.mark.parametrize(
+    ("datum", "back"),
+    [([4], [4]), ([2, 3], [2, 3]), ([3, 4], [2, 3, 4]), ([0], []), ([1], None)],
+)
+def test_where_the_datum_is_open_the_kind_of_the_fewest_rejections_that_closes_it_comes_back(
+    datum: list[int], back: list[int] | None
+) -> None:
+    """Rays 0 and 1, positions 2 and 3, control point 4; of these a robust adjustment rejects all but the first."""
+    records = SimpleNamespace(
+        at_points=np.isin(np.arange(5), [0, 1, 4]),
+        coordinates=np.arange(5) == 4,
+        first=np.array([0, 2, 4, 5]),
+        parts=[slice(0, 2), slice(2, 4), slice(4, 5)],
+    )
+
+    def solve(_: None, use: Bool) -> list[int]:
+        if not use[datum].all():
+            raise OpenError("open", remedy="", combinations=())
+        return np.flatnonzero(use).tolist()
+
+    of_search: Any = SimpleNamespace(all=records, _active_after_robust=lambda *_: np.arange(5) == 0, solve=solve)
+    if back is None:
+        with pytest.raises(OpenError):
+            _Search._solved_after_robust(of_search, np.ones(5, dtype=bool), None)
+    else:
+        solved, _ = _Search._solved_after_robust(of_search, np.ones(5, dtype=bool), None)
+        assert solved == [0, *back]  # type: ignore[comparison-overlap]
+        assert np.flatnonzero(of_search.of_datum).tolist() == back
+
+
+def test_nothing_comes_back_where_an_adjustment_fails_of_another_reason_than_an_open_datum() -> None:
+    def solve(*_: Any) -> None:
+        raise GeometryError("exact conditions contradict each other")
+
+    active = np.ones(1, dtype=bool)
+    records = SimpleNamespace(at_points=~active, coordinates=~active, first=np.array([0, 1]), parts=[slice(0, 1)])
+    of_search: Any = SimpleNamespace(all=records, _active_after_robust=lambda *_: ~active, solve=solve)
+    with pytest.raises(GeometryError, match="contradict"):
+        _Search._solved_after_robust(of_search, active, None)

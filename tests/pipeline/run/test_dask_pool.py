@@ -85,6 +85,9 @@ def test_the_stage_of_a_worker_that_dies_is_made_by_another(tmp_path: Path, monk
         ("local:", "nothing is no"),
         ("local:2:much", "much is no size of memory"),
         ("local::6GB", "nothing is no number"),
+        ("local:2:", "nothing is no size of memory"),
+        ("local:2:0GB", "0GB is no size of memory"),
+        ("local:2:0.0000001MB", "0.0000001MB is no size of memory"),
     ],
 )
 def test_what_is_no_address_is_refused(tmp_path: Path, address: str, says: str) -> None:
@@ -93,10 +96,10 @@ def test_what_is_no_address_is_refused(tmp_path: Path, address: str, says: str) 
 
 
 @pytest.mark.parametrize(
-    ("address", "limit"), [("local:2:6GB", "6GB"), ("local:1:0.5GB", "0.5GB"), ("local:2", "auto")]
+    ("address", "limit"), [("local:2:6GB", 6_000_000_000), ("local:1:0.5MB", 500_000), ("local:2", "auto")]
 )
 def test_local_workers_have_the_limit_of_memory_that_is_stated(
-    monkeypatch: pytest.MonkeyPatch, address: str, limit: str
+    monkeypatch: pytest.MonkeyPatch, address: str, limit: int | str
 ) -> None:
     monkeypatch.setattr("distributed.LocalCluster", lambda **settings: settings)
     assert dask_pool._local_cluster(address)["memory_limit"] == limit

@@ -97,7 +97,8 @@ class Classes:
     ) -> tuple[Tail, ...]:
         """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`.
 
-        What is beyond all that tells of a tail smears the other residuals of its point: they tell nothing either.
+        What is used and beyond all that tells of a tail smears the other residuals of its point: they tell nothing
+        either. What is predicted so far off tells nothing itself.
 
         Parameters
         ----------
@@ -106,15 +107,16 @@ class Classes:
         """
         v, r, group, record = self._residuals(result, least_squares, predicted=True)
         w = np.where(r > LEAST_SHARE, np.abs(v) / np.sqrt(np.maximum(r, LEAST_SHARE)), 0.0)
-        at = point[record]
-        tells = (r > LEAST_SHARE) & ~np.isin(at, np.setdiff1d(at[w > REACH * limit], [-1]))
+        used = np.concatenate([o.used for o in result.observations])[record]
+        at, far = point[record], w > REACH * limit
+        tells = (r > LEAST_SHARE) & (used | ~far) & ~np.isin(at, np.setdiff1d(at[far & used], [-1]))
         return tuple(tail_of(w[tells & (group == g)], limit) for g in range(len(self.names)))
 
     def _residuals(
         self, result: BundleResult, least_squares: BundleResult | None, *, predicted: bool = False
     ) -> tuple[Float, Float, Int, Int]:
-        """Whitened residuals, redundancy numbers, classes and records of components in use, and of predicted ones."""
-        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
+        """Whitened residuals, redundancy numbers and classes of components in use; `predicted` of all, with records."""
+        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int32))]
         first = np.cumsum([0, *(len(o.observed) for o in result.observations)])
         for i, (observations, number) in enumerate(zip(result.observations, self.number)):
             o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
@@ -125,7 +127,7 @@ class Classes:
                     else least_squares_covariance(observations, least_squares, i)
                 )
                 v, r = residuals_and_redundancy(replace(observations, covariance=H), result.adjusted.state, rows)
-                record = np.repeat(first[i] + rows, o.records.rows)
+                record = np.repeat((first[i] + rows).astype(np.int32), o.records.rows if predicted else 0)
                 parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel(), record))
         v, r, group, record = (np.concatenate(values) for values in zip(*parts))
         return v, r, group, record

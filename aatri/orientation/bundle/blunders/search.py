@@ -26,10 +26,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.openness.open_directions import OpenError
 from aatri.adjustment.statistics import search as statistics
 from aatri.adjustment.statistics.rejection import overfull, room_of
 from aatri.arrays import Bool
-from aatri.errors import GeometryError
 from aatri.notes import Note
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
@@ -84,6 +84,7 @@ class _Search(ExactCoordinates):
     def run(self, least_squares: list[BundleResult] | None) -> AdjustedBlock:
         """Search."""
         active = self.initially_active = self.all.native & ~self.all.rejected_in(self.block)
+        self.of_datum = np.zeros_like(active)
         initial, failure = (
             (self._tested(least_squares.pop(), active), None) if least_squares else self._initial_least_squares(active)
         )
@@ -142,6 +143,7 @@ class _Search(ExactCoordinates):
             tested.low_redundancy,
             tested.largest_w,
             self.rejected_kinds,
+            self.of_datum & use,
         )
         notes = (
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
@@ -162,15 +164,24 @@ class _Search(ExactCoordinates):
         )
 
     def _solved_after_robust(self, active: Bool, start: TestedBlock | None) -> tuple[TestedBlock, Bool]:
-        """Adjusted without what a robust adjustment rejects; where the datum would be open, all but rays comes back."""
+        """Adjusted without what a robust adjustment rejects.
+
+        Where the datum would be open, the kind with the fewest rejections that closes it comes back, or all but rays.
+        """
         less = self._active_after_robust(active, start)
-        try:
-            return self.solve(None, less), less
-        except GeometryError:
-            with_datum = less | (active & ~(self.all.at_points & ~self.all.coordinates))
-            if (with_datum == less).all():
-                raise
-        return self.solve(None, with_datum), with_datum
+        out = active & ~less & ~(self.all.at_points & ~self.all.coordinates)
+        kind = np.repeat(np.arange(len(self.all.parts)), np.diff(self.all.first))
+        of_kinds = sorted((out & (kind == k) for k in np.unique(kind[out])), key=np.count_nonzero)
+        failures: list[OpenError] = []
+        for back in (np.zeros_like(out), *of_kinds, *([out] if len(of_kinds) > 1 else [])):
+            try:
+                tested = self.solve(None, less | back)
+            except OpenError as error:
+                failures.append(error)
+                continue
+            self.of_datum = back
+            return tested, less | back
+        raise failures[0]
 
     def _without_errors_of_lost_points(self, start: TestedBlock, active: Bool) -> tuple[TestedBlock, Bool]:
         """Adjusted without what is wrong at the points that rays contradict which an earlier stage has rejected.
@@ -210,10 +221,16 @@ class _Search(ExactCoordinates):
             return self.solve(previous, use)
 
         while True:
-            begin = statistics.SearchState(self._with_all_accuracy(start, active))
-            searched = statistics.search(solve, active, self.snooping, self.pool, self.next_rejections, first=begin)
-            del begin
+            searched = statistics.search(
+                solve,
+                active,
+                self.snooping,
+                self.pool,
+                self.next_rejections,
+                first=statistics.SearchState(self._with_all_accuracy(start, active)),  # a name would keep it
+            )
             tested, use = searched.solved, searched.active
+            del searched
             rejected = self.all.split(self.all.native & ~use)
             swapped = tuple(swaps(tested.result, self.block.rays, rejected, self.options.limit))
             explained = self._rows_of(swapped) & self.pool.counted
@@ -221,6 +238,7 @@ class _Search(ExactCoordinates):
             if explained.any() and above_limit.any():
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
                 start, active = [tested], use
+                del tested
                 continue
             initially_active = self.initially_active & self.pool.counted
             overfull_kinds, readmitted = overfull(
@@ -232,6 +250,7 @@ class _Search(ExactCoordinates):
             if not readmitted.any():
                 return tested, use, swapped
             start, active = [tested], use | readmitted
+            del tested
 
     def _rows_of(self, swapped: Sequence[Swap]) -> Bool:
         """What fits with each other's numbers, (n,)."""

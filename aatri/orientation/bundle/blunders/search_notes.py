@@ -44,6 +44,8 @@ class SearchOutcome:
     """(n,). |w| of all."""
     rejected_kinds: Bool | None = None
     """(n,). Of kinds that were left out as a whole."""
+    of_datum: Bool | None = None
+    """(n,). Active though a robust adjustment rejects them, as the datum would be open without them."""
 
 
 def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, options: SearchOptions) -> list[Note]:
@@ -64,6 +66,10 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
         ),
         (rejected & ~rejected_kind & ~outcome.undecided, REJECTED),
         (rejected & outcome.undecided, "left out: some of them are wrong, and nothing tells which"),
+        (
+            np.zeros_like(rejected) if outcome.of_datum is None else outcome.of_datum,
+            "rejected by a robust adjustment and used: without them the datum is open; check them, or observe more",
+        ),
         (outcome.above_limit, f"beyond {options.limit:.3g} sigma and kept{reason}"),
     )
     for part, o in zip(records.parts, records.observed):
