@@ -134,7 +134,8 @@ def adjusted(
         advice = rank_advice(error, names, column_kinds(inputs), free_datum=options.datum == "free")
         if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in inputs.observed}:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
-        raise GeometryError(error.what, where=error.where, remedy=advice or error.remedy) from error
+        error.remedy = advice or error.remedy  # of its own class: the search tells an open datum by it
+        raise
 
 
 def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context) -> BundleSettings:

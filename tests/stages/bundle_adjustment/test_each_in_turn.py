@@ -59,6 +59,7 @@ def test_a_wrong_control_point_that_the_datum_rests_on_stays_and_is_named(tmp_pa
     solution = bundle(block, points, start(OF, block), options=BundleOptions(max_sigma0=1e9), context=heard)
     assert _out(solution, "control") == []
     assert any(text.startswith("control: ") and "kept" in text and f"p{CORNERS[2]}" in text for text in heard.warned)
+    assert any(text.startswith("control: ") and "without them the datum is open" in text for text in heard.warned)
 
 
 @pytest.mark.slow(after=1)
