@@ -41,7 +41,7 @@ class OpenCombination:
 class OpenError(GeometryError):
     """Combinations of unknowns are open: `combinations` are those that the message names."""
 
-    def __init__(self, what: str, *, remedy: str, combinations: Sequence[OpenCombination]) -> None:
+    def __init__(self, what: str, *, remedy: str = "", combinations: Sequence[OpenCombination] = ()) -> None:
         self.combinations = tuple(combinations)
         super().__init__(what, remedy=remedy)
 

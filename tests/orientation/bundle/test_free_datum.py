@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from aatri.adapters.bundle.bundle_input import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
-from aatri.adjustment.openness.open_directions import OpenError
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.arrays import Bool
 from aatri.errors import GeometryError
 from aatri.observations.control import Control
@@ -274,3 +275,8 @@ def test_nothing_comes_back_where_an_adjustment_fails_of_another_reason_than_an_
     of_search: Any = SimpleNamespace(all=records, _active_after_robust=lambda *_: ~active, solve=solve)
     with pytest.raises(GeometryError, match="contradict"):
         _Search._solved_after_robust(of_search, active, None)
+
+
+def test_an_open_datum_comes_back_from_another_process_as_it_went() -> None:
+    error = pickle.loads(pickle.dumps(OpenError("open", remedy="observe", combinations=[OpenCombination("a turn")])))
+    assert (str(error), error.combinations) == ("open\n    fix: observe", (OpenCombination("a turn"),))
