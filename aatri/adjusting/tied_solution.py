@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from aatri.adjusting.acceleration import Course
 from aatri.adjusting.added_variance import typical_variance
 from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
@@ -212,6 +213,7 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
     step = _step(problem, use & taking_part, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
     done = before.iterations if before else 0
+    course: Course | None = None
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
             solved = step(full)
@@ -220,7 +222,9 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
             raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if solved.departure <= LINEAR:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
-        full = solved.state
+        if isinstance(solved, LinearSolution):  # points are linear, and follow from any state
+            course = course or Course([u for u in problem.unknowns if u.name != POINT])
+        full = course.after(full, solved) if course and isinstance(solved, LinearSolution) else solved.state
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
         remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.adjusting.acceleration import accelerated
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import whitened
@@ -74,3 +75,18 @@ def test_every_block_is_at_the_optimum_of_its_own_records_and_nothing_else_has_m
                 np.add.at(normal, block, np.einsum("nij,nik->njk", J, J))
     off = np.abs(gradient) / np.sqrt(np.einsum("nii->ni", normal))  # in standard deviations of a scalar by itself
     assert off[free["p"]].max() < 1e-3
+
+
+def test_steps_that_shrink_slowly_along_several_modes_are_summed_up() -> None:
+    """x <- x + f along 40 modes, three of them slow: 0.97^k = 1e-8 takes k = 600; unknowns are of unlike size."""
+    rng = np.random.default_rng(3)
+    shrinking = np.concatenate([[0.97, 0.95, 0.9], rng.uniform(0.0, 0.2, 37)])
+    modes, limit = np.linalg.qr(rng.normal(size=(40, 40)))[0], rng.normal(size=40)
+    size = np.tile([1.0, 1e-6], 20)
+    steps, taken, x = list[dict[str, np.ndarray]](), list[dict[str, np.ndarray]](), np.zeros(40)
+    for _ in range(20):
+        f = modes @ ((shrinking - 1.0) * (modes.T @ (x - limit)))
+        steps.append({"a": (size * f).reshape(20, 2)})
+        taken.append(accelerated(steps[-6:], taken[-5:]) if len(steps) > 1 else steps[0])
+        x = x + taken[-1]["a"].ravel() / size
+    np.testing.assert_allclose(x, limit, atol=1e-8)
