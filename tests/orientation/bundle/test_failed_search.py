@@ -16,7 +16,6 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.class_scales import ClassScales
-from aatri.adjustment.statistics.long_tails import tail_of
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_point_rows import ImagePointRows
@@ -270,18 +269,6 @@ def test_a_class_that_goes_back_to_its_standard_deviations_has_those_given() -> 
     assert not after.changed.any()
     assert after.notes(of_result=True) == []
     np.testing.assert_allclose(factor, [1.0, 1.0 / 49.0], rtol=1e-15)
-
-
-def test_what_is_far_out_does_not_lengthen_the_tail_that_it_is_tested_with() -> None:
-    """A ray 9 sigma off its point smears four other residuals there; with them the limit was 14 sigma."""
-    normal = np.abs(stats.norm.ppf((np.arange(400) + 0.5) / 400))
-    w = np.append(normal, [9.0, 5.1, 4.8, 4.4, 4.1])
-    point = np.append(np.arange(400) // 5, [80] * 5).astype(np.int32)
-    of_class = (w, np.ones(405), np.zeros(405, dtype=np.int64), np.arange(405))
-    classes: Any = SimpleNamespace(names=("image_point",), _residuals=lambda *_, **__: of_class)
-    result: Any = SimpleNamespace(observations=(SimpleNamespace(used=np.ones(405, dtype=bool)),))
-    assert tail_of(w, 4.2).limit > 9.0
-    assert Classes.tails(classes, result, None, 4.2, point) == (tail_of(normal, 4.2),)
 
 
 def test_images_turned_over_are_told_of_very_many_rays_in_little_memory() -> None:

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
-from scipy import stats
 
-from aatri.adjustment.statistics.long_tails import tail_of
 from aatri.artifacts.solution import Solution
-from aatri.orientation.bundle.blunders.scaling import Classes
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.calibration_blocks import PLANNED, Type
 from tests.stages.film_blocks import Told
@@ -79,14 +73,3 @@ def test_without_a_factor_all_is_counted_and_told() -> None:
     size = r.residual / np.where(r.sigma > 0, r.sigma, np.nan)
     assert one.sigma0**2 * one.redundancy == pytest.approx(np.nansum(size[r.active] ** 2), rel=1e-6)
     assert any("counts the weights of additional parameters" in w for w in context.warnings)
-
-
-def test_the_residuals_of_a_point_tell_of_the_tail_beside_a_ray_of_it_that_is_out() -> None:
-    """Of 100 points 30 have a ray 9 sigma off that is not used, and smears nothing."""
-    normal = np.abs(stats.norm.ppf((np.arange(600) + 0.5) / 600))[np.random.default_rng(1).permutation(600)]
-    w, used = np.append(normal, np.full(30, 9.0)), np.arange(630) < 600
-    of_class = (w, np.ones(630), np.zeros(630, dtype=np.int64), np.arange(630))
-    classes: Any = SimpleNamespace(names=("image_point",), _residuals=lambda *_, **__: of_class)
-    result: Any = SimpleNamespace(observations=(SimpleNamespace(used=used),))
-    point = np.append(np.arange(600) // 6, np.arange(30)).astype(np.int32)
-    assert Classes.tails(classes, result, None, 4.2, point) == (tail_of(normal, 4.2),)

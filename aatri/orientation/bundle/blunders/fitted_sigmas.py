@@ -109,7 +109,7 @@ class FittedSigmas(Rejections):
         limit, classes = self.options.limit, self.scaling.classes
         if not self.options.counts:
             return np.broadcast_to(1.0, len(self.all.native))
-        tails = classes.tails(result, least_squares, limit, self.all.point)
+        tails = classes.tails(result, least_squares, limit)
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
         return self._smallest_factors(np.array([tail.limit for tail in self.tails]) / limit)
 

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.adjusting.adjusted_observations import classes_of
 from aatri.adjustment.covariance.score import score
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
-from aatri.adjustment.statistics.long_tails import REACH, Tail, tail_of
+from aatri.adjustment.statistics.long_tails import Tail, tail_of
 from aatri.adjustment.statistics.small_scales import small_class_scale
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
@@ -74,7 +74,7 @@ class Classes:
         least_squares : BundleResult, optional
             The adjustment whose covariances are known, where `result` has none.
         """
-        v, r, group, _ = self._residuals(result, least_squares)
+        v, r, group = self._residuals(result, least_squares)
         return self._pooled_by_kind(class_scales(v, r, group, len(self.names)), v, r, group)
 
     def in_small_kinds(self, scales: ClassScales) -> Bool:
@@ -92,32 +92,20 @@ class Classes:
                 scale[kind_classes], redundancy[kind_classes], estimable[kind_classes] = s, r, s > 1.0
         return ClassScales(scale, redundancy, estimable)
 
-    def tails(
-        self, result: BundleResult, least_squares: BundleResult | None, limit: float, point: Int
-    ) -> tuple[Tail, ...]:
-        """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`.
-
-        What is used and beyond all that tells of a tail smears the other residuals of its point: they tell nothing
-        either. What is predicted so far off tells nothing itself.
-
-        Parameters
-        ----------
-        point : (n,) int
-            The one point that each record touches, kind after kind; -1 none.
-        """
-        v, r, group, record = self._residuals(result, least_squares, predicted=True)
-        w = np.where(r > LEAST_SHARE, np.abs(v) / np.sqrt(np.maximum(r, LEAST_SHARE)), 0.0)
-        used = np.concatenate([o.used for o in result.observations])[record]
-        at, far = point[record], w > REACH * limit
-        tells = (r > LEAST_SHARE) & (used | ~far) & ~np.isin(at, np.setdiff1d(at[far & used], [-1]))
-        return tuple(tail_of(w[tells & (group == g)], limit) for g in range(len(self.names)))
+    def tails(self, result: BundleResult, least_squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
+        """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
+        v, r, group = self._residuals(result, least_squares, predicted=True)
+        controlled = r > LEAST_SHARE
+        return tuple(
+            tail_of(np.abs(v[in_class]) / np.sqrt(r[in_class]), limit)
+            for in_class in (controlled & (group == g) for g in range(len(self.names)))
+        )
 
     def _residuals(
         self, result: BundleResult, least_squares: BundleResult | None, *, predicted: bool = False
-    ) -> tuple[Float, Float, Int, Int]:
-        """Whitened residuals, redundancy numbers and classes of components in use; `predicted` of all, with records."""
-        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int32))]
-        first = np.cumsum([0, *(len(o.observed) for o in result.observations)])
+    ) -> tuple[Float, Float, Int]:
+        """Whitened residuals, redundancy numbers and classes of all components in use, and of predicted ones."""
+        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
         for i, (observations, number) in enumerate(zip(result.observations, self.number)):
             o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
             if not (o.exact or o.components) and len(rows):
@@ -127,10 +115,9 @@ class Classes:
                     else least_squares_covariance(observations, least_squares, i)
                 )
                 v, r = residuals_and_redundancy(replace(observations, covariance=H), result.adjusted.state, rows)
-                record = np.repeat((first[i] + rows).astype(np.int32), o.records.rows if predicted else 0)
-                parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel(), record))
-        v, r, group, record = (np.concatenate(values) for values in zip(*parts))
-        return v, r, group, record
+                parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel()))
+        v, r, group = (np.concatenate(values) for values in zip(*parts))
+        return v, r, group
 
     def _pooled_by_kind(self, scales: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
         """Parts, cameras and groups of little redundancy have the scale of their kind."""
