@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.covariance.solve import LinearSolution
-from aatri.adjustment.unknowns import State, Unknowns, retract_state
+from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Float
 
 SLOWLY = 0.25
@@ -66,7 +66,7 @@ class Course:
     """
 
     def __init__(self, unknowns: Sequence[Unknowns]) -> None:
-        """Of these groups of unknowns; all others are taken as the iteration gives them."""
+        """Of these groups of unknowns; the others are taken as the iteration gives them."""
         self._unknowns = unknowns
         self._steps: list[dict[str, Float]] = []
         self._taken: list[dict[str, Float]] = []
@@ -79,4 +79,6 @@ class Course:
         steps = [*self._steps, step]
         taken = accelerated(steps, self._taken) if slow else step
         self._steps, self._taken = steps[-DEPTH:], [*self._taken, taken][-DEPTH:]
-        return {**solved.state, **retract_state(self._unknowns, state, taken)} if slow else solved.state
+        if not slow:
+            return solved.state
+        return {**solved.state, **{u.name: u.retract(state[u.name], taken[u.name]) for u in self._unknowns}}

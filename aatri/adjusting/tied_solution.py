@@ -222,9 +222,11 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
             raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         if solved.departure <= LINEAR:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
-        if isinstance(solved, LinearSolution):  # points are linear, and follow from any state
-            course = course or Course([u for u in problem.unknowns if u.name != POINT])
-        full = course.after(full, solved) if course and isinstance(solved, LinearSolution) else solved.state
+        if isinstance(solved, DenseSolution):
+            full = solved.state
+            continue
+        course = course or Course([u for u in problem.unknowns if u.name != POINT])  # points are linear
+        full = course.after(full, solved)
     raise ConvergenceError(
         f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
         remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "

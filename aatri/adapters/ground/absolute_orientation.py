@@ -93,8 +93,8 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         if without is not None:
             return without
         block, strips = block_strips.ground.block, block_strips.strips
-        stretched = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
-        return oriented.with_notes([stretched])
+        warning = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
+        return oriented.with_notes([warning])
     if oriented.strips < len(block_strips.strips.strips) and (level := _levelled(block_strips, joining)) is not None:
         return level if level.strips > oriented.strips else fitting
     return fitting

@@ -42,9 +42,13 @@ FEWEST_COMMON, MOST_COMMON = 2, 12
 BY_RAY, BY_POINT = 2, 3
 """Conditions of a point that the other component sees once, and of one that it has determined itself."""
 
+WEAKEST = 0.02
+"""Least effect of a combination of the seven unknowns on the rays that fit, as a share of the largest: its error is at
+most fifty times that of the best known one."""
+
 
 @dataclass(frozen=True)
-class Crossing:
+class _Crossing:
     """Rays of the images of one component to points of another, each in its own frame."""
 
     rows: Int
@@ -61,7 +65,7 @@ class Crossing:
 
 
 def by_few_points(
-    base: ImageComponent, other: ImageComponent, rays: ImagePointRows, fewest: int, most_wrong: float, weakest: float
+    base: ImageComponent, other: ImageComponent, rays: ImagePointRows, fewest: int, most_wrong: float
 ) -> tuple[Similarity, int] | None:
     """Base from other by the rays between them, and the points that fit; None where too few conditions do.
 
@@ -71,8 +75,6 @@ def by_few_points(
         Conditions that must fit.
     most_wrong : float
         Share of the conditions that may not fit.
-    weakest : float
-        Least effect of any of the seven unknowns on the rays that fit, as a share of the largest.
     """
     common = finite_rows(base.xyz) & finite_rows(other.xyz)
     if common.sum() < FEWEST_COMMON:
@@ -81,7 +83,7 @@ def by_few_points(
     if of_base is None or of_other is None:
         return None
     near, far = base.moved(of_base), other.moved(of_other)
-    of_near, of_far = crossing(near, far, rays), crossing(far, near, rays)
+    of_near, of_far = _crossing(near, far, rays), _crossing(far, near, rays)
     rows = np.concatenate([of_near.rows, of_far.rows])
     every = int(conditions(base, other, rays, rows).sum())
     if every < fewest:
@@ -112,18 +114,18 @@ def by_few_points(
     starts = [max(turned, key=lambda similarity: fitting(similarity, START_RAD)) for turned in of_lines]
     best = max((adjusted(start)[0] for start in starts), key=fitting)
     best, effect = adjusted(best, WIDE_RAD)
-    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every) or effect[-1] < weakest * effect[0]:
+    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every) or effect[-1] < WEAKEST * effect[0]:
         return None
     fits = conditions(base, other, rays, rows[np.linalg.norm(off_rad(best), axis=1) < WIDE_RAD])
     return compose(inverse(of_base), compose(best, of_other)), int((fits > 0).sum())
 
 
-def crossing(images: ImageComponent, points: ImageComponent, rays: ImagePointRows) -> Crossing:
+def _crossing(images: ImageComponent, points: ImageComponent, rays: ImagePointRows) -> _Crossing:
     """Rays of the images of one component to points of the other; of points of its own only those that fit."""
     crosses: Bool = rays.active & images.images[rays.image] & finite_rows(points.xyz)[rays.point]
     rows = np.flatnonzero(crosses & (images.kept | ~finite_rows(images.xyz)[rays.point]))
     direction = unit(rays.directions(images.poses, rows))
-    return Crossing(rows, images.poses.position_m[rays.image[rows]], direction, points.xyz[rays.point[rows]])
+    return _Crossing(rows, images.poses.position_m[rays.image[rows]], direction, points.xyz[rays.point[rows]])
 
 
 def conditions(base: ImageComponent, other: ImageComponent, rays: ImagePointRows, rows: Int) -> Int:

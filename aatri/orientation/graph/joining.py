@@ -62,7 +62,7 @@ def joined(
                 except (ConvergenceError, GeometryError) as failed:
                     reporter.log(f"components are not joined: {failed.what}")
                     continue
-                new = tuple(np.asarray(image_ids)[other.images & ~base.images].tolist())
+                new = tuple(np.asarray(image_ids)[refined_base.images & other.images & ~base.images].tolist())
                 text = f"{several(len(new), 'image')} joined to the others by {several(points, 'common point')}"
                 notes.append(Note("note", text, new))
                 base, grown = refined_base, True
@@ -81,7 +81,8 @@ def _merged(
     base: ImageComponent, other: ImageComponent, rays: ImagePointRows
 ) -> tuple[Poses, int, tuple[float | None, ...]] | None:
     """Poses of both in the frame of the first, the points that joined them, limits of rays; None where they do not."""
-    fit, limits_mm = _by_points(base, other) or _by_images(base, other), tuple[float | None, ...]((None, None))
+    limits_mm: tuple[float | None, ...] = (None, None)
+    fit = _by_points(base, other) or _by_images(base, other)
     if fit is None:
         fit, limits_mm = _by_rays(base, other, rays), (wide_mm(rays), None)
     if fit is None:
@@ -98,9 +99,7 @@ def _by_points(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
     """The similarity of common points, and how many of them fit it."""
     common = finite_rows(base.xyz) & finite_rows(other.xyz)
     x, X = other.xyz[common], base.xyz[common]
-    if len(x) < FEWEST:
-        return None
-    if _on_a_line(X):
+    if len(x) < FEWEST or _on_a_line(X):
         return None
     similarity, distance = robust_closed_form(x, X)
     fits = distance < FITS * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
@@ -137,7 +136,7 @@ def _by_rays(base: ImageComponent, other: ImageComponent, rays: ImagePointRows) 
     few = common.sum() <= MOST_COMMON or _on_a_line(base.xyz[common])
     if (base.images & other.images).any() or not few:
         return None
-    return by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG, FLAT)
+    return by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG)
 
 
 def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> None:

@@ -163,7 +163,7 @@ def _two_strips(wrong: bool, common: int) -> tuple[ImageComponent, ImageComponen
 def test_strips_are_joined_by_fewer_points_than_locate_a_wrong_one(wrong: bool) -> None:
     """Points in a row leave the turn about it open, which two rays to points of the first strip alone give."""
     base, other, rays, centre = _two_strips(wrong, 5)
-    fit = by_few_points(base, other, rays, 15, 0.4, 0.02)
+    fit = by_few_points(base, other, rays, 15, 0.4)
     assert fit is not None
     similarity, points = fit
     assert points == (6 if wrong else 7)
@@ -172,7 +172,7 @@ def test_strips_are_joined_by_fewer_points_than_locate_a_wrong_one(wrong: bool) 
 
 def test_strips_with_too_few_rays_between_them_stay_apart() -> None:
     base, other, rays, _ = _two_strips(False, 3)  # 3 x 3 and 2 x 2 conditions
-    assert by_few_points(base, other, rays, 15, 0.4, 0.02) is None
+    assert by_few_points(base, other, rays, 15, 0.4) is None
 
 
 def test_strips_with_common_points_on_a_line_alone_stay_apart() -> None:
@@ -186,10 +186,10 @@ def test_strips_with_common_points_on_a_line_alone_stay_apart() -> None:
     ray = seen - _two_strips(False, 5)[3][rays.image[rays.point < 5]]
     xy_mm = rays.xy_mm.copy()
     xy_mm[rays.point < 5] = -150.0 * ray[:, :2] / ray[:, 2:]
-    assert by_few_points(*on_line, replace(rays, xy_mm=xy_mm), 15, 0.4, 0.02) is None
+    assert by_few_points(*on_line, replace(rays, xy_mm=xy_mm), 15, 0.4) is None
 
 
 def test_strips_whose_common_points_coincide_stay_apart() -> None:
     base, other, rays, _ = _two_strips(False, 3)
     at_one_place = replace(base, xyz=np.where(np.arange(len(base.xyz))[:, None] < 3, base.xyz[0], base.xyz))
-    assert by_few_points(at_one_place, other, rays, 3, 0.4, 0.02) is None
+    assert by_few_points(at_one_place, other, rays, 3, 0.4) is None
