@@ -136,6 +136,37 @@ def test_to_the_centre_keys_and_undo(browser: Any, server: MeasuringServer) -> N
     assert complaints == []
 
 
+def test_a_late_answer_does_not_undo_what_has_been_written_since(
+    browser: Any, server: MeasuringServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first answer after a click is from before the arrow key, and arrives after it."""
+    page, complaints = _opened(browser, server)
+    table, image = server.session.folder.points, server.session.image
+    _chosen(page, "G1")
+    asked, let_go = threading.Event(), threading.Event()
+
+    def image_later(*arguments: Any) -> Any:
+        told = image(*arguments)
+        if table.of_name("G1") and not asked.is_set():
+            asked.set()
+            let_go.wait(30)
+        return told
+
+    monkeypatch.setattr(server.session, "image", image_later)
+    _clicked(page, *CROSSES["a"], 8.0)
+    assert asked.wait(30)
+    first = table.of_name("G1")[0].xy
+    page.keyboard.press("ArrowRight")
+    page.locator("#message", has_text=f"x {first[0] + 0.1:.3f}").wait_for()
+    page.wait_for_timeout(500)
+    let_go.set()
+    page.wait_for_timeout(500)
+    page.keyboard.press("Shift+ArrowUp")
+    page.locator("#message", has_text=f"y {first[1] - 1.0:.3f}").wait_for(timeout=5000)
+    assert table.of_name("G1")[0].xy == pytest.approx((first[0] + 0.1, first[1] - 1.0), abs=1e-3)
+    assert complaints == []
+
+
 def test_two_tabs_see_each_other_and_a_conflict_is_told(browser: Any, server: MeasuringServer) -> None:
     one, _ = _opened(browser, server)
     other, _ = _opened(browser, server)

@@ -32,14 +32,28 @@
       await Promise.all([seen(), places()]);
     } catch (error) { tell(error.message, true); }
   }
+  /* What was under way while this page changed something may be from before it: it is asked for again. */
+  let changes = 0;
+  async function askLast(path) {
+    for (;;) {
+      const asked = changes, told = await ask(path);
+      if (asked === changes) return told;
+    }
+  }
   async function seen() {
-    if (!state.image) return;
-    state.seen = await ask("image" + query({ image: state.image }));
+    const image = state.image;
+    if (!image) return;
+    const told = await askLast("image" + query({ image }));
+    if (image !== state.image) return;
+    state.seen = told;
     draw();
   }
   async function places() {
-    state.places = state.name && state.kind === "point" ? (await ask("point" + query({ name: state.name }))).places : [];
-    if (state.kind === "fiducial" && state.image) state.places = (await ask("marks" + query({ image: state.image }))).places;
+    const { name, kind, image } = state;
+    const path = kind === "fiducial" ? image && "marks" + query({ image }) : name && "point" + query({ name });
+    const told = path ? (await askLast(path)).places : [];
+    if (name !== state.name || kind !== state.kind || kind === "fiducial" && image !== state.image) return;
+    state.places = told;
     placesList();
     lists();
     draw();
@@ -133,6 +147,7 @@
   let last = Promise.resolve();
   const inTurn = work => (...args) => { last = last.then(() => trying(work)(...args)); return last; };
   function done(told) {
+    changes += 1;
     if (state.seen && state.image === told.image) {
       state.seen.rows = state.seen.rows.filter(r => r.name !== told.name || r.kind !== told.kind);
       if (told.row) state.seen.rows.push(told.row);
