@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract"}, "error_model": "numpy"}
-"""Of the compiled functions: products may be fused with sums; a division by zero gives inf, not an exception."""
+OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
+"""Of the compiled functions: a division by zero gives inf, not an exception. Products are not fused with sums: which are,
+would depend on what the compiler makes part of the caller, and that on what a process has compiled before."""
 
 
 @njit("void(float64, float64, float64, float64[:,::1])", **OPTIONS)

@@ -238,3 +238,10 @@ def test_each_kernel_has_a_name_of_its_own_for_symbols_of_two_processes_are_link
     names = Counter((v.py_func.__module__, v.py_func.__qualname__) for v in kernels.values())
     assert len(names) > 100
     assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_no_kernel_fuses_products_with_sums_for_which_are_fused_depends_on_what_has_been_compiled() -> None:
+    """A worker that found half of the kernels in the cache, and compiled the others, gave other last bits."""
+    kernels = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
+    assert len(kernels) > 30
+    assert [file.name for file in kernels if "fastmath" in file.read_text()] == []
