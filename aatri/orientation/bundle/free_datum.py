@@ -239,20 +239,20 @@ def _moved(free: FreeDatum, state: State, H: Mapping[str, Float], q: Float) -> d
     Raises
     ------
     ConvergenceError
-        If its scale overflows.
+        If its scale overflows or vanishes.
     """
     centre, extent = _size(free, state)
     generator = np.zeros((4, 4))
     generator[:3, :3] = skew(q[3:6]) + q[6] * np.eye(3)
     generator[:3, 3] = extent * q[:3]
     with np.errstate(over="ignore", invalid="ignore"):
-        T = expm(generator)
-    if not np.isfinite(T).all():
+        T, scale = expm(generator), float(np.exp(q[6]))
+    if not (np.isfinite(T).all() and 0.0 < scale < np.inf):
         raise ConvergenceError(
             "the block has run away from the start values of its datum: no similarity fits it onto them",
             remedy="look for gross errors (`blunders: robust_snooping`) or exchanged numbers; start from better values",
         )
-    rotation = nearest_rotation(T[:3, :3] / np.exp(q[6]))
+    rotation = nearest_rotation(T[:3, :3] / scale)
     poses: Poses = state[POSE]
     position = centre + (poses.position_m - centre) @ T[:3, :3].T + T[:3, 3]
     ground = centre + (state[POINT] - centre) @ T[:3, :3].T + T[:3, 3]

@@ -187,15 +187,17 @@ def root_between(p, slope, degree, a, b, at_a):
     x = 0.5 * (a + b)
     for _ in range(60):
         f = value(p, degree, x)
+        if f == 0.0:
+            return x
         if (f > 0.0) == (at_a > 0.0):
             a = x
         else:
             b = x
         d = value(slope, degree - 1, x)
         following = x - f / d if d != 0.0 else 0.5 * (a + b)
-        if not (a < following < b):
+        if not (a <= following <= b):  # an end of it is x, where a step is lost in rounding
             following = 0.5 * (a + b)
-        if abs(following - x) <= 1e-15 * (1.0 + abs(x)) or f == 0.0:
+        if abs(following - x) <= 1e-15 * (1.0 + abs(x)):
             return following
         x = following
     return x
