@@ -17,6 +17,10 @@ Combine = Callable[[list[Any]], list[Any]]
 """The messages of all parts -> their answers, in the same order."""
 
 
+MEMORY_OF_WORKER = "AATRI_MEMORY_OF_WORKER"
+"""Variable of the environment: bytes that this process may take, where a cluster limits it."""
+
+
 @dataclass(frozen=True)
 class Message:
     """What a part sends."""

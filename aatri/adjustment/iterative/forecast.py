@@ -12,7 +12,7 @@ result come on top.
 | within the limit, not beside what the process takes, and the disk has no room | factor in memory; the log says so |
 | more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
-The limit is `memory_gb`, or a share of the machine's memory.
+The limit is `memory_gb`, or a share of the memory of the machine, or of a cluster's worker where that has less.
 """
 
 import os
@@ -30,6 +30,7 @@ from aatri.adjustment.structure.tree import FrontNode
 from aatri.errors import ResourceError, SpecError
 from aatri.ids import several
 from aatri.progress import Reporter
+from aatri.together import MEMORY_OF_WORKER
 
 SHARE = 0.8
 """Share of the machine's memory, and of the free disk, that may be used."""
@@ -98,13 +99,14 @@ def _most(nodes: Sequence[FrontNode], members: Sequence[int]) -> tuple[float, fl
 
 
 def memory_limit(memory_gb: float | None) -> float:
-    """Limit in bytes: as given, or a share of the machine's memory; infinite where that is not known."""
+    """Limit in bytes: as given, or a share of what the machine or the worker has; infinite where that is not known."""
     if memory_gb is not None:
         return 1e9 * memory_gb
+    of_worker = float(os.environ.get(MEMORY_OF_WORKER, "inf"))
     try:
-        return SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return SHARE * min(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), of_worker)
     except (AttributeError, ValueError, OSError):
-        return float("inf")
+        return SHARE * of_worker
 
 
 def resident_bytes() -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.others import NotInParts
-from aatri.adjustment.parts.cut import Part, Vetoes, VetoOf, cut
+from aatri.adjustment.parts.cut import Part, Vetoes, VetoOf, cut, records_of, veto_of
 from aatri.adjustment.parts.top import Failed, OthersByMessages, Top
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
@@ -50,9 +50,24 @@ class PartTask:
     """What a worker gets."""
 
     part: Part
+    records: tuple[Records, ...]
+    veto: Vetoes | None
     start: State
     settings: SolverSettings
     covariances: bool
+
+
+class _Tasks(Sequence[PartTask]):
+    """The tasks of all parts. Each is made when it is taken: it has a copy of its observations."""
+
+    def __init__(self, parts: Sequence[Part], made: Callable[[Part], PartTask]) -> None:
+        self._parts, self._made = parts, made
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def __getitem__(self, k: Any) -> Any:
+        return self._made(self._parts[k])
 
 
 @dataclass(frozen=True)
@@ -133,14 +148,19 @@ def _in_parts(
     reporter: Reporter,
 ) -> Adjusted | str:
     """The adjusted problem, or why it must be adjusted as a whole."""
-    parts = cut(problem, settings.parts, vetoes)
+    parts, all_records = cut(problem, settings.parts), problem.records
     if len(parts) < 2:
         return "it is too small for parts"
     observations, n_unknowns, redundancy = counts(problem)
     top = Top(redundancy, reporter)
     threads = settings.threads if settings.workers else max(1, problem.threads // len(parts))
     own = replace(settings, parts=1, workers=None, checkpoint=NO_CHECKPOINT, solver="direct", threads=threads)
-    work = [PartTask(part, start, own, covariances) for part in parts]
+
+    def task(part: Part) -> PartTask:
+        veto = veto_of(vetoes, all_records, part)
+        return PartTask(part, records_of(all_records, part), veto, start, own, covariances)
+
+    work = _Tasks(parts, task)
     results = (settings.workers or Threads()).together(adjust_part, work, top.answers)
     failed = next((r.reason for r in results if isinstance(r, Failed)), "")
     if failed:
@@ -172,7 +192,7 @@ def adjust_part(work: PartTask, exchange: Callable[[Any], Any]) -> PartAdjusted 
     others, part = OthersByMessages(exchange), work.part
     try:
         settings = replace(work.settings, others=others)
-        adjusted = adjust_large(part.unknowns, part.records, work.start, settings=settings, veto=part.veto)
+        adjusted = adjust_large(part.unknowns, work.records, work.start, settings=settings, veto=work.veto)
         covariances = None
         if work.covariances and not adjusted.down_weighted:
             factored = factorise(adjusted.problem, adjusted.state)

@@ -35,24 +35,19 @@ class Part:
 
     unknowns: tuple[Unknowns, ...]
     """All groups of the whole; what is not in the part is held."""
-    records: tuple[Records, ...]
-    """Its own rows of all records."""
     rows: tuple[Int, ...]
-    """Tuple of (n,). Which rows of the whole these are."""
+    """Tuple of (n,). Its rows of all records."""
     own: dict[str, Bool]
     """Dict of str to (n,). Blocks whose values and covariances are taken from this part."""
-    veto: Veto | None
 
 
-def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) -> list[Part]:
+def cut(problem: IndexedProblem, count: int) -> list[Part]:
     """The parts of a problem, at most so many.
 
     Parameters
     ----------
     problem : IndexedProblem
         Ordered by nested dissection.
-    vetoes : sequence of callables
-        Of all records, or None.
     """
     rays = problem.rays
     n_rays = np.zeros(len(problem.tree.nodes), dtype=np.int64) if rays is None else np.diff(rays.ray_start[rays.first])
@@ -70,18 +65,24 @@ def cut(problem: IndexedProblem, count: int, vetoes: Sequence[VetoOf | None]) ->
                 met[k, vertex[vertex >= 0]] = True
     met[0] |= ~met.any(axis=0)
     first = met.argmax(axis=0)
-    return [_part(problem, rows[k], vetoes, met[k], of_vertex == -1, first == k, of_block == k) for k in range(n_parts)]
+    return [_part(problem, rows[k], met[k], of_vertex == -1, first == k, of_block == k) for k in range(n_parts)]
 
 
-def _part(
-    problem: IndexedProblem,
-    rows: tuple[Int, ...],
-    vetoes: Sequence[VetoOf | None],
-    met: Bool,
-    shared: Bool,
-    first: Bool,
-    blocks: Bool,
-) -> Part:
+def records_of(records: Sequence[Records], part: Part) -> tuple[Records, ...]:
+    """The rows of a part of all records, copied."""
+    return tuple(
+        replace(r if len(rows) == len(r.active) else r.take(rows), label=None, similarity=None)
+        for r, rows in zip(records, part.rows)
+    )
+
+
+def veto_of(vetoes: Sequence[VetoOf | None], records: Sequence[Records], part: Part) -> "Vetoes | None":
+    """The vetoes of all records on account of the rows of a part, as one."""
+    of_rows = [veto(rows[r.active[rows]]) for veto, r, rows in zip(vetoes, records, part.rows) if veto and len(rows)]
+    return Vetoes(tuple(of_rows)) if of_rows else None
+
+
+def _part(problem: IndexedProblem, rows: tuple[Int, ...], met: Bool, shared: Bool, first: Bool, blocks: Bool) -> Part:
     """One part: the vertices that it meets, those that are shared, those that it is the first to meet; its blocks."""
     unknowns, own = [], {}
     for u in problem.unknowns:
@@ -96,16 +97,7 @@ def _part(
             own[u.name] |= blocks
         common = inside & kept & shared[vertex]
         unknowns.append(replace(u, free=u.free & inside[:, None], retained=retained, shared=common))
-    records = tuple(
-        replace(r if len(part_rows) == len(r.active) else r.take(part_rows), label=None, similarity=None)
-        for r, part_rows in zip(problem.records, rows)
-    )
-    of_rows = [
-        veto(part_rows[r.active[part_rows]])
-        for veto, r, part_rows in zip(vetoes, problem.records, rows)
-        if veto and len(part_rows)
-    ]
-    return Part(tuple(unknowns), records, rows, own, Vetoes(tuple(of_rows)) if of_rows else None)
+    return Part(tuple(unknowns), rows, own)
 
 
 @dataclass(frozen=True)

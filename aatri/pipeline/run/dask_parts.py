@@ -6,16 +6,18 @@ other task's place. A part whose worker has died is begun anew by another one, a
 """
 
 import importlib
+import os
 import pickle
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
-from aatri.together import Answers, Combine, Exchange, Message, exchange_by
+from aatri.together import MEMORY_OF_WORKER, Answers, Combine, Exchange, Message, exchange_by
 
 LONGEST_S = 2.0
 """Longest time between two looks for what rings no bell: a task that has failed, a stage that nobody makes any more."""
@@ -89,8 +91,8 @@ class DaskParts:
         answers = Answers(len(parts), combine, answer)
         files = [(*self._names, f"{topic}-{k}.pickle") for k in range(len(parts))]
         inside.make_folder(self._base, *self._names)
-        for part, names in zip(parts, files):
-            inside.write(cloudpickle.dumps(part, protocol=5), self._base, *names)
+        for k, names in enumerate(files):  # one at a time is in memory, and once: it is large
+            inside.write_by(partial(cloudpickle.dump, parts[k], protocol=5), self._base, *names)
         workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
         tasks = [
             client.submit(
@@ -147,6 +149,12 @@ def _finished(tasks: Sequence[Any], fetching: Mapping[int, Any]) -> list[int]:
     return [k for k, task in enumerate(tasks) if task.status == "finished" and k not in fetching]
 
 
+def note_memory_of(worker: Any) -> None:
+    """Let what computes on a worker know the memory that its process may take."""
+    if limit := worker.memory_manager.memory_limit:
+        os.environ[MEMORY_OF_WORKER] = str(limit)
+
+
 def _modules() -> tuple[Any, Any]:
     """cloudpickle and distributed, without types."""
     return importlib.import_module("cloudpickle"), importlib.import_module("distributed")
@@ -170,6 +178,7 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
             up.put(message)
 
     worker = distributed.get_worker()
+    note_memory_of(worker)
     key = worker.get_current_task()
 
     def receive() -> Any:
@@ -183,7 +192,9 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
     exchange, end = exchange_by(part, attempt, send, receive)
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            end(work(pickle.loads(inside.file_path(base, *names).read_bytes()), exchange))
+            with inside.file_path(base, *names).open("rb") as file:
+                taken = pickle.load(file)
+            end(work(taken, exchange))
         except Exception as error:  # raised where the stage is made
             end(error)
     return result[0]

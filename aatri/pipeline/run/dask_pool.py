@@ -21,7 +21,7 @@ from typing import Any
 from aatri.errors import ResourceError, SpecError
 from aatri.pipeline.methods.code_digest import BUILT_IN
 from aatri.pipeline.run.context import Tell
-from aatri.pipeline.run.dask_parts import DaskParts
+from aatri.pipeline.run.dask_parts import DaskParts, note_memory_of
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
@@ -75,7 +75,12 @@ def _connected(address: str, stack: contextlib.ExitStack) -> Any:
     connect: Any = distributed.Client  # without types
     target: Any = address
     if address.startswith(LOCAL):
-        target = stack.enter_context(_local_cluster(address))
+        try:
+            target = stack.enter_context(_local_cluster(address))
+        except RuntimeError as error:  # what Dask raises where a process does not start
+            raise ResourceError(
+                f"local workers do not start: {error}", remedy="fewer workers; see what else runs"
+            ) from error
     elif "://" not in address:
         raise SpecError(f"--cluster {address} is no address", remedy="tcp://HOST:PORT of a scheduler, or local:4")
     try:
@@ -209,6 +214,7 @@ def _perform(task: Task, topic: str) -> tuple[TaskOutcome, list[tuple[Any, ...]]
 
     events = list[tuple[Any, ...]]()
     worker = get_worker()
+    note_memory_of(worker)
 
     def tell(*event: Any) -> None:
         if event[0] == "advanced":

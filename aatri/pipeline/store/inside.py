@@ -24,9 +24,9 @@ import re
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO
 
 from aatri.errors import ArtifactError, ResourceError
 from aatri.regular_file import not_regular, open_regular
@@ -128,12 +128,17 @@ def make_folder(run: Path, *names: str) -> Path:
 
 
 def write(data: bytes, run: Path, *names: str) -> Path:
-    """Write a file whole or not at all: temporary name, to the disk, rename, the folder to the disk."""
+    """Write a file whole or not at all, see `write_by`."""
+    return write_by(lambda file: file.write(data), run, *names)
+
+
+def write_by(put: Callable[[BinaryIO], object], run: Path, *names: str) -> Path:
+    """Have a file written whole or not at all: temporary name, to the disk, rename, the folder to the disk."""
     path = path_of(run, *names)
     temporary = temporary_name(path)
     try:
         with temporary.open("xb") as file:
-            file.write(data)
+            put(file)
         sync(temporary)
         temporary.replace(path)
         sync(path.parent)

@@ -54,6 +54,15 @@ class _Log:
         """Progress is not kept."""
 
 
+def test_a_worker_with_less_memory_than_the_machine_keeps_within_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_machine = memory_limit(None)
+    monkeypatch.setenv("AATRI_MEMORY_OF_WORKER", "600000000")
+    assert memory_limit(None) == 480_000_000
+    assert memory_limit(3.0) == 3e9
+    monkeypatch.setenv("AATRI_MEMORY_OF_WORKER", "1e18")
+    assert memory_limit(None) == of_machine
+
+
 def test_the_factor_is_as_large_as_predicted() -> None:
     unknowns, records, start = _tangled()
     problem = prepare(unknowns, records)

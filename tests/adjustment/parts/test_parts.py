@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -179,7 +180,7 @@ def test_the_bits_do_not_depend_on_who_comes_first() -> None:
 
 def test_every_record_and_block_is_in_one_part() -> None:
     unknowns, records, _ = _with_camera()
-    parts = cut(prepare(unknowns, records, ordering="nested_dissection"), 4, [None] * len(records))
+    parts = cut(prepare(unknowns, records, ordering="nested_dissection"), 4)
     assert len(parts) == 4
     for k, r in enumerate(records):
         assert sorted(np.concatenate([p.rows[k] for p in parts])) == list(range(len(r.active)))
@@ -187,6 +188,20 @@ def test_every_record_and_block_is_in_one_part() -> None:
         assert (sum(p.own[u.name].astype(int) for p in parts) == 1).all()
     rays = [len(p.rows[0]) for p in parts]
     assert max(rays) < 1.5 * min(rays)
+
+
+def test_who_sends_parts_has_one_at_a_time_in_memory() -> None:
+    class Sent(Threads):
+        def together(self, work: Any, parts: Any, combine: Any) -> list[Any]:
+            for k in range(len(parts)):
+                part = parts[k]
+                observations = weakref.ref(part.records[0])
+                assert len(part.records[0].active) == len(part.part.rows[0])
+                del part
+                assert observations() is None
+            return super().together(work, parts, combine)
+
+    assert isinstance(_joint(posed_problem(1, **SIZE), 2, workers=Sent()), AdjustedInParts)
 
 
 @pytest.mark.slow

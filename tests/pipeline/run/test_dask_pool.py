@@ -105,6 +105,18 @@ def test_local_workers_have_the_limit_of_memory_that_is_stated(
     assert dask_pool._local_cluster(address)["memory_limit"] == limit
 
 
+def test_local_workers_that_do_not_start_are_told_as_such(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def failing(**_: Any) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("distributed.LocalCluster", failing)
+    with (
+        pytest.raises(AatriError, match=r"local workers do not start: Nanny failed"),
+        dask_pool.dask_pool("local:2", tmp_path, lambda *_: None),
+    ):
+        pass
+
+
 def test_a_worker_with_other_versions_or_without_the_folder_is_refused(tmp_path: Path) -> None:
     class Client:
         def __init__(self, answer: Any) -> None:
