@@ -118,6 +118,17 @@ def resident_bytes() -> int:
         return 0
 
 
+def fits_in_memory(problem: IndexedProblem) -> bool:
+    """Whether an iteration with its factor has room beside what the process takes already."""
+    expected = forecast(problem)
+    return expected.memory_bytes() + _beside(expected) <= memory_limit(problem.settings.memory_gb)
+
+
+def _beside(expected: Forecast) -> float:
+    """Bytes that the process takes beside what the forecast counts."""
+    return max(resident_bytes() - expected.index_bytes, 0.0)
+
+
 def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     """Choose how to solve a problem by its settings, and announce what it will take.
 
@@ -133,7 +144,7 @@ def within_limit(problem: IndexedProblem, reporter: Reporter) -> IndexedProblem:
     disk_holds = expected.factor_bytes <= SHARE * shutil.disk_usage(tempfile.gettempdir()).free
     fits_on_disk = expected.memory_bytes(spill=True) <= limit and disk_holds
     if solver == "direct" or (solver == "auto" and (fits or fits_on_disk)):
-        beside = max(resident_bytes() - expected.index_bytes, 0.0)
+        beside = _beside(expected)
         spill = not fits or (expected.memory_bytes() + beside > limit and disk_holds)
         if not fits or expected.memory_bytes() + beside > limit:
             of_process = f" and the {beside / 1e9:.3g} GB that the process takes already" if beside else ""

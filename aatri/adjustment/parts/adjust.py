@@ -14,6 +14,7 @@ import numpy as np
 
 from aatri.adjustment.covariance.marginal import Covariances, covariances_at
 from aatri.adjustment.elimination.fronts import factorise
+from aatri.adjustment.iterative.forecast import fits_in_memory
 from aatri.adjustment.others import NotInParts
 from aatri.adjustment.parts.cut import Part, Vetoes, VetoOf, cut, records_of, veto_of
 from aatri.adjustment.parts.top import Failed, OthersByMessages, Top
@@ -120,8 +121,8 @@ def adjust(
     if settings.parts > 1:
         reason = "exact constraints join all of it"
         if not constraints:
-            problem = indexed(Problem(tuple(unknowns), tuple(records)), _undivided(settings))
-            adjusted = _in_parts(problem, start, settings, vetoes, covariances, reporter)
+            stated = Problem(tuple(unknowns), tuple(records))
+            adjusted = _in_parts(stated, start, settings, vetoes, covariances, reporter)
             if isinstance(adjusted, Adjusted):
                 return adjusted
             reason = adjusted
@@ -140,14 +141,18 @@ def _undivided(settings: SolverSettings) -> SolverSettings:
 
 
 def _in_parts(
-    problem: IndexedProblem,
+    stated: Problem,
     start: State,
     settings: SolverSettings,
     vetoes: Sequence[VetoOf | None],
     covariances: bool,
     reporter: Reporter,
 ) -> Adjusted | str:
-    """The adjusted problem, or why it must be adjusted as a whole."""
+    """The adjusted problem, or why it must be adjusted as a whole.
+
+    Where the whole has no room, its index is not kept beside a part either, but made again in the end.
+    """
+    problem = indexed(stated, _undivided(settings))
     parts, all_records = cut(problem, settings.parts), problem.records
     if len(parts) < 2:
         return "it is too small for parts"
@@ -160,8 +165,10 @@ def _in_parts(
         veto = veto_of(vetoes, all_records, part)
         return PartTask(part, records_of(all_records, part), veto, start, own, covariances)
 
-    work = _Tasks(parts, task)
-    results = (settings.workers or Threads()).together(adjust_part, work, top.answers)
+    index = problem if fits_in_memory(problem) else None
+    del problem
+    results = (settings.workers or Threads()).together(adjust_part, _Tasks(parts, task), top.answers)
+    problem = index or indexed(stated, _undivided(settings))
     failed = next((r.reason for r in results if isinstance(r, Failed)), "")
     if failed:
         return failed

@@ -204,6 +204,16 @@ def test_who_sends_parts_has_one_at_a_time_in_memory() -> None:
     assert isinstance(_joint(posed_problem(1, **SIZE), 2, workers=Sent()), AdjustedInParts)
 
 
+def test_where_the_whole_has_no_room_its_index_is_made_again_and_the_result_is_the_same() -> None:
+    with_room = _joint(posed_problem(1, **SIZE), 2)
+    without = _joint(posed_problem(1, **SIZE), 2, memory_gb=1e-3)
+    assert isinstance(with_room, AdjustedInParts)
+    assert isinstance(without, AdjustedInParts)
+    assert without.problem.rays is not None
+    np.testing.assert_array_equal(without.state["a"], with_room.state["a"])
+    np.testing.assert_array_equal(without.covariances.groups["a"], with_room.covariances.groups["a"])
+
+
 @pytest.mark.slow
 def test_what_a_part_cannot_tell_is_told_of_the_whole() -> None:
     """A point that one ray is left of, and a block that nothing determines."""
