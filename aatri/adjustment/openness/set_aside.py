@@ -84,12 +84,15 @@ def refuse_undetermined(problem: IndexedProblem, state: State, factored: Factore
 
     Raises
     ------
+    OpenError
+        If combinations of unknowns are open, or so little determined that rounding leaves nothing of them.
     GeometryError
+        If points are not determined.
     """
     open_ = vanishing(problem, state, factored)
     if factored.lost and are_seen_motions(problem, state, open_.texts):
         named = "; ".join(map(str, open_.texts))
-        raise GeometryError(
+        raise OpenError(
             f"rounding leaves nothing of {named}: the observations that determine it have less than {LOST:.0e} of the "
             "weight of all others",
             remedy="state smaller standard deviations of control and positions, if they are better than stated, or "
