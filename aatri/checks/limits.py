@@ -63,8 +63,9 @@ LEAST_EIGENVALUE = 1e-12
 
 # --- as read: cameras
 
-FIELD_OF_VIEW_DEG = (1.0, 170.0)
-"""No metric lens is narrower or wider: 1 degree is 1,000 mm of focal length on a full frame, 170 a fish-eye."""
+FIELD_OF_VIEW_DEG = (1.0, 150.0)
+"""No metric lens is narrower or wider: 1 degree is 2,500 mm of focal length on a full frame; the widest lens without
+distortion, Goerz's Hypergon, has 140, and the widest fish-eye, 220 with r = c theta, counts as 125 here."""
 
 USUAL_FIELD_DEG = (5.0, 140.0)
 """From long lenses (300 mm on a full frame: 8 degrees) to super-wide aerial cameras (88 mm on 23 cm film: 123)."""
@@ -119,6 +120,9 @@ BEHIND, UPWARDS, CONTROL_MARGIN = 0.05, 0.7, 0.1
 """A larger share of points behind their camera is no matter of a few wrong points; an image whose points lie higher by
 more than the second share of their distance looks upwards (45 degrees); so far beyond its edge, as a share of the
 format, a control point may project: orientations are approximate."""
+
+FEWEST_OF_MOST = 4
+"""Control points of which most are outside of their images: of three, two may be exchanged."""
 
 ENOUGH_CONTROL = 3
 """Other control points without which an adjustment cannot leave out two: the datum takes three."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import random
+import re
 import resource
 import shutil
 import signal
@@ -205,8 +206,7 @@ def _bytes(data: bytes, chance: random.Random) -> bytes:
 
 def _words(data: bytes, chance: random.Random) -> bytes:
     """Put a nasty word, or one from elsewhere, in the place of a word."""
-    signs = b" ,\n\t:{}[]"
-    edges = [-1, *(k for k, sign in enumerate(data) if sign in signs), len(data)]
+    edges = [-1, *(found.start() for found in re.finditer(rb"[ ,\n\t:{}\[\]]", data)), len(data)]
     k = chance.randrange(len(edges) - 1)
     other = chance.randrange(len(edges) - 1)
     elsewhere = data[edges[other] + 1 : edges[other + 1]]

@@ -21,9 +21,11 @@ from aatri.checks.after.sigmas import sigmas_that_do_not_fit
 from aatri.checks.after.terrain import points_off_the_terrain
 from aatri.checks.after.weak_datum import weak_datum
 from aatri.checks.at_start.attitude_convention import attitude_conventions
+from aatri.checks.at_start.orientations import turned_over
 from aatri.checks.finding import Finding
 from aatri.notes import Note
 from aatri.observations.observed import ObservationSource
+from aatri.observations.poses import POSE
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.parameter_estimates import column_kinds
 from aatri.orientation.bundle.rounds import AdjustedBlock
@@ -54,7 +56,9 @@ def findings_after(
     cause = next((group for group in named if group.contradicts), None)
     carried = [one.group.sigma0 for one in groups if contradicts(one) and not one.left_out]
     with_cause = min(carried, default=np.inf)
+    images, cameras = source.block.images, source.block.cameras
     return [
+        *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
         *named,
         *attitude_conventions(source, inputs, result.adjusted.state, before=False),
         *done.notes,

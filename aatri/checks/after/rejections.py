@@ -130,7 +130,7 @@ def exchanged_proposals(proposed: ProposedNumbers, before: Suspects) -> list[Not
 
 
 def control_left_behind(block: Block, solution: Solution, before: Suspects) -> list[Finding]:
-    """Control points that are measured, and take no part: why.
+    """Control points that oriented images show, and that take no part: why.
 
     Parameters
     ----------
@@ -138,7 +138,8 @@ def control_left_behind(block: Block, solution: Solution, before: Suspects) -> l
         Of the stages before.
     """
     control, measured = control_of(block), block.image_points
-    used = measured.active & block.images.active[measured.image]
+    oriented = solution.images.oriented & block.images.active  # others are told as a whole
+    used = measured.active & oriented[measured.image]
     shows = np.bincount(measured.point[used], minlength=len(block.points))
     taken = np.isin(control.row, solution.residuals.row[solution.residuals.kind == "control"])
     rejected = set(before.point[(before.verdict == "rejected") & (before.point != "")].tolist())

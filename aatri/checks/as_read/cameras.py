@@ -5,7 +5,7 @@
                      control points of an image; of digital images times the pixel: ground sampling distance
 
 Seen: wrong units of principal distance, pixel size or coordinates, which an adjustment hides in its orientations.
-Test: a field of view below 1 or above 170 degrees, a ground sampling distance below 0.01 mm or above 100 m, a scale
+Test: a field of view below 1 or above 150 degrees, a ground sampling distance below 0.01 mm or above 100 m, a scale
 below 1 : 2,000,000.
 """
 

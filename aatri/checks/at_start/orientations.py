@@ -3,18 +3,21 @@
 Seen: heights of the wrong sign, exchanged axes, angles of another convention; control with a wrong id or coordinate.
 Test: more than 5 % of the points of a camera lie behind it; all its images look up at points above them, where
 something says which way is up (the model of another program may lie as it likes); a control point projects beyond the
-format, by more than a tenth of it, of an image that shows it (orientations are approximate).
+format, by more than a tenth of it, of an image that shows it (orientations are approximate). Where most of it does,
+the orientations are wrong, and not so many coordinates. After the adjustment: all images of a camera look the other
+way than at the start, as mirrored images of flat ground do, which fit from below it.
 """
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, finite_rows
+from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
-from aatri.checks.limits import BEHIND, CONTROL_MARGIN, UPWARDS
+from aatri.checks.limits import BEHIND, CONTROL_MARGIN, FEWEST_OF_MOST, UPWARDS
 from aatri.codes import OBSERVED_VALUE
 from aatri.observations.control import control_of
+from aatri.observations.poses import Poses
 from aatri.units import length
 
 CHUNK = 100_000
@@ -84,11 +87,35 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
     outside, judged = np.unique(row[~inside]), np.unique(row)
     text = f"{len(judged) - len(outside)} of {len(judged)} control points lie in what their images show"
     findings = [Finding("orientations", "note", text)]
-    if len(outside):
+    if len(outside) > len(judged) / 2 and len(judged) >= FEWEST_OF_MOST:
+        text = f"{len(outside)} of {len(judged)} control points lie outside of what their images show"
+        remedy = "check the angles and positions of the start, and axes and frame of the control"
+        findings.append(Finding("orientations", "warning", text, remedy))
+    elif len(outside):
         nearest = {k: float(np.linalg.norm(away[row == k, :2], axis=1).min()) for k in outside.tolist()}
         names = block.points.id[control.point]
         ids = tuple(f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
         text = "control points outside of what their images show, with the distance from the nearest"
         rows = {"control": control.row[outside]}
         findings.append(Finding("orientations", "warning", text, "check coordinates and ids", ids=ids, rows=rows))
+    return findings
+
+
+def turned_over(start: Poses, adjusted: Poses, camera: Int, cameras: Text) -> list[Finding]:
+    """Cameras all of whose images look the other way than at the start.
+
+    Parameters
+    ----------
+    camera : (n,) int
+        Of each image.
+    cameras : (c,) str
+        Their ids.
+    """
+    both, findings = start.oriented & adjusted.oriented, []
+    along = np.einsum("nj,nj->n", start.ground_from_image[..., 2], adjusted.ground_from_image[..., 2])
+    for k in np.unique(camera[both]).tolist():
+        if (along[both & (camera == k)] < -UPWARDS).all():
+            text = "all its images look the other way than at the start, as mirrored images of flat ground do"
+            remedy = "check the y axis of its image coordinates, the axes of control, the angles of the start"
+            findings.append(Finding("orientations", "warning", text, remedy, where=f"camera {cameras[k]}"))
     return findings

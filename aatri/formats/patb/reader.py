@@ -36,9 +36,11 @@ def read_patb(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SI
     Raises
     ------
     InputError
-        If a record is not of this form, a photo stands twice, or nothing tells which way the matrices map.
+        If a record is missing or not of this form, a photo stands twice, or nothing tells which way the matrices map.
     """
     lines = [(k, text) for k, text in enumerate(read_lines(path, reporter), 1) if text.strip()]
+    if not lines:
+        raise InputError("the file has no rows", where=str(path), remedy="put the data in")
     if len(lines) % 3:
         what = f"{several(len(lines), 'record')}, three a photo"
         raise InputError(what, where=f"{path}:{lines[-1][0]}", remedy="the file is cut off, or no .ori of PATB")

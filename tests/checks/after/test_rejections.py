@@ -85,6 +85,14 @@ def test_control_that_is_measured_and_takes_no_part_is_named() -> None:
     assert "in no model, 10 images show it" in finding.ids[0]
 
 
+def test_control_that_only_images_show_that_are_not_oriented_is_not_said_to_lack_a_second_image() -> None:
+    """A strip that is left out takes its control with it: its images are named, and more measurements help nothing."""
+    block = made_block()
+    made = made_solution(block, residuals=Residuals.empty())
+    nowhere = replace(made.images, oriented=np.zeros(len(block.images), dtype=bool))
+    assert control_left_behind(block, replace(made, images=nowhere), Suspects.empty()) == []
+
+
 def test_exchanged_control_is_told_once() -> None:
     """By the stage that rejected both; image points, of which no stage before says so, always."""
     proposed = ProposedNumbers(

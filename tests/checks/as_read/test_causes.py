@@ -51,6 +51,7 @@ def test_a_line_per_camera_tells_what_is_given_and_nothing_of_a_camera_of_which_
     ("camera", "distance_m", "what"),
     [
         (_camera(c_mm=0.15), 750.0, "field of view of 180"),
+        (_camera(c_mm=15.0), 75.0, "field of view of 169 deg"),
         (_camera(c_mm=150000.0), 750.0, "field of view of 0.12"),
         (_camera(pixel_mm=21.0), 750.0, "ground sampling distance of 105 m"),
         (_camera(pixel_mm=np.nan), 450e3, "scale of 1 : 3,000,000"),

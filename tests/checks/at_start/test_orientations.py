@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
+from aatri.checks.at_start.orientations import control_outside, turned_over, unlikely_orientations
 from aatri.codes import NO_ROLE
+from aatri.observations.poses import Poses
 from tests.made_solutions import made_block
 
 MADE = made_block()
@@ -59,3 +60,25 @@ def test_control_outside_of_what_its_images_show_is_named() -> None:
     assert line.sentence.startswith("3 of 4")
     assert warning.rows["control"].tolist() == [0]
     assert [name.split()[0] for name in warning.ids] == [str(BLOCK.points.id[ground.point[0]])]
+
+
+def test_where_most_control_is_outside_its_images_the_orientations_are_blamed_and_no_coordinates() -> None:
+    """Angles in the order kappa, phi, omega for omega, phi, kappa called all 16 control points of a block wrong."""
+    position, rotation, _ = _start()
+    to_the_side = rotation @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    _, warning = control_outside(BLOCK, position, to_the_side)
+    assert warning.sentence == "4 of 4 control points lie outside of what their images show"
+    assert not warning.ids
+    assert "angles" in warning.remedy
+
+
+def test_images_that_an_adjustment_turns_over_are_told_and_one_alone_is_not() -> None:
+    """Mirrored images of flat ground fit from below it, with the residuals of the right ones from above."""
+    position, rotation, _ = _start()
+    above, below, of = Poses(position, rotation), Poses(*_start(turn=-1.0)[:2]), BLOCK.images.camera
+    (finding,) = turned_over(above, below, of, BLOCK.cameras.id)
+    assert (finding.level, finding.where) == ("warning", "camera cam")
+    assert "the other way than at the start" in finding.sentence
+    assert "y axis" in finding.remedy
+    assert not turned_over(above, above, of, BLOCK.cameras.id)
+    assert not turned_over(above, below.where(np.arange(len(of)) == 0, above), of, BLOCK.cameras.id)

@@ -96,3 +96,8 @@ def test_what_stands_beyond_the_columns_is_refused(tmp_path: Path) -> None:
     text = records(*flight()).replace("\n", "01\n", 1)
     with pytest.raises(AatriError, match=r":1: '01' stands beyond character 80, where the record ends"):
         read_patb(written(tmp_path, text), Reading(), SILENT)
+
+
+def test_a_file_of_blanks_has_no_rows(tmp_path: Path) -> None:
+    with pytest.raises(AatriError, match=r"block.ori: the file has no rows"):
+        read_patb(written(tmp_path, "      \n\n"))

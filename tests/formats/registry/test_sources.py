@@ -144,6 +144,15 @@ def test_a_standard_deviation_whose_square_vanishes_is_refused_and_not_taken_for
         read_source(tmp_path / "l.csv", Reading(), SILENT)
 
 
+def test_a_name_of_many_characters_is_refused_with_its_line_before_all_names_are_as_long(tmp_path: Path) -> None:
+    """2,000 names as wide as one of 40,000 characters took 1 GB."""
+    (tmp_path / "geo.txt").write_text(
+        f"EPSG:4326\na.jpg 8.5 47.2 490\n{'x' * 300}.jpg 8.6 47.2 490\nb.jpg 8.7 47.2 490\n"
+    )
+    with pytest.raises(InputError, match=r"geo.txt:3: 'x{100}... \(304 characters\)' is no id or name"):
+        read_source(tmp_path / "geo.txt", Reading(), SILENT)
+
+
 def test_lists_are_found_by_the_name_that_people_give_them() -> None:
     assert format_named("opk").name == written_format("opk").name == "table"
 
