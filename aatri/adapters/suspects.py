@@ -19,9 +19,13 @@ from aatri.arrays import Float, Int, Text
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.notes import Note
-from aatri.observations.observed import Observed
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.observed import Observed, named
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import tests_of
+from aatri.orientation.bundle.groups.candidates import MARK
+from aatri.orientation.bundle.groups.frame_marks import gives_coordinates
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_keys
 
@@ -55,14 +59,19 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
     before = set(zip(suspects.kind.tolist(), suspects.row.tolist()))
     out = {key for o in stated.observed if o.rejected is not None for key in keys_of(o, o.rejected)}
     of_adjusted_kind = np.isin(suspects.kind, [o.kind for o in stated.observed]) & (suspects.row >= 0)
+    of_sets = _out_of_sets(done)
     used = np.zeros(len(suspects), dtype=bool)  # an image point outside the format is not, though nothing rejects it
     for adjusted in done.result.observations:
         o = adjusted.observed
         rows_used = o.row[adjusted.used] if o.set_rows is None else o.set_rows[adjusted.used]
         used |= (suspects.kind == o.kind) & np.isin(suspects.row, rows_used)
+    used &= ~((suspects.kind == CONTROL) & np.isin(suspects.row, of_sets.row))
     rejected = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
     back = of_adjusted_kind & used & ~rejected & staying_out(suspects)
     restated, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
+    restated = _restated(restated, np.flatnonzero(suspects.kind == CONTROL), of_sets)
+    listed_before = [(CONTROL, row) in before for row in of_sets.row.tolist()]
+    parts.append(of_sets.take(~np.array(listed_before, dtype=bool)))
     for adjusted in done.result.observations:
         o = adjusted.observed
         if o.components:
@@ -82,6 +91,26 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
     if options is not None and options.method == "robust":
         parts += _beyond_the_limit(done.result, options)
     return stacked([restated, *parts])
+
+
+def _out_of_sets(done: AdjustedBlock) -> Suspects:
+    """Control points with full covariances that are carried as unknowns, which is to use the others without them."""
+    state, ids, parts = done.result.adjusted.state, np.asarray(done.inputs.point_ids), list[Suspects]()
+    for o in (adjusted.observed for adjusted in done.result.observations):
+        carried = {name.removeprefix(f"{MARK} "): name for name, _ in o.records.touches if name.startswith(f"{MARK} ")}
+        of_points = [points for group, points in o.records.touches if group == POINT]
+        if o.set_rows is None or not gives_coordinates(o):
+            continue
+        for j, points in enumerate(of_points):
+            for row in np.flatnonzero(np.isin(ids[points], list(carried))).tolist():
+                point = str(ids[points[row]])
+                value, covariance = state[carried[point]][0], done.result.covariances[carried[point]][0]
+                error = np.full((1, 3), np.nan)
+                error[0, o.records.observed_components()[row, 3 * j : 3 * j + 3]] = value
+                test = np.sqrt([value @ np.linalg.solve(covariance, value)])
+                single = replace(o, row=o.set_rows[row, j : j + 1], names=named(point=np.array([point])))
+                parts.append(suspect_table(STAGE, single, np.array([0]), error, test, np.array(["rejected"])))
+    return stacked([Suspects.empty(), *parts])
 
 
 def _errors(adjusted: AdjustedObservations, state: State, rows: Int) -> tuple[Float, Float]:

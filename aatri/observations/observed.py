@@ -166,11 +166,18 @@ class Observed:
     """Covariances, where they are not those of the records."""
     set_rows: Int | None = None
     """(n, k). Rows of the table that each record joins, of which `row` is the first; else `row` is all."""
+    doubted: Bool | None = None
+    """(n, k). Which of these rows an earlier stage has rejected."""
 
     @property
     def kind(self) -> str:
         """Name of the kind."""
         return self.records.name
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether these are measurements, single or correlated ones: neither conditions nor what is known before."""
+        return not self.exact and (not self.components or self.set_rows is not None)
 
     def label(self, row: int) -> str:
         """What messages call one of them: image/point, or the one there is."""
@@ -187,10 +194,12 @@ class Observed:
             return self.names(rows[chosen])
 
         sees: tuple[bool, bool, bool] | Bool = self.sees[rows] if isinstance(self.sees, np.ndarray) else self.sees
-        h, joins = self.holds, self.set_rows
+        h, joins, doubted = self.holds, self.set_rows, self.doubted
         holds = None if h is None else replace(h, block=h.block[rows], scalar=h.scalar[rows], value=h.value[rows])
         taken = replace(self, records=self.records.take(rows), row=self.row[rows], names=names, sees=sees, holds=holds)
-        return taken if joins is None else replace(taken, set_rows=joins[rows])
+        if joins is None:
+            return taken
+        return replace(taken, set_rows=joins[rows], doubted=None if doubted is None else doubted[rows])
 
     def demanded(self) -> Bool:
         """Components that are exact, (n, m)."""

@@ -164,8 +164,10 @@ def _of_parameters(before: Observed, now: Observed, parameters: Sequence[Paramet
 def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed:
     """Without what is rejected, by kind and row of its table; a set of correlated rows goes with one of them."""
     rows = [row for kind, row in rejected if kind == observed.kind and row >= 0]
-    of_record = observed.row[:, None] if observed.set_rows is None else observed.set_rows
-    return observed.without(np.asarray(np.isin(of_record, rows).any(axis=1)))
+    if observed.set_rows is None:
+        return observed.without(np.asarray(np.isin(observed.row, rows)))
+    doubted = np.isin(observed.set_rows, rows)
+    return replace(observed, doubted=doubted).without(np.asarray(doubted.any(axis=1)))
 
 
 def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:

@@ -8,7 +8,7 @@
     of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
     control         a common scale of the relief, dv/ds = mean Z - Z
-    portable frame  a mark (`frame_marks`)
+    portable frame  a mark, of control with full covariances a point (`frame_marks`)
 
 c, x0, y0 are added to those of the block; p, a and b correct the measured points: they are mm at r0, the corner of the
 format. x and y are adjusted coordinates: measured ones have the errors of the residuals, and to make all coordinates
@@ -37,7 +37,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
-from aatri.orientation.bundle.groups.frame_marks import marks_of_frames
+from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
@@ -69,6 +69,8 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
         rows, o = np.flatnonzero(adjusted.used), adjusted.observed
         if o.kind == DISTANCE and o.components:
             yield from marks_of_frames(block, result, place, rows)
+        if gives_coordinates(o):
+            yield from points_of_sets(block, result.adjusted.state, place, rows)
         if not len(rows) or o.exact or o.components:
             continue
         groups = [group for group, _ in o.records.touches]

@@ -15,6 +15,7 @@ from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
+from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import about
@@ -54,7 +55,7 @@ def _finding(accepted: AcceptedGroup) -> Finding:
         text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
     if accepted.left_out and g.per == MARK:
-        text += "; its frame is used without it"
+        text += "; the others are used with their covariances, without it"
     elif not accepted.left_out:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
     else:
@@ -195,6 +196,11 @@ def _mark(g: Group) -> tuple[str, str]:
     return text, "measure the mark again in the frame; or is it another point in the images?"
 
 
+def _coordinates(g: Group) -> tuple[str, str]:
+    text = f"control point {g.unit} is off by {_values(g.value, g.sigma)} m in the coordinates given"
+    return text, "look at the point and its number, in the images and in the list"
+
+
 def _relief(g: Group) -> tuple[str, str]:
     times = f"{1 + g.value[0]:.3g} (+- {g.sigma[0]:.2g}) times"
     return (
@@ -221,4 +227,5 @@ _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("distance", "scale"): _scale,
     ("distance", "place in its frame"): _mark,
     ("control", "relief"): _relief,
+    ("control", COORDINATES): _coordinates,
 }

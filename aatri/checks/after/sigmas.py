@@ -66,7 +66,7 @@ def _sentence(count: int, test: GlobalTest, factor: float) -> tuple[str, str]:
 def _test(adjusted: AdjustedObservations, result: BundleResult) -> GlobalTest | None:
     """sigma0 of a kind; None where its redundancy is small or not known, and of rays: sigma0 tells of them."""
     o = adjusted.observed
-    if o.exact or o.components or {POSE, POINT} <= o.records.groups:
+    if not o.is_measured or {POSE, POINT} <= o.records.groups:
         return None
     rows = np.flatnonzero(adjusted.used)
     rows = rows[np.isfinite(adjusted.covariance[rows]).all(axis=(1, 2))]

@@ -84,6 +84,15 @@ def test_frames_are_read_as_distances_with_covariances_and_a_plane_and_written_a
     assert content_digest(replace(again, name=block.name)) == content_digest(block)
 
 
+def test_they_stand_beside_observations_of_geodetic_csv(tmp_path: Path) -> None:
+    """Columns that geodetic.csv has as cells, and frames as one value, and the other way round."""
+    folder = written(made(), tmp_path / "block")
+    (folder / "geodetic.csv").write_text("type,from,to,value,sigma\ndistance,C1,C2,812.5,0.01\n")
+    g = read_block(folder).geodetic
+    assert len(g) == 1 + (3 * 5 - 6) + (2 * 4 - 3)
+    assert (g.start[0], g.end[0], g.value[0]) == ("C1", "C2", 812.5)
+
+
 def test_they_give_the_scale_of_a_block_and_fit(tmp_path: Path) -> None:
     small = made()
     small.control, small.observed = {}, {}

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from scipy.optimize import least_squares
 
+from aatri.artifacts.suspects import staying_out
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.small_blocks import adjusted_by, flown
 from tests.stages.bundle_adjustment.test_networks import HEAD
 
 A, B, P = np.array([0.0, 0.0, 0.0]), np.array([90.0, 40.0, 3.0]), np.array([35.0, 80.0, 12.0])
@@ -67,3 +72,73 @@ def test_the_distance_zenith_angle_and_azimuth_of_a_sight_may_be_correlated(tmp_
     tests = solution.tests
     assert tests is not None
     assert abs(np.nansum(tests.redundancy[mine]) - 3) < 1e-6
+
+
+MARKED = ("C1", "C2", "C3", "C4", "p10", "p21", "p33", "p40")
+
+
+def _of_a_network(folder: Path, seed: int, *, off: dict[str, Any], stated: float = 1.0, less: str = "") -> Path:
+    """Two strips with control of one covariance, errors drawn from it, some of it off; `less` is not in the tables."""
+    small, rng = flown(2, 4, seed=seed), np.random.default_rng([seed, 77])
+    small.control, small.observed = dict.fromkeys(MARKED, "XYZ"), {}
+    A = np.eye(24) + rng.normal(0, 0.2, (24, 24))
+    C = A @ A.T * 0.02**2
+    given = np.array([small.xyz_m[p] for p in MARKED]) + (A @ rng.normal(0, 0.02, 24)).reshape(8, 3)
+    small.write(folder)
+    at = given + np.array([off.get(p, np.zeros(3)) for p in MARKED])
+    used = [k for k, p in enumerate(MARKED) if p != less]
+    rows = [",".join([MARKED[k], *map(repr, at[k].tolist())]) for k in used]
+    (folder / "ground_points.csv").write_text("\n".join(["point,X,Y,Z", *rows, ""]))
+    pairs = [(3 * a + i, 3 * b + j) for a in used for b in used for i in range(3) for j in range(3)]
+    lines = [
+        f"ground_points,{MARKED[i // 3]},{MARKED[j // 3]},{C[i, j] * stated**2!r},{'XYZ'[i % 3]},{'XYZ'[j % 3]}"
+        for i, j in pairs
+        if i <= j
+    ]
+    head = "table,row_a,row_b,value,coord_a,coord_b"
+    (folder / "covariances.csv").write_text("\n".join([head, *lines, ""]).replace("np.float64(", "").replace(")", ""))
+    return folder
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize(("seed", "off"), [(3, [0.6, 0, 0]), (4, [0, 40.0, 0]), (5, [0, 0, -0.6])])
+def test_a_wrong_point_of_correlated_control_goes_alone(tmp_path: Path, seed: int, off: list[float]) -> None:
+    """The result is that of the control without it, its covariances among the others'."""
+    wrong = {"p21": np.array(off)}
+    done = adjusted_by("graph", _of_a_network(tmp_path / "block", seed, off=wrong))
+    without = adjusted_by("graph", _of_a_network(tmp_path / "without", seed, off={}, less="p21"))
+    assert any("control point p21 is off by" in text for text in done.warnings)
+    suspects = done.bundle.suspects
+    out = suspects.point[(suspects.kind == "control") & staying_out(suspects)]
+    assert out.tolist() == ["p21"]
+    np.testing.assert_allclose(suspects.error[suspects.point == "p21"], [off], atol=0.15)
+    of = {p: k for k, p in enumerate(without.bundle.points.id.tolist())}
+    order = [of[p] for p in done.bundle.points.id.tolist()]
+    np.testing.assert_allclose(done.bundle.points.xyz_m, without.bundle.points.xyz_m[order], atol=1e-4)
+    np.testing.assert_allclose(
+        done.bundle.points.covariance_m2, without.bundle.points.covariance_m2[order], rtol=1e-3, atol=1e-9
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chain", ["graph", "strips"])
+@pytest.mark.parametrize("seed", [6, 7])
+def test_exchanged_numbers_of_correlated_control_stay_out(tmp_path: Path, chain: str, seed: int) -> None:
+    """What an earlier stage has rejected of a set does not come back with it; the bundle did not converge."""
+    small = flown(2, 4, seed=seed)
+    apart = small.xyz_m["C4"] - small.xyz_m["p10"]
+    done = adjusted_by(chain, _of_a_network(tmp_path / "block", seed, off={"p10": apart, "C4": -apart}))
+    suspects = done.bundle.suspects
+    assert set(suspects.point[(suspects.kind == "control") & staying_out(suspects)].tolist()) == {"p10", "C4"}
+    assert 0.8 < done.bundle.sigma0 < 1.2
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("seed", [8, 9, 10])
+def test_covariances_of_control_that_are_too_small_are_scaled_and_cost_no_point(tmp_path: Path, seed: int) -> None:
+    """A fifth of the true standard deviations; so for single points, whose class has a scale."""
+    done = adjusted_by("graph", _of_a_network(tmp_path / "block", seed, off={}, stated=0.2))
+    assert not staying_out(done.bundle.suspects).any()
+    scaled = [text for text in done.warnings if "standard deviations do not fit the residuals" in text]
+    (factor,) = (float(re.search(r": control ([\d.]+)$", text)[1]) for text in scaled)
+    assert 5 / 1.6 < factor < 5 * 1.6  # 24 coordinates, of which some 18 are redundant

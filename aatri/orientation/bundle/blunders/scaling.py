@@ -57,7 +57,7 @@ class Classes:
         numbers: dict[str, int] = {}
         number: list[Int] = []
         for o in block.observed:
-            if o.exact or o.components or not len(o):
+            if not (o.is_measured and len(o)):
                 number.append(np.broadcast_to(np.int32(-1), (len(o), o.records.rows)))
                 continue
             classes, of_components = classes_of(o, *_labels(o, block.images))
@@ -108,7 +108,7 @@ class Classes:
         parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
         for i, (observations, number) in enumerate(zip(result.observations, self.number)):
             o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
-            if not (o.exact or o.components) and len(rows):
+            if o.is_measured and len(rows):
                 H = (
                     observations.covariance
                     if least_squares is None
@@ -160,7 +160,7 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
 
 
 def _is_prior(o: Observed) -> bool:
-    return bool(o.components) and not any(is_additional(group) for group, _ in o.records.touches)
+    return not (o.is_measured or o.exact) and not any(is_additional(group) for group, _ in o.records.touches)
 
 
 def _labels(o: Observed, images: ImageGroups | None) -> tuple[list[str], Int]:
@@ -229,7 +229,7 @@ class Scaling:
         if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
             return [Note("note", text, changed_classes)]
-        unchanged_classes = [name for name, f in zip(self.classes.names, self.factor) if f == 1.0]
+        unchanged_classes = list(dict.fromkeys(name for name, f in zip(self.classes.names, self.factor) if f == 1.0))
         text = (
             "standard deviations do not fit the residuals; weights and standard deviations of the result follow what "
             f"fits, times those given ({', '.join(unchanged_classes) + ' as given' if unchanged_classes else 'all'}; "

@@ -27,7 +27,8 @@ NEIGHBOURHOOD = "neighbourhood"
 """What units of image points near each other are."""
 
 MARK = "mark"
-"""What units of a portable frame are: a mark is a part of the one record of its frame, which is used without it."""
+"""What units of a portable frame are, and of control with full covariances: a part of one record, that is used without
+it."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@
    the one that leaves the least v'v, or a simpler one that leaves no more than `SEPARABLE` above it, the others named
    beside it; none where the single observation that explains most leaves as little (`single_errors`). Positions that an
    earlier stage has rejected take part: they may be a group, or agree with all else where self-calibration estimates
-   what that stage lacked.
+   what that stage lacked. Control with full covariances that it has rejected is carried from the beginning.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
@@ -33,6 +33,7 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
+from aatri.orientation.bundle.groups.frame_marks import doubted_points
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, cost_without_worst, largest_gain_root
@@ -175,8 +176,9 @@ def _groups_before_single_errors(
     block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
-    groups: list[Group] = []
-    result = _squares(block, adjust)
+    doubted = any(o.doubted is not None and o.doubted.any() for o in block.observed)
+    groups = doubted_points(block) if doubted else []
+    result = _squares(with_groups(block, groups) if groups else block, adjust)
     while result is not None and len(groups) < MOST_GROUPS:
         if tests_in_use(result).max() <= options.limit:
             break
