@@ -65,10 +65,12 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
         o = adjusted.observed
         rows_used = o.row[adjusted.used] if o.set_rows is None else o.set_rows[adjusted.used]
         used |= (suspects.kind == o.kind) & np.isin(suspects.row, rows_used)
-    used &= ~((suspects.kind == CONTROL) & np.isin(suspects.row, of_sets.row))
+    out_of_set = (suspects.kind == CONTROL) & np.isin(suspects.row, of_sets.row)
+    used &= ~out_of_set
     rejected = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
     back = of_adjusted_kind & used & ~rejected & staying_out(suspects)
     restated, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
+    restated = replace(restated, verdict=np.where(out_of_set, "rejected", restated.verdict))
     restated = _restated(restated, np.flatnonzero(suspects.kind == CONTROL), of_sets)
     listed_before = [(CONTROL, row) in before for row in of_sets.row.tolist()]
     parts.append(of_sets.take(~np.array(listed_before, dtype=bool)))
@@ -97,7 +99,8 @@ def _out_of_sets(done: AdjustedBlock) -> Suspects:
     """Control points with full covariances that are carried as unknowns, which is to use the others without them."""
     state, ids, parts = done.result.adjusted.state, np.asarray(done.inputs.point_ids), list[Suspects]()
     for o in (adjusted.observed for adjusted in done.result.observations):
-        carried = {name.removeprefix(f"{MARK} "): name for name, _ in o.records.touches if name.startswith(f"{MARK} ")}
+        of_mark = f"{MARK} {o.kind} "
+        carried = {name.removeprefix(of_mark): name for name, _ in o.records.touches if name.startswith(of_mark)}
         of_points = [points for group, points in o.records.touches if group == POINT]
         if o.set_rows is None or not gives_coordinates(o):
             continue

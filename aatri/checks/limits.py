@@ -64,8 +64,9 @@ LEAST_EIGENVALUE = 1e-12
 # --- as read: cameras
 
 FIELD_OF_VIEW_DEG = (1.0, 150.0)
-"""No metric lens is narrower or wider: 1 degree is 2,500 mm of focal length on a full frame; the widest lens without
-distortion, Goerz's Hypergon, has 140, and the widest fish-eye, 220 with r = c theta, counts as 125 here."""
+"""Narrower or wider cameras are rare: 1 degree is 2,500 mm of focal length on a full frame; with a tenth of its
+principal distance a film camera comes to 168. Of a fish-eye, r = c theta, the corner of the format counts, not what it
+sees: 220 degrees in a circle that the format holds count as up to 148."""
 
 USUAL_FIELD_DEG = (5.0, 140.0)
 """From long lenses (300 mm on a full frame: 8 degrees) to super-wide aerial cameras (88 mm on 23 cm film: 123)."""
@@ -118,8 +119,8 @@ CERTAIN_MISFIT, NOTHING_FITS = 0.25, 0.5
 
 BEHIND, UPWARDS, CONTROL_MARGIN = 0.05, 0.7, 0.1
 """A larger share of points behind their camera is no matter of a few wrong points; an image whose points lie higher by
-more than the second share of their distance looks upwards (45 degrees); so far beyond its edge, as a share of the
-format, a control point may project: orientations are approximate."""
+more than the second share of their distance looks upwards (45 degrees), or the other way than before by this cosine; so
+far beyond its edge, as a share of the format, a control point may project: orientations are approximate."""
 
 FEWEST_OF_MOST = 4
 """Control points of which most are outside of their images: of three, two may be exchanged."""

@@ -55,12 +55,14 @@ def _finding(accepted: AcceptedGroup) -> Finding:
         text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
     if accepted.left_out and g.per == MARK:
-        text += "; the others are used with their covariances, without it"
+        without = "the other control is used with its covariances" if g.cause == COORDINATES else "its frame is used"
+        text += f"; {without} without it"
     elif not accepted.left_out:
         text += f"; all {len(g.rows)} are kept, and nothing is rejected in their stead"
     else:
         text += f"; all {len(g.rows) + len(g.undecided)} are left out"
-    rows, wrong = {g.kind: g.rows}, contradicts(accepted)
+    # of a set of correlated points g.rows is the set
+    rows, wrong = {} if g.cause == COORDINATES else {g.kind: g.rows}, contradicts(accepted)
     return Finding(
         "groups", "warning", text, remedy, rows=rows, alternatives=others, statistic=g.harm, contradicts=wrong
     )

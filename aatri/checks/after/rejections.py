@@ -138,13 +138,14 @@ def control_left_behind(block: Block, solution: Solution, before: Suspects) -> l
         Of the stages before.
     """
     control, measured = control_of(block), block.image_points
-    oriented = solution.images.oriented & block.images.active  # others are told as a whole
-    used = measured.active & oriented[measured.image]
+    used = measured.active & block.images.active[measured.image]
     shows = np.bincount(measured.point[used], minlength=len(block.points))
+    used &= solution.images.oriented[measured.image]  # images that are not oriented are told as a whole
+    is_seen = np.bincount(measured.point[used], minlength=len(block.points)) > 0
     taken = np.isin(control.row, solution.residuals.row[solution.residuals.kind == "control"])
     rejected = set(before.point[(before.verdict == "rejected") & (before.point != "")].tolist())
     names = []
-    for k in control.point[~taken & (shows[control.point] > 0)].tolist():
+    for k in control.point[~taken & is_seen[control.point]].tolist():
         name, count = str(block.points.id[k]), int(shows[k])
         reason = (
             f"rejected before, {several(count, 'image', 'shows', 'show')} it"

@@ -87,14 +87,16 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
     outside, judged = np.unique(row[~inside]), np.unique(row)
     text = f"{len(judged) - len(outside)} of {len(judged)} control points lie in what their images show"
     findings = [Finding("orientations", "note", text)]
-    if len(outside) > len(judged) / 2 and len(judged) >= FEWEST_OF_MOST:
+    if not len(outside):
+        return findings
+    nearest = {k: float(np.linalg.norm(away[row == k, :2], axis=1).min()) for k in outside.tolist()}
+    names = block.points.id[control.point]
+    ids = tuple(f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
+    if len(outside) > len(judged) / 2 and (len(judged) >= FEWEST_OF_MOST or len(outside) == len(judged) > 2):
         text = f"{len(outside)} of {len(judged)} control points lie outside of what their images show"
         remedy = "check the angles and positions of the start, and axes and frame of the control"
-        findings.append(Finding("orientations", "warning", text, remedy))
-    elif len(outside):
-        nearest = {k: float(np.linalg.norm(away[row == k, :2], axis=1).min()) for k in outside.tolist()}
-        names = block.points.id[control.point]
-        ids = tuple(f"{names[k]} ({length(nearest[k])} off)" for k in sorted(nearest, key=lambda k: -nearest[k]))
+        findings.append(Finding("orientations", "warning", text, remedy, ids=ids))
+    else:
         text = "control points outside of what their images show, with the distance from the nearest"
         rows = {"control": control.row[outside]}
         findings.append(Finding("orientations", "warning", text, "check coordinates and ids", ids=ids, rows=rows))
@@ -102,7 +104,7 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
 
 
 def turned_over(start: Poses, adjusted: Poses, camera: Int, cameras: Text) -> list[Finding]:
-    """Cameras all of whose images look the other way than at the start.
+    """Cameras all of whose images, two and more, look the other way than at the start.
 
     Parameters
     ----------
@@ -114,8 +116,9 @@ def turned_over(start: Poses, adjusted: Poses, camera: Int, cameras: Text) -> li
     both, findings = start.oriented & adjusted.oriented, []
     along = np.einsum("nj,nj->n", start.ground_from_image[..., 2], adjusted.ground_from_image[..., 2])
     for k in np.unique(camera[both]).tolist():
-        if (along[both & (camera == k)] < -UPWARDS).all():
-            text = "all its images look the other way than at the start, as mirrored images of flat ground do"
-            remedy = "check the y axis of its image coordinates, the axes of control, the angles of the start"
+        of_camera = along[both & (camera == k)]
+        if len(of_camera) > 1 and (of_camera < -UPWARDS).all():
+            text = "all its images look the other way than at the start: that was wrong, or the images are mirrored"
+            remedy = "check the angles of the start, the y axis of its image coordinates, the axes of control"
             findings.append(Finding("orientations", "warning", text, remedy, where=f"camera {cameras[k]}"))
     return findings

@@ -58,9 +58,13 @@ def _check_lengths(parts: BlockParts) -> None:
         for name, values in columns.items():
             if name in FILES:
                 continue
+            if isinstance(values, np.ndarray) and values.dtype.kind not in "UO":
+                continue
             texts = values if isinstance(values, list | tuple) else np.atleast_1d(values).tolist()
             if texts and isinstance(texts[0], str) and len(longest := max(texts, key=len)) > MAX_BYTES:
-                at = {k: np.broadcast_to(columns.get(k, 0), len(texts)) for k in ("file", "line")}
+                at = {
+                    k: np.broadcast_to(np.ravel(columns.get(k, 0))[: len(texts)], len(texts)) for k in ("file", "line")
+                }
                 where = place(at, texts.index(longest), parts.files)
                 raise InputError(f"{clipped(longest)!r} is no id or name", where=where, remedy=OF_IDS)
 

@@ -108,6 +108,7 @@
     state.name = name;
     lists();
     await places();
+    if (name !== state.name) return;
     const here = state.places.find(p => p.image === state.image && (state.kind === "point" || p.name === name));
     if (here) await go(here); else if (state.kind === "point" && state.places.length) await go(state.places[0]);
     canvas.focus();
@@ -123,6 +124,7 @@
       draw();
       tell(`reading ${image}`);
       await seen();
+      if (image !== state.image) return;
       view.tiles.clear();
       tell("");
       if (!place) fit();

@@ -9,8 +9,9 @@ import importlib
 import os
 import pickle
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -149,10 +150,18 @@ def _finished(tasks: Sequence[Any], fetching: Mapping[int, Any]) -> list[int]:
     return [k for k, task in enumerate(tasks) if task.status == "finished" and k not in fetching]
 
 
-def note_memory_of(worker: Any) -> None:
-    """Let what computes on a worker know the memory that its process may take."""
+@contextmanager
+def memory_of(worker: Any) -> Iterator[None]:
+    """Let what computes within know the memory that a task of the worker may take: its share of the process."""
+    before = os.environ.pop(MEMORY_OF_WORKER, None)
     if limit := worker.memory_manager.memory_limit:
-        os.environ[MEMORY_OF_WORKER] = str(limit)
+        os.environ[MEMORY_OF_WORKER] = str(limit / max(worker.state.nthreads, 1))
+    try:
+        yield
+    finally:
+        os.environ.pop(MEMORY_OF_WORKER, None)
+        if before is not None:
+            os.environ[MEMORY_OF_WORKER] = before
 
 
 def _modules() -> tuple[Any, Any]:
@@ -178,7 +187,6 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
             up.put(message)
 
     worker = distributed.get_worker()
-    note_memory_of(worker)
     key = worker.get_current_task()
 
     def receive() -> Any:
@@ -190,7 +198,7 @@ def _one(work: Callable[[Any, Exchange], Any], base: Path, names: Sequence[str],
                 raise ResourceError("nobody waits for this part any more")
 
     exchange, end = exchange_by(part, attempt, send, receive)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"), memory_of(worker):
         try:
             with inside.file_path(base, *names).open("rb") as file:
                 taken = pickle.load(file)

@@ -21,7 +21,7 @@ from typing import Any
 from aatri.errors import ResourceError, SpecError
 from aatri.pipeline.methods.code_digest import BUILT_IN
 from aatri.pipeline.run.context import Tell
-from aatri.pipeline.run.dask_parts import DaskParts, note_memory_of
+from aatri.pipeline.run.dask_parts import DaskParts, memory_of
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.provenance import environment
@@ -214,7 +214,6 @@ def _perform(task: Task, topic: str) -> tuple[TaskOutcome, list[tuple[Any, ...]]
 
     events = list[tuple[Any, ...]]()
     worker = get_worker()
-    note_memory_of(worker)
 
     def tell(*event: Any) -> None:
         if event[0] == "advanced":
@@ -222,5 +221,5 @@ def _perform(task: Task, topic: str) -> tuple[TaskOutcome, list[tuple[Any, ...]]
         else:
             events.append(event)
 
-    with threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"), memory_of(worker):
         return perform(task, tell, cluster=DaskParts), events

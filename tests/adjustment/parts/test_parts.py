@@ -204,9 +204,16 @@ def test_who_sends_parts_has_one_at_a_time_in_memory() -> None:
     assert isinstance(_joint(posed_problem(1, **SIZE), 2, workers=Sent()), AdjustedInParts)
 
 
-def test_where_the_whole_has_no_room_its_index_is_made_again_and_the_result_is_the_same() -> None:
+def test_where_the_whole_has_no_room_its_index_is_made_again_and_the_result_is_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = list[Any]()
+    indexed = in_parts.indexed
+    monkeypatch.setattr(in_parts, "indexed", lambda *stated: made.append(stated) or indexed(*stated))
     with_room = _joint(posed_problem(1, **SIZE), 2)
+    assert len(made) == 1
     without = _joint(posed_problem(1, **SIZE), 2, memory_gb=1e-3)
+    assert len(made) == 3
     assert isinstance(with_room, AdjustedInParts)
     assert isinstance(without, AdjustedInParts)
     assert without.problem.rays is not None

@@ -68,7 +68,7 @@ def test_where_most_control_is_outside_its_images_the_orientations_are_blamed_an
     to_the_side = rotation @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     _, warning = control_outside(BLOCK, position, to_the_side)
     assert warning.sentence == "4 of 4 control points lie outside of what their images show"
-    assert not warning.ids
+    assert not warning.rows
     assert "angles" in warning.remedy
 
 

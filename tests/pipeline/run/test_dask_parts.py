@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adjustment.iterative.forecast import memory_limit
 from aatri.adjustment.parts import adjust as in_parts
 from aatri.adjustment.settings import SolverSettings
 from aatri.pipeline.run import dask_parts
@@ -49,6 +50,17 @@ class Mortal:
         result = self.work(part, mortal)
         die(RESULT)
         return result
+
+
+def test_what_computes_on_a_worker_knows_its_share_of_memory_and_what_comes_after_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("AATRI_MEMORY_OF_WORKER", raising=False)
+    of_machine = memory_limit(None)
+    memory = SimpleNamespace(memory_limit=1_000_000_000)
+    with dask_parts.memory_of(SimpleNamespace(memory_manager=memory, state=SimpleNamespace(nthreads=2))):
+        assert memory_limit(None) == 400_000_000
+    assert memory_limit(None) == of_machine
 
 
 class MortalParts:

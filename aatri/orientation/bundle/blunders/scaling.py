@@ -54,16 +54,16 @@ class Classes:
         """The classes of a block."""
         names: list[str] = []
         kinds: list[int] = []
-        numbers: dict[str, int] = {}
+        numbers: dict[tuple[str, int], int] = {}  # a set of correlated ones is a kind of its own
         number: list[Int] = []
-        for o in block.observed:
+        for place, o in enumerate(block.observed):
             if not (o.is_measured and len(o)):
                 number.append(np.broadcast_to(np.int32(-1), (len(o), o.records.rows)))
                 continue
             classes, of_components = classes_of(o, *_labels(o, block.images))
             number.append((len(names) + of_components).astype(np.int32))
             names += classes
-            kinds += [numbers.setdefault(o.kind, len(numbers))] * len(classes)
+            kinds += [numbers.setdefault((o.kind, -1 if o.set_rows is None else place), len(numbers))] * len(classes)
         return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:

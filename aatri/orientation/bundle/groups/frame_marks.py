@@ -13,7 +13,7 @@ free all others have the covariance that they have without the point. Points tha
 so: where they fit after all, p is not significant in the end.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from aatri.orientation.bundle.result import BundleResult
 
 COORDINATES = "coordinates"
 """What may be wrong with a control point."""
+
+SETS_OUT = "control with full covariances takes no part: without the points rejected before it has no solution"
+"""Of control of which points cannot be left out alone."""
 
 HARDLY_SEEN = 1e-3
 """Singular value, as a share of the largest, of a direction in which distances hardly see a mark: it stays there."""
@@ -74,7 +77,7 @@ def doubted_points(block: BundleInput) -> list[Group]:
     """Control points with full covariances that an earlier stage has rejected, as groups that begin at zero."""
     groups = list[Group]()
     for place, o in enumerate(block.observed):
-        if o.doubted is None or not gives_coordinates(o):
+        if o.doubted is None or not o.doubted.any() or not gives_coordinates(o):
             continue
         for row in np.flatnonzero(o.doubted.any(axis=1)).tolist():
             points, effects = _coordinates(o, start_of(block), row)
@@ -83,6 +86,14 @@ def doubted_points(block: BundleInput) -> list[Group]:
                 begin = (np.zeros(k), np.ones(k))
                 groups.append(Group(place, o.kind, MARK, unit, COORDINATES, np.array([row]), H, *begin, 0.0, 1.0))
     return groups
+
+
+def without_doubted_sets(observed: Sequence[Observed]) -> tuple[Observed, ...]:
+    """Observations without the control with full covariances of which an earlier stage has rejected a point."""
+    return tuple(
+        o if o.doubted is None or not gives_coordinates(o) else o.without(np.asarray(o.doubted.any(axis=1)))
+        for o in observed
+    )
 
 
 def _coordinates(o: Observed, state: State, row: int) -> tuple[Int, list[Float]]:

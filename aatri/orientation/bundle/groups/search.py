@@ -23,6 +23,7 @@ import numpy as np
 from aatri.adjustment.statistics.limits import SEPARABLE
 from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -33,7 +34,7 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
-from aatri.orientation.bundle.groups.frame_marks import doubted_points
+from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, doubted_points, without_doubted_sets
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, cost_without_worst, largest_gain_root
@@ -86,20 +87,25 @@ def search_with_groups(
     """
     options = options.for_tests(AllRecords.of(block).tests)
     groups, least_squares = list[Group](), None
+    doubted = doubted_points(block) if any(o.doubted is not None for o in block.observed) else []
     if options.method != "none":
         with_earlier = _with_earlier_rejections(block)
         if with_earlier is not None:
-            groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options)
-        if with_earlier is not None and (groups or _agree(block, least_squares, options.limit)):
+            groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, doubted)
+        if with_earlier is not None and (len(groups) > len(doubted) or _agree(block, least_squares, options.limit)):
             block = with_earlier
         else:
-            groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options)
+            groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options, doubted)
     taken_out = [] if least_squares is None else [least_squares]
     del least_squares
     done = _carried(block, groups, single, taken_out)
+    if done is None and doubted:
+        groups, done = list(doubted), _adjusted_with_groups(block, doubted, single)
     if done is None:
-        groups, done = [], single(block, None)
-    while len(groups) < MOST_GROUPS:
+        groups, done = [], single(replace(block, observed=without_doubted_sets(block.observed)), None)
+        if doubted:
+            done = replace(done, notes=(*done.notes, Note("warning", SETS_OUT)))
+    while len(groups) < MOST_GROUPS + len(doubted):
         gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
         candidates = significant_groups(block, done.result, candidates_of, gain_root, [g.key for g in groups])
         trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
@@ -173,13 +179,12 @@ def _adjusted_with_groups(
 
 
 def _groups_before_single_errors(
-    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions
+    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions, doubted: list[Group]
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
-    doubted = any(o.doubted is not None and o.doubted.any() for o in block.observed)
-    groups = doubted_points(block) if doubted else []
+    groups, most = list(doubted), MOST_GROUPS + len(doubted)
     result = _squares(with_groups(block, groups) if groups else block, adjust)
-    while result is not None and len(groups) < MOST_GROUPS:
+    while result is not None and len(groups) < most:
         if tests_in_use(result).max() <= options.limit:
             break
         candidates = significant_groups(
@@ -250,7 +255,9 @@ def _without_group_unknowns(
     removable = [g for g in groups if left_out and g.removable and _exceeds_limit(g, block, limit)]
     marks = [g for g in groups if left_out and g.per == MARK]
     for left_out_groups in (removable, []):
-        inputs = with_groups(_without(without_unknowns, left_out_groups), marks, [f"{MARK} {g.unit}" for g in marks])
+        inputs = with_groups(
+            _without(without_unknowns, left_out_groups), marks, [f"{MARK} {g.kind} {g.unit}" for g in marks]
+        )
         try:
             result = adjust(inputs, AdjustOptions())
         except GeometryError:

@@ -195,7 +195,7 @@ def root_between(p, slope, degree, a, b, at_a):
             b = x
         d = value(slope, degree - 1, x)
         following = x - f / d if d != 0.0 else 0.5 * (a + b)
-        if not (a <= following <= b):  # an end of it is x, where a step is lost in rounding
+        if following != x and not (a < following < b):
             following = 0.5 * (a + b)
         if abs(following - x) <= 1e-15 * (1.0 + abs(x)):
             return following
