@@ -137,6 +137,8 @@ def _sigma0(metrics: Mapping[str, float | int | None]) -> str:
     redundancy = round(metrics.get("sigma0_redundancy") or metrics.get("redundancy") or 0)
     if sigma0 is None or redundancy < 1 or (test := global_test(float(sigma0), redundancy)).verdict == "fits":
         return ""
+    if f"{test.sigma0:.2f}" == "1.00":  # of millions of observations, and in no digit that is shown
+        return ""
     size = "larger" if test.sigma0 > test.high else "smaller"
     follows = ", and those of the result follow what fits" if metrics.get("sigma_scale") else ""
     return f"Residuals are {size} than the standard deviations given allow (sigma0 {test.sigma0:.2f} for 1){follows}."

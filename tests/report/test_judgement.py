@@ -13,7 +13,7 @@ from aatri.artifacts.block import CHECK
 from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.accuracy import evaluate
 from aatri.report.facts import accuracy_statement
-from aatri.report.judgement import _accuracy, wrong_observations
+from aatri.report.judgement import _accuracy, _sigma0, wrong_observations
 from aatri.report.page import write_report
 from aatri.report.view.numbers import angles_in, small_angle
 from aatri.units import together
@@ -290,3 +290,8 @@ def test_angles_are_told_in_gon_where_that_is_asked_and_from_then_on(tmp_path: P
         assert small_angle(np.pi / 200e3) == "1 mgon"
     assert small_angle(np.pi / 648000) == "1″"
     assert small_angle(1423.4 * np.pi / 648000) == "1423″"
+
+
+def test_a_sigma0_that_differs_from_one_in_no_digit_shown_is_no_sentence_however_many_observations_say_so() -> None:
+    assert _sigma0({"sigma0": 1.0012, "redundancy": 50_000_000}) == ""
+    assert "(sigma0 1.01 for 1)" in _sigma0({"sigma0": 1.0063, "redundancy": 50_000_000})
