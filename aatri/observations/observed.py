@@ -166,7 +166,7 @@ class Observed:
     """Covariances, where they are not those of the records."""
     set_rows: Int | None = None
     """(n, k). Rows of the table that each record joins, of which `row` is the first; else `row` is all."""
-    doubted: Bool | None = None
+    rejected_in_set: Bool | None = None
     """(n, k). Which of these rows an earlier stage has rejected."""
 
     @property
@@ -194,12 +194,14 @@ class Observed:
             return self.names(rows[chosen])
 
         sees: tuple[bool, bool, bool] | Bool = self.sees[rows] if isinstance(self.sees, np.ndarray) else self.sees
-        h, joins, doubted = self.holds, self.set_rows, self.doubted
+        h, joins, rejected_in_set = self.holds, self.set_rows, self.rejected_in_set
         holds = None if h is None else replace(h, block=h.block[rows], scalar=h.scalar[rows], value=h.value[rows])
         taken = replace(self, records=self.records.take(rows), row=self.row[rows], names=names, sees=sees, holds=holds)
         if joins is None:
             return taken
-        return replace(taken, set_rows=joins[rows], doubted=None if doubted is None else doubted[rows])
+        return replace(
+            taken, set_rows=joins[rows], rejected_in_set=None if rejected_in_set is None else rejected_in_set[rows]
+        )
 
     def demanded(self) -> Bool:
         """Components that are exact, (n, m)."""

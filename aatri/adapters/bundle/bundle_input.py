@@ -166,8 +166,8 @@ def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed
     rows = [row for kind, row in rejected if kind == observed.kind and row >= 0]
     if observed.set_rows is None:
         return observed.without(np.asarray(np.isin(observed.row, rows)))
-    doubted = np.isin(observed.set_rows, rows)
-    return replace(observed, doubted=doubted).without(np.asarray(doubted.any(axis=1)))
+    rejected_in_set = np.isin(observed.set_rows, rows)
+    return replace(observed, rejected_in_set=rejected_in_set).without(np.asarray(rejected_in_set.any(axis=1)))
 
 
 def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:

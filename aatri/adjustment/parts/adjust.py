@@ -168,10 +168,10 @@ def _in_parts(
     index = problem if fits_in_memory(problem) else None
     del problem
     results = (settings.workers or Threads()).together(adjust_part, _Tasks(parts, task), top.answers)
-    problem = index or indexed(stated, _undivided(settings))
     failed = next((r.reason for r in results if isinstance(r, Failed)), "")
     if failed:
         return failed
+    problem = index or indexed(stated, _undivided(settings))
     state = dict(start)
     for part, result in zip(parts, results):
         state = _with_values(state, part, result)

@@ -54,11 +54,8 @@ def joined(first: Bodies, more: Bodies) -> Bodies:
 def _after(first: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
     if not first or not more:
         return first or more
-    size = {id(columns): len(columns["value"]) for columns in (first, more)}  # what all rows share is one value
-    return {
-        name: np.concatenate([np.broadcast_to(columns[name], size[id(columns)]) for columns in (first, more)])
-        for name in first
-    }
+    n, m = len(first["value"]), len(more["value"])  # what all rows share is one value
+    return {name: np.concatenate([np.broadcast_to(first[name], n), np.broadcast_to(more[name], m)]) for name in first}
 
 
 def _body(source: Source, table: CsvTable, rows: Int, name: str) -> Bodies | None:

@@ -73,25 +73,27 @@ def points_of_sets(block: BundleInput, state: State, place: int, rows: Int) -> I
             yield Candidates(place, MARK, ids[points[of_size]], rows_of_set, units, H, causes)
 
 
-def doubted_points(block: BundleInput) -> list[Group]:
+def rejected_points_of_sets(block: BundleInput) -> list[Group]:
     """Control points with full covariances that an earlier stage has rejected, as groups that begin at zero."""
     groups = list[Group]()
     for place, o in enumerate(block.observed):
-        if o.doubted is None or not o.doubted.any() or not gives_coordinates(o):
+        if o.rejected_in_set is None or not o.rejected_in_set.any() or not gives_coordinates(o):
             continue
-        for row in np.flatnonzero(o.doubted.any(axis=1)).tolist():
+        for row in np.flatnonzero(o.rejected_in_set.any(axis=1)).tolist():
             points, effects = _coordinates(o, start_of(block), row)
-            for j in np.flatnonzero(o.doubted[row]).tolist():
+            for j in np.flatnonzero(o.rejected_in_set[row]).tolist():
                 H, unit, k = effects[j][None], str(block.point_ids[points[j]]), effects[j].shape[1]
                 begin = (np.zeros(k), np.ones(k))
                 groups.append(Group(place, o.kind, MARK, unit, COORDINATES, np.array([row]), H, *begin, 0.0, 1.0))
     return groups
 
 
-def without_doubted_sets(observed: Sequence[Observed]) -> tuple[Observed, ...]:
+def without_rejected_sets(observed: Sequence[Observed]) -> tuple[Observed, ...]:
     """Observations without the control with full covariances of which an earlier stage has rejected a point."""
     return tuple(
-        o if o.doubted is None or not gives_coordinates(o) else o.without(np.asarray(o.doubted.any(axis=1)))
+        o
+        if o.rejected_in_set is None or not gives_coordinates(o)
+        else o.without(np.asarray(o.rejected_in_set.any(axis=1)))
         for o in observed
     )
 

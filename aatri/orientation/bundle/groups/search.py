@@ -34,7 +34,7 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
-from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, doubted_points, without_doubted_sets
+from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, rejected_points_of_sets, without_rejected_sets
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, cost_without_worst, largest_gain_root
@@ -87,25 +87,25 @@ def search_with_groups(
     """
     options = options.for_tests(AllRecords.of(block).tests)
     groups, least_squares = list[Group](), None
-    doubted = doubted_points(block) if any(o.doubted is not None for o in block.observed) else []
+    carried = rejected_points_of_sets(block) if any(o.rejected_in_set is not None for o in block.observed) else []
     if options.method != "none":
         with_earlier = _with_earlier_rejections(block)
         if with_earlier is not None:
-            groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, doubted)
-        if with_earlier is not None and (len(groups) > len(doubted) or _agree(block, least_squares, options.limit)):
+            groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, carried)
+        if with_earlier is not None and (len(groups) > len(carried) or _agree(block, least_squares, options.limit)):
             block = with_earlier
         else:
-            groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options, doubted)
+            groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options, carried)
     taken_out = [] if least_squares is None else [least_squares]
     del least_squares
     done = _carried(block, groups, single, taken_out)
-    if done is None and doubted:
-        groups, done = list(doubted), _adjusted_with_groups(block, doubted, single)
+    if done is None and carried:
+        groups, done = list(carried), _adjusted_with_groups(block, carried, single)
     if done is None:
-        groups, done = [], single(replace(block, observed=without_doubted_sets(block.observed)), None)
-        if doubted:
+        groups, done = [], single(replace(block, observed=without_rejected_sets(block.observed)), None)
+        if carried:
             done = replace(done, notes=(*done.notes, Note("warning", SETS_OUT)))
-    while len(groups) < MOST_GROUPS + len(doubted):
+    while len(groups) < MOST_GROUPS + len(carried):
         gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
         candidates = significant_groups(block, done.result, candidates_of, gain_root, [g.key for g in groups])
         trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
@@ -179,10 +179,10 @@ def _adjusted_with_groups(
 
 
 def _groups_before_single_errors(
-    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions, doubted: list[Group]
+    block: BundleInput, adjust: Adjust, candidates_of: CandidatesOf, options: SearchOptions, carried: list[Group]
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
-    groups, most = list(doubted), MOST_GROUPS + len(doubted)
+    groups, most = list(carried), MOST_GROUPS + len(carried)
     result = _squares(with_groups(block, groups) if groups else block, adjust)
     while result is not None and len(groups) < most:
         if tests_in_use(result).max() <= options.limit:
