@@ -189,9 +189,9 @@ def oriented_by(
     if not isinstance(failed[0], GeometryError):
         raise failed[0]
     left_open = [error for error in failed if isinstance(error, GeometryError)][-1]
-    if all(isinstance(error, OpenDatumError) for error in failed):
-        raise left_open
-    raise GeometryError(left_open.what, remedy=left_open.remedy)  # more kinds determine it, and fail otherwise
+    if isinstance(left_open, OpenDatumError) and not all(isinstance(error, OpenDatumError) for error in failed):
+        raise GeometryError(left_open.what, remedy=left_open.remedy)  # more kinds determine it, and fail otherwise
+    raise left_open
 
 
 def by_time_offsets(

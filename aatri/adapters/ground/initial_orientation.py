@@ -43,6 +43,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
+from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
 from aatri.orientation.graph.joining import FEWEST
 from aatri.orientation.graph.on_ground import fits_bent
@@ -88,7 +89,7 @@ def to_ground(
     Raises
     ------
     GeometryError
-        If there is control or there are positions, and no component can be oriented by them.
+        If there is control or there are positions, and they orient no component, or the largest is mirrored.
     """
     block, settings = ground.block, OrientationSettings(limit, stiff=True)
     done, notes, failed = list[OnGround](), list[Note](), list[tuple[ImageComponent, str, AatriError]]()
@@ -100,6 +101,8 @@ def to_ground(
         try:
             part, of_part = _oriented(ground, component, rays, what, settings)
         except (ConvergenceError, GeometryError) as error:
+            if isinstance(error, MirroredError) and number == 1:
+                raise  # the others are mirrored too, and few observations may hide it
             failed.append((component, what, error))
             continue
         done.append(part)

@@ -10,9 +10,8 @@ right for normal ones. Where s = 1 is right, s^2 f is distributed nearly as chi-
 degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
 A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of
-a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations. Only
-where they are so small that the other observations give way, a class of `TIGHT` redundancy numbers, is less enough to
-see that they are too small.
+a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations,
+unless its residuals tell by their cofactors together that they are too small (`small_scales`).
 
 Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
 """
@@ -31,9 +30,6 @@ K = 2.5
 
 EFFICIENCY = 0.666
 """Of the M-estimate for K with normal residuals: var(ln s) = 1 / (2 EFFICIENCY r)."""
-
-TIGHT, SEEN = 0.25, 3.0
-"""Mean redundancy number of a class below which a redundancy of 3 shows that its standard deviations are too small."""
 
 MATTERS = 1.25
 """Tests with standard deviations wrong by less than this are as good as right; also the bound of a warned sigma0."""
@@ -85,14 +81,13 @@ def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> Clas
         -1: none.
     """
     usable = (group >= 0) & np.isfinite(v) & (redundancy > LEAST_SHARE)
-    scale, total, tight = np.ones(n_groups), np.zeros(n_groups), np.zeros(n_groups, dtype=bool)
+    scale, total = np.ones(n_groups), np.zeros(n_groups)
     for g in range(n_groups):
         rows = np.flatnonzero(usable & (group == g)) if n_groups > 1 else np.flatnonzero(usable)
         total[g] = redundancy[rows].sum()
-        tight[g] = total[g] >= SEEN and total[g] <= TIGHT * len(rows)
-        if tight[g] or total[g] >= ESTIMABLE:
+        if total[g] >= ESTIMABLE:
             scale[g] = robust_scale(v[rows], redundancy[rows])
-    estimable = (scale > 0) & ((total >= ESTIMABLE) | (tight & (scale > 1)))
+    estimable = (scale > 0) & (total >= ESTIMABLE)
     return ClassScales(np.where(scale > 0, scale, 1.0), total, estimable)
 
 

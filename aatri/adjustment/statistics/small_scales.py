@@ -7,8 +7,8 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
     z_k = u_k'v / sqrt(l_k)  ~  N(0, 1 + (s^2 - 1) l_k),      -2 ln L(s) = sum ln(1 + (s^2 - 1) l_k) + z_k^2 / (...)
 
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
-chi-square of one degree at `ALARM`, and gross errors of up to `room.SMALL_ROOM` records do not explain as much:
-each lets v'R^-v fall by v_j'R_jj^-1 v_j, and costs `SEPARABLE`.
+chi-square of one degree at `ALARM`, and gross errors do not explain as much, of up to `room.SMALL_ROOM` records of the
+class or of one of another kind: each lets v'R^-v fall by v_j'R_jj^-1 v_j, and costs `SEPARABLE`.
 
 Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
 1987 (the test of s at the end of its range).
@@ -26,7 +26,7 @@ LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 _SCALES = np.exp(np.linspace(0.0, np.log(50.0), 151))
 
 
-def small_class_scale(v: Float, R: Float, record: Int) -> tuple[float, float]:
+def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0.0) -> tuple[float, float]:
     """Scale of the standard deviations of a class, 1 where it is not told, and the redundancy that it leads to.
 
     Parameters
@@ -37,6 +37,9 @@ def small_class_scale(v: Float, R: Float, record: Int) -> tuple[float, float]:
         Their cofactor.
     record : (n,) int
         Record of each component: gross errors are those of records.
+    gain_of_others : float
+        By how much leaving out one record of another kind reduces the squares of all: a wrong control point, beside
+        which all positions seem to be off.
     """
     size, axes = np.linalg.eigh(R)
     seen = size > 1e-9
@@ -45,7 +48,7 @@ def small_class_scale(v: Float, R: Float, record: Int) -> tuple[float, float]:
     cost = (np.log(variance) + z2 / variance).sum(axis=1)
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
-    if gain <= LIMIT or gain <= _gain_of_gross_errors(v, R, record):
+    if gain <= LIMIT or gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record)):
         return 1.0, float(size.sum())
     return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
 

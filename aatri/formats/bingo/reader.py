@@ -38,7 +38,7 @@ from aatri.progress import SILENT, Reporter
 END = "-99"
 REMARK = "C"
 """Begins a remark, as `*` does, but where a point of this name may stand."""
-TOUCHING = re.compile(r"-?[0-9]+\.[0-9]{15}")
+TOUCHING = re.compile(r"-?[0-9]{1,20}\.[0-9]{15}")
 RULER = {
     "CAPA": (7, 23, (10, 9, 9, 8, 8, 8)),
     "RADI": (7, 23, ()),

@@ -138,7 +138,6 @@ def orient_body(
     GeometryError
         If those that are not rejected do. If the images would look upwards.
     """
-
     level = Similarity(np.zeros(3), 1.0, levelling(body.up))
     observed = observe(level)
     use = np.ones(sum(map(len, observed)), dtype=bool) if begin is None else begin(observed)
@@ -156,11 +155,14 @@ def orient_body(
         oriented = placed_from(began)
     except (ConvergenceError, GeometryError) as failure:
         near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start, settings.limit)[: n - first])
-        if not (began & ~near).any():
-            raise
         try:
+            if not (began & ~near).any():
+                raise
             oriented = placed_from(began & near)
         except (ConvergenceError, GeometryError):
+            if not (settings.free or any(o.kind == ATTITUDE for o in observed)):
+                places = given_places(observed, state)
+                refuse_mirrored(places, use[places.row], start, body.up, what)
             raise failure from None
     if settings.free:
         return oriented

@@ -155,6 +155,10 @@ def exchanged_by_all(
     return np.array(pairs[k]) if second > SECOND**2 * best else none
 
 
+class MirroredError(GeometryError):
+    """The axes of the control or of the images are mirrored, which is so of all of a block."""
+
+
 def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, what: str) -> None:
     """Raise if control or images must be mirrored.
 
@@ -169,7 +173,8 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
 
     Raises
     ------
-    GeometryError
+    MirroredError
+        Or a GeometryError that names two points with each other's number, where these explain it.
     """
     kept = places.take(used)
     reason = _mirrored(kept, to, up)
@@ -182,7 +187,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     remedy = "declare the axes of the control in their true order, [north, east, up] or [east, north, up]"
     if not (kept.kind == CONTROL).any():
         remedy = "check which image each id and each position belongs to, and the axes of the positions"
-    raise GeometryError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
+    raise MirroredError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
 
 
 def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:

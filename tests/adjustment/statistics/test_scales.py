@@ -122,6 +122,14 @@ def test_gross_errors_are_no_scale(wrong: list[int]) -> None:
     assert small_class_scale(v + R @ error, R, RECORD)[0] == 1.0
 
 
+def test_one_gross_error_of_another_kind_that_explains_as_much_is_no_scale() -> None:
+    """A wrong control point beside positions leaves v'R^-v in these; a record that is none of its causes far less."""
+    v, R = _residuals(10.0, 1, 0.5)
+    explains_all = float(v @ np.linalg.pinv(R, 1e-9, hermitian=True) @ v)
+    assert small_class_scale(v, R, RECORD, gain_of_others=explains_all)[0] == 1.0
+    assert small_class_scale(v, R, RECORD, gain_of_others=0.1 * explains_all)[0] == pytest.approx(10.0, rel=0.3)
+
+
 # The tail of errors: where the limit of a residual comes from.
 
 N = 4000

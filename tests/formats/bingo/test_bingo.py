@@ -95,6 +95,12 @@ def test_numbers_that_touch_are_told_apart(tmp_path: Path) -> None:
     assert parts.ground_points["sigma_m"] == [[0.005, 0.005, 0.015]] * 2 + [[0.1, 0.1, 0.2]]
 
 
+def test_a_line_of_a_million_digits_is_refused(tmp_path: Path) -> None:
+    """It would take an hour where every digit may begin a number that touches the one before."""
+    with pytest.raises(AatriError, match=r"file\.dat:8"):
+        read_geoin(written(tmp_path, GEOIN.replace("10.0 20.0", f"{'7' * 1_000_000}x 20.0")))
+
+
 def test_radial_distortion_is_that_of_the_exporter(shared_data: Path) -> None:
     """Metashape's k1, k2 of the same lens (lll.xml): measured - ideal = f (k1 r^3 + k2 r^5) at the ideal radius.
 

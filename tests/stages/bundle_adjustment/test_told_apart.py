@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.small_blocks import adjusted_by, flown
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
 
@@ -90,3 +92,21 @@ def test_a_ray_wrong_along_the_base_is_one_of_three_on_a_line_and_no_second_obje
     s = bundle(fourth.block, wrong, initial, context=told).suspects
     assert sorted(s.row[s.verdict == "undecidable"].tolist()) == triple.tolist()
     assert not [text for text in told.warnings if "more than one object" in text]
+
+
+@pytest.mark.slow
+def test_a_wrong_control_point_of_two_is_found_where_four_points_tie_two_strips(tmp_path: Path) -> None:
+    """It outweighs all that disagrees in a robust adjustment; left out of least squares it explains everything."""
+    small = flown(2, 5, seed=2, points=8)
+    common = [p for p in small.xyz_m if {i[0] for i, q in small.rays if q == p} == {"1", "2"}]
+    for point in common[:-4]:
+        for image in [i for i, q in small.rays if q == point and i[0] == "2"]:
+            del small.rays[image, point]
+    small.control = {"C1": "XYZ", "C4": "XYZ"}
+    small.observed = dict.fromkeys(["101", "102", "201", "204", "205"], "XYZ")
+    small.xyz_m["C1"] = small.xyz_m["C1"] + np.array([0.0, 90.0, 0.0])
+    done = adjusted_by("chain", small.write(tmp_path / "block")).bundle
+    s = done.suspects
+    assert s.point[(s.kind == "control") & staying_out(s)].tolist() == ["C1"]
+    assert not ((s.kind == "position") & staying_out(s)).any()
+    assert done.sigma0 < 1.3

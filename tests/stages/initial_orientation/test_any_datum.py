@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import GeometryError
-from tests.small_blocks import Small, adjusted_by, flown, measure, off_m
+from tests.small_blocks import Small, adjusted_by, flown, measure, off_m, two_apart
 
 
 def bare(tilt_deg: float = 0.0) -> Small:
@@ -197,3 +197,13 @@ def test_points_in_two_images_alone_leave_components_and_the_message_says_how_ma
     assert refused.value.remedy.startswith(
         "measure points in three images or more: 5 common points join two components; "
     )
+
+
+@pytest.mark.slow
+def test_a_block_whose_largest_part_is_mirrored_is_refused_though_attitudes_place_another(tmp_path: Path) -> None:
+    small = two_apart(strips=2, per_strip=3)
+    small.rays = {key: xy * [1.0, -1.0] for key, xy in small.rays.items()}
+    small.without_rays("B103")
+    small.attitudes = [i for i in small.strip if i.startswith("B")]
+    with pytest.raises(GeometryError, match="mirrored"):
+        adjusted_by("graph", small.write(tmp_path / "block"))

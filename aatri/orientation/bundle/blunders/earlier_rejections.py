@@ -2,7 +2,9 @@
 
 A free strip or component is held by few control points and positions, and a wrong one bends it until a right one
 disagrees. Where the search leaves something above the limit while an observation of the ground is out that an earlier
-stage has rejected, it is made once more with all of these in use; it counts if it leaves less than half.
+stage has rejected, it is made once more with all of these in use; it counts if it leaves less than half. So does a
+search from least squares where one from a robust adjustment leaves too much: with little redundancy, few ties say, one
+wrong control point outweighs all that disagrees with it.
 
 Positions whose shift and drift they neglect outvote the one control point that is right. Where a block is open without
 what earlier stages have rejected, what is observed of points comes back, and, where that is not enough, all else that
@@ -17,6 +19,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
@@ -85,14 +89,29 @@ def search_anew(
         If the block cannot be adjusted.
     """
     done = search(block, adjust, options, tolerance, least_squares)
-    if not (done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed))):
-        return done
-    with_earlier = tuple(o.again() if _rejected(o) else o for o in block.observed)
-    try:
-        anew = search(from_result(replace(block, observed=with_earlier), done.result), adjust, options, tolerance)
-    except (ConvergenceError, GeometryError):
-        return done
-    return anew if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
+    ways = list[tuple[BundleInput, SearchOptions]]()
+    if done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed)):
+        with_earlier = replace(block, observed=tuple(o.again() if _rejected(o) else o for o in block.observed))
+        ways.append((from_result(with_earlier, done.result), options))
+    if options.method == "robust_snooping" and _contradicts(done):
+        ways.append((block, replace(options, method="data_snooping")))
+    for start, chosen in ways:
+        try:
+            anew = search(start, adjust, chosen, tolerance)
+        except (ConvergenceError, GeometryError):
+            continue
+        if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit):
+            done = anew
+    return done
+
+
+def _contradicts(done: AdjustedBlock) -> bool:
+    """Whether something else than rays is above the limit, and sigma0 beyond what chance explains."""
+    rays = {o.kind for o in done.inputs.observed if is_ray(o)}
+    adjusted = done.result.adjusted
+    return any(kind not in rays for kind, _ in done.above) and (
+        adjusted.redundancy > 0 and adjusted.sigma0 > sigma0_interval(adjusted.redundancy, ALARM)[1]
+    )
 
 
 def _rejected(o: Observed) -> bool:

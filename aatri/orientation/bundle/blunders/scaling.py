@@ -23,7 +23,8 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.tested_block import least_squares_covariance, residuals_and_redundancy
+from aatri.orientation.bundle.blunders.all_records import is_ray
+from aatri.orientation.bundle.blunders.tested_block import gains_of, least_squares_covariance, residuals_and_redundancy
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
@@ -148,7 +149,8 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
         return 1.0, 0.0
     record = np.repeat(np.arange(len(rows)), records.rows)[used]
     v, r = residuals_and_redundancy(observations, result.adjusted.state, rows)
-    if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record)[0] == 1.0:
+    of_others = _largest_gain_beside(result, place)
+    if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record, of_others)[0] == 1.0:
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
     L = records.whitener[rows]
     inverse = np.linalg.pinv(L if L.ndim == 3 else L[:, :, None] * np.eye(records.rows))
@@ -156,7 +158,16 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     for k, block in enumerate(inverse):
         H[k, :, k * records.rows : (k + 1) * records.rows] = block
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
-    return small_class_scale(v.ravel()[used], R, record)
+    return small_class_scale(v.ravel()[used], R, record, of_others)
+
+
+def _largest_gain_beside(result: BundleResult, place: int) -> float:
+    """The most that leaving out one record of another kind than rays and that at `place` would gain."""
+    others = [
+        o for i, o in enumerate(result.observations) if i != place and o.observed.is_measured and not is_ray(o.observed)
+    ]
+    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in others]
+    return float(np.nanmax(np.concatenate([np.zeros(1), *gains])))
 
 
 def _is_prior(o: Observed) -> bool:
