@@ -202,10 +202,10 @@ def _conditions(x: Any, X0: Any) -> Table:
 
 
 def cylinder() -> Folder:
-    """The digital block with a cylinder, whose start takes long; of it only the condition is looked at."""
+    """The digital block with a cylinder, whose start takes half a second; of it only the condition is looked at."""
     found = digital()
     points = [f"p{k:02}" for k in (1, 8, 15, 22, 26, 9, 13)]
-    condition = {"type": "cylinder", "points": points, "sigma": LOOSE, "radius": 500.0}
+    condition = {"type": "cylinder", "points": points, "sigma": LOOSE, "radius": 200.0}
     return replace(found, tables=found.tables, conditions=[condition])
 
 

@@ -6,6 +6,7 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -39,9 +40,25 @@ def _room(module: list[str]) -> str:
     return module[1]
 
 
+@dataclass(frozen=True)
+class Source:
+    """What is asked of a file of code; its tree is let go, that of all takes 400 MB."""
+
+    imported: tuple[list[str], ...]
+    """Modules that it imports when it runs, also within functions."""
+    numbers: tuple[tuple[str, str], ...]
+    """Names of its numeric constants, with what is said of each."""
+    names: tuple[tuple[int, str], ...]
+    """Line and name of each variable, parameter and function."""
+
+
 @cache
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+def _source(path: Path) -> Source:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(tree))
+    variables = [node for node in nodes if isinstance(node, ast.Name | ast.arg | ast.FunctionDef)]
+    names = [(n.lineno, getattr(n, "id", getattr(n, "arg", getattr(n, "name", "")))) for n in variables]
+    return Source(tuple(_imported(nodes)), tuple(_numbers(tree.body)), tuple(names))
 
 
 @cache
@@ -50,12 +67,10 @@ def _is_module(*names: str) -> bool:
     return place.is_dir() or place.with_suffix(".py").exists()
 
 
-def _imported(path: Path) -> Iterator[list[str]]:
-    """Modules of aatri that a file imports when it runs, also within functions."""
-    tree = _tree(path)
-    checks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
+def _imported(nodes: list[ast.AST]) -> Iterator[list[str]]:
+    checks = [n for n in nodes if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
     for_types = {id(inner) for check in checks for inner in ast.walk(check)}
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and node.module and not node.level and id(node) not in for_types:
             module = node.module.split(".")
             for name in node.names:
@@ -71,7 +86,7 @@ def _uses() -> list[tuple[str, str, Path]]:
     for path in (path for top in ("aatri", "stages") for path in sorted((ROOT / top).rglob("*.py"))):
         parts = path.relative_to(ROOT).with_suffix("").parts
         room = "stages" if parts[0] == "stages" else _room(list(parts))
-        modules = [module for module in _imported(path) if module[0] == "aatri" and len(module) > 1]
+        modules = [module for module in _source(path).imported if module[0] == "aatri" and len(module) > 1]
         uses += [(room, _room(module), path) for module in modules]
     return uses
 
@@ -111,7 +126,7 @@ def test_a_role_imports_no_other_role() -> None:
     strays = [
         str(path.relative_to(ROOT))
         for path in sorted((ROOT / "stages").rglob("*.py"))
-        for module in _imported(path)
+        for module in _source(path).imported
         if module[:2] == ["aatri", "stages"] and len(module) > 2 and module[2] != path.parent.name
     ]
     assert strays == []
@@ -128,9 +143,16 @@ def test_no_file_is_named_as_its_room() -> None:
     assert [str(path.relative_to(ROOT)) for path in paths if path.stem == path.parent.name] == []
 
 
+@cache
+def _classes() -> list[str]:
+    """Names of all classes at the top of files, each as often as it stands there."""
+    paths = [path for top in ("aatri", "stages") for path in (ROOT / top).rglob("*.py")]
+    return [name for path in paths for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.M)]
+
+
 def test_a_key_class_is_one_class_and_lies_where_the_page_says() -> None:
     table = PAGE.split("## Key classes")[1]
-    tree = [file.read_text(encoding="utf-8") for part in ("aatri", "stages") for file in (ROOT / part).rglob("*.py")]
+    count = Counter(_classes())
     rows = re.findall(r"^\| (`.*?) \|.*\| (`.*`) \|$", table, flags=re.M)
     assert len(rows) > 10
     for names, files in rows:
@@ -138,13 +160,11 @@ def test_a_key_class_is_one_class_and_lies_where_the_page_says() -> None:
         for name in re.findall(r"`(\w+)`", names):
             definition = re.compile(rf"^class {name}\b", re.M)
             assert sum(bool(definition.search(text)) for text in sources) == 1, name
-            assert sum(len(definition.findall(text)) for text in tree) == 1, name
+            assert count[name] == 1, name
 
 
 def test_no_class_name_stands_for_two_things() -> None:
-    paths = [path for top in ("aatri", "stages") for path in (ROOT / top).rglob("*.py")]
-    names = [name for path in paths for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.M)]
-    assert sorted(name for name, count in Counter(names).items() if count > 1 and not name.startswith("_")) == []
+    assert sorted(name for name, count in Counter(_classes()).items() if count > 1 and not name.startswith("_")) == []
 
 
 _CHANCE = re.compile(r"ALARM|CHANCE|UNLIKELY|SIGNIFICAN|(^|_)SEPARABLE|(^|_)(LEVEL|POWER|SIGMAS)$")
@@ -159,9 +179,7 @@ _NO_TESTS = {
 """Numbers that speak of chance and are no limits of tests of an adjustment, with the reason."""
 
 
-def _numbers(path: Path) -> Iterator[tuple[str, str]]:
-    """Names of a module's numeric constants, with what is said of each."""
-    body = _tree(path).body
+def _numbers(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
     for node, after in zip(body, [*body[1:], None]):
         if isinstance(node, ast.Assign) and not any(isinstance(n, ast.Call | ast.Name) for n in ast.walk(node.value)):
             values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
@@ -177,7 +195,7 @@ def test_chances_and_limits_of_tests_stand_in_limits_alone() -> None:
         for top in ("aatri", "stages")
         for path in sorted((ROOT / top).rglob("*.py"))
         if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts)
-        for name, text in _numbers(path)
+        for name, text in _source(path).numbers
         if _CHANCE.search(name) or _OF_CHANCE.search(text)
     }
     assert sorted(strays ^ set(_NO_TESTS)) == []
@@ -190,13 +208,11 @@ PRIVATE_WORDS |= {"wanted", "whole", "nothing", "alone", "aside", "snooped", "ho
 def test_variables_say_what_they_hold() -> None:
     """Residuals, rejections, rows, observations: not `found`, `told`, `whole`, by which a reader learns nothing."""
     strays = {
-        f"{path.relative_to(ROOT)}:{node.lineno}: {name}"
+        f"{path.relative_to(ROOT)}:{line}: {name}"
         for top in ("aatri", "stages")
         for path in sorted((ROOT / top).rglob("*.py"))
         if "kernels" not in path.parts
-        for node in ast.walk(_tree(path))
-        if isinstance(node, ast.Name | ast.arg | ast.FunctionDef)
-        for name in [getattr(node, "id", getattr(node, "arg", getattr(node, "name", "")))]
+        for line, name in _source(path).names
         if name in PRIVATE_WORDS
     }
     assert sorted(strays) == []

@@ -64,8 +64,18 @@ TURNED = {
     "true": "grid",
 }
 
-ROWS = {"image_points": (0, 1, 7, 8, 11, 12), "fiducials": (0, 1, 2, 5)}
-"""Rows of the long tables that are looked at, of each kind one; of the others all."""
+ROWS: dict[str, dict[str, tuple[int, ...]]] = {
+    "film": {
+        "images": (0, 1, 2, 3),  # a strip, and the first of the next, which is observed in part
+        "image_points": (0, 1, 7, 8, 11, 12),
+        "fiducials": (0, 1, 2, 5),
+        "ground_points": (0, 1, 3, 4, 5, 6),
+        "exterior": (0, 1, 2, 3, 4),
+        "geodetic": (0, 1, 4, 5, 6, 7, 8, 9, 10, 12, 13, 14, 15),  # of a group and of a set the first, and another
+    },
+    "digital": {"images": (0, 1, 2), "image_points": (0, 12), "ground_points": (0, 4), "exterior": (0, 1, 2)},
+}
+"""Rows that are looked at, of each kind one; of tables that are not named all."""
 
 Change = tuple[str, tuple[Any, ...], Any]
 """Table or file, the way to the cell, and the new value."""
@@ -87,7 +97,7 @@ def changed(value: Any, name: str) -> Any:
 def cells(folder: Folder) -> Iterator[Change]:
     """All changes of a block, one cell each."""
     for table, rows in folder.tables.items():
-        for k in ROWS.get(table, range(len(rows))):
+        for k in ROWS[folder.settings["name"]].get(table, range(len(rows))):
             for column, value in rows[k].items():
                 if value != "":
                     new = TURNED.get(str(value)) or changed(value, column)

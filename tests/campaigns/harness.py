@@ -201,12 +201,15 @@ def new_folder() -> Path:
 
 @contextlib.contextmanager
 def workplace() -> Iterator[Path]:
-    """A temporary folder with caches of its own; compiled code is shared, for it takes long to make."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "aatri" / "numba"
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(cache))
+    """A temporary folder with caches of its own; compiled code is shared, and what is known of the code copied."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "aatri"
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(cache / "numba"))
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     place = new_folder()
+    (place / "cache" / "aatri").mkdir(parents=True)
+    for codes in cache.glob("codes-*.json"):
+        shutil.copy(codes, place / "cache" / "aatri")
     os.environ["XDG_CACHE_HOME"] = str(place / "cache")
     yield place
     shutil.rmtree(place)  # kept if the campaign breaks off
