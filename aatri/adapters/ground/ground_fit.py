@@ -18,6 +18,7 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, rms_m, sigma0_notes
 from aatri.orientation.bodies.height_factor import height_factor
+from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
@@ -133,9 +134,11 @@ def distant_start(
     """
     shares = [_misfit_m(part) / max(_distance_m(strips, [part]), np.finfo(float).tiny) for part in parts]
     k = int(np.argmax(shares))
-    stretch, off = _stretch(block, parts[k].result), shares[k]
+    moved, stretch, off = one_row_off(parts[k].result.places), _stretch(block, parts[k].result), shares[k]
     text, remedy = misfit.what, misfit.remedy
-    if stretch:
+    if moved:
+        text, remedy, stretch = f"{text}; {moved}", ONE_ROW, ""
+    elif stretch:
         text, remedy = f"{text}; {stretch}", CHECK_DISTANCE
     if not may_begin or not off <= FARTHEST_START:
         raise ConvergenceError(text, where=misfit.where, remedy=remedy) from misfit

@@ -20,7 +20,9 @@ from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
 from aatri.orientation.bodies.absolute import OrientedBody
+from aatri.orientation.bodies.datum_analysis import given_places
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
 
 STAGE = "initial_orientation"
 
@@ -91,6 +93,8 @@ def contradiction_note(block: Block, left: Sequence[Observed], state: State, kin
             by_camera = [f"{block.cameras.id[k]} {_median_shift(residual[camera == k])}" for k in np.unique(camera)]
             off += f" (by camera: {'; '.join(by_camera)})"
     text = f"{what}: {kind} ({len(names)}) contradict all else, {off} in the median: they are left out here"
+    moved = one_row_off(given_places(left, state))
+    text = f"{text}; {moved}; {ONE_ROW}" if moved else text
     return Note("warning", text, tuple(names.tolist()))
 
 
@@ -128,9 +132,15 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
         return []
     text = (
         f"{what}: control and positions fit it only with {tau:.2g} m added to the standard deviations of its "
-        f"points, {expected:.2g} m: a wrong principal distance, distortion, unit or id, or several gross errors"
+        f"points, {expected:.2g} m: "
     )
-    return [Note("warning", text)]
+    moved = one_row_off(oriented.places)
+    reason = (
+        f"{moved}; {ONE_ROW}"
+        if moved
+        else "a wrong principal distance, distortion, unit or id, or several gross errors"
+    )
+    return [Note("warning", text + reason)]
 
 
 def two_that_differ(oriented: OrientedBody, precision_m: float, limit: float) -> tuple[float, list[Note]]:

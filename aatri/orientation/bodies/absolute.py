@@ -52,7 +52,7 @@ from aatri.orientation.bodies.datum_start import (
     two_point_start,
 )
 from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
-from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored, refuse_wrong
 
 Start = Literal["closed", "two_points", "centroids"]
 
@@ -160,9 +160,8 @@ def orient_body(
                 raise
             oriented = placed_from(began & near)
         except (ConvergenceError, GeometryError):
-            if not (settings.free or any(o.kind == ATTITUDE for o in observed)):
-                places = given_places(observed, state)
-                refuse_mirrored(places, use[places.row], start, body.up, what)
+            turned = settings.free or any(o.kind == ATTITUDE for o in observed)
+            refuse_wrong(given_places(observed, state), use, start, None if turned else body.up, what)
             raise failure from None
     if settings.free:
         return oriented
@@ -209,9 +208,10 @@ def _start(
         closed = closed_start(places, x) if settings.start == "closed" else None
         if closed is not None:
             return closed
-        _analysed(observed, use, body, scaled(observed, use, body, level), settings, what)
+        thin = closed_start(places, x, THINNEST) if settings.start == "closed" else None
+        _analysed(observed, use, body, thin or scaled(observed, use, body, level), settings, what)
         if settings.start == "closed":
-            return searched_start(observe, body, use, closed_start(places, x, THINNEST))[0]
+            return searched_start(observe, body, use, thin)[0]
         return (two_point_start if settings.start == "two_points" else centroid_start)(places, x, body, what)
 
     try:

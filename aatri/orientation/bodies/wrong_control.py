@@ -1,4 +1,4 @@
-"""Control that is wrong in a way which spoils the start of a body: two numbers exchanged, or an axis mirrored.
+"""Control that is wrong in a way which spoils the start of a body: two numbers exchanged, an axis mirrored, rows moved.
 
 A similarity of all that is known in full, control and positions, is fitted as given, and with each two control points
 exchanged. Two are exchanged if that leaves less than `EXPLAINED` of the sum of distances, and no other two leave less
@@ -8,7 +8,8 @@ Where few points are known in full the others, distances, attitudes, positions t
 (`exchanged_by_all`): all that is observed is adjusted as given, and with each two control points exchanged, and sums of
 squares are compared likewise.
 
-Control is mirrored where it fits much better so, or where by it the images look upwards (`refuse_mirrored`).
+Control is mirrored where it fits much better so, or where by it the images look upwards (`refuse_mirrored`). Positions
+may stand one row too high or too low in their table, each beside the next image (`one_row_off`).
 """
 
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
 from aatri.orientation.bodies.datum_start import ITERATIONS, UPWARDS, Observe, closed_start, fitted, searched_start
 from aatri.orientation.bodies.free_body import FreeBody, state_of
+from aatri.units import length
 
 EXPLAINED, SECOND = 0.1, 2.0
 
@@ -211,3 +213,54 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
         if as_it_is < CLEARLY * other:
             return ""
     return text if steep > UPWARDS else ""
+
+
+def one_row_off(places: GivenPlaces) -> str:
+    """That the positions fit much better if each is that of the image in the next row, or the one before; else empty.
+
+    Control, where there is any, is held beside both; of a single straight flight nothing else tells a row from a shift.
+    """
+    full = places.take(np.flatnonzero(places.given.all(axis=1)))
+    rows, others = np.flatnonzero(full.kind == POSITION), np.flatnonzero(full.kind == CONTROL)
+    if len(rows) <= FEWEST_MIRRORED:
+        return ""
+
+    def misfit_m(seen: Int, named: Int) -> float:
+        x, X = full.xyz[np.append(seen, others)], full.observed_m[np.append(named, others)]
+        return float(np.median(robust_closed_form(x, X)[1][: len(seen)]))
+
+    as_given, extent = misfit_m(rows, rows), float(np.linalg.norm(np.ptp(full.observed_m[rows], axis=0)))
+    moved, image, row = min(
+        (misfit_m(rows[:-1], rows[1:]), rows[0], rows[1]), (misfit_m(rows[1:], rows[:-1]), rows[-1], rows[-2])
+    )
+    if not moved < CLEARLY * as_given or as_given <= FLAT * extent:
+        return ""
+    return (
+        f"the positions stand one row off in their table: that of {full.name[row]} fits {full.name[image]}, and so on "
+        f"with all {len(rows)}, to {length(moved)} instead of {length(as_given)} (median)"
+    )
+
+
+ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
+
+
+def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | None, what: str) -> None:
+    """Raise if positions one row off, or mirrored control or images, explain why a body does not come to the ground.
+
+    Parameters
+    ----------
+    use : (n,) bool
+        Observations that take part, kind by kind.
+    to : Similarity
+        Ground from body, about.
+    up : (3,) float64 or None
+        Of `refuse_mirrored`; None where attitudes say how the body lies.
+
+    Raises
+    ------
+    GeometryError
+    """
+    if moved := one_row_off(places):
+        raise GeometryError(f"{what}: {moved}", remedy=ONE_ROW)
+    if up is not None:
+        refuse_mirrored(places, use[places.row], to, up, what)

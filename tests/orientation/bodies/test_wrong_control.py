@@ -13,7 +13,7 @@ from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.free_body import concerning
-from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_control, refuse_mirrored
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_control, one_row_off, refuse_mirrored
 from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, MadeBody, active, off_m
 
 # Two of six control points with each other's number are found; single errors and right points are not.
@@ -117,3 +117,17 @@ def test_mirrored_control_with_relief_is_refused() -> None:
         judged(12, 20.0, False, seed)
         with pytest.raises(GeometryError, match="mirrored only"):
             judged(12, 20.0, True, seed)
+
+
+@pytest.mark.parametrize("row", [-1, 0, 1])
+def test_positions_are_told_to_stand_one_row_off_only_where_they_do(row: int) -> None:
+    """Three flights to and fro, every fourth position with an error of its own."""
+    X = np.array([[100.0 * (k if s % 2 == 0 else 5 - k), 180.0 * s, 500.0] for s in range(3) for k in range(6)])
+    X += np.random.default_rng(1).normal(0, 4.0, X.shape)
+    seen, named = X[max(row, 0) : len(X) + min(row, 0)].copy(), X[max(-row, 0) : len(X) - max(row, 0)]
+    seen[::4] += [0.0, 25.0, 0.0]
+    n = len(seen)
+    name = np.array([f"image {k}" for k in range(n)])
+    flights = GivenPlaces(np.full(n, "position"), name, seen, named, np.ones((n, 3), dtype=bool), np.arange(n))
+    assert ("one row off" in one_row_off(flights)) == (row != 0)
+    assert ("that of image 1 fits image 0" in one_row_off(flights)) == (row == 1)

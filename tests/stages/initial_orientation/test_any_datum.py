@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from tests.small_blocks import Small, adjusted_by, flown, measure, off_m, two_apart
 
 
@@ -207,3 +208,33 @@ def test_a_block_whose_largest_part_is_mirrored_is_refused_though_attitudes_plac
     small.attitudes = [i for i in small.strip if i.startswith("B")]
     with pytest.raises(GeometryError, match="mirrored"):
         adjusted_by("graph", small.write(tmp_path / "block"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chain", ["chain", "graph"])
+def test_positions_one_row_off_are_told_so(tmp_path: Path, chain: str) -> None:
+    small = flown(3, 4)
+    small.control = {}
+    ids = list(small.position_m)
+    small.position_m = dict(zip(ids, np.roll(list(small.position_m.values()), 1, axis=0)))
+    with pytest.raises((GeometryError, ConvergenceError), match="one row off") as refused:
+        adjusted_by(chain, small.write(tmp_path / "block"))
+    assert "that of image 102 fits image 101" in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_straight_strip_is_oriented_by_antennas_and_attitudes_whichever_way_it_flies(tmp_path: Path) -> None:
+    """Level and heading east it has no scale: to say what is open it must lie as its positions say."""
+    small = flown(1, 5)
+    turn, arm_m = Rotation.from_euler("Z", 215, degrees=True).as_matrix(), np.array([0.2, -0.3, 0.1])
+    small.rotation = {i: turn @ R for i, R in small.rotation.items()}
+    small.position_m = {i: turn @ X + small.rotation[i] @ arm_m for i, X in small.position_m.items()}
+    small.xyz_m = {p: turn @ X for p, X in small.xyz_m.items()}
+    small.control, small.attitudes = {}, list(small.strip)
+    small.camera = {"lever_arm": arm_m.tolist()}
+    folder = small.write(tmp_path / "block")
+    head, *rows = (folder / "exterior.csv").read_text().split()
+    (folder / "exterior.csv").write_text("\n".join([f"{head},refers_to", *(f"{row},antenna" for row in rows), ""]))
+    done = adjusted_by("chain", folder).bundle
+    assert done.images.oriented.all()
+    assert off_m(small, done) < 0.2 + np.linalg.norm(arm_m)
