@@ -26,6 +26,9 @@ EXTRAPOLATION_WARNED = 3.0
 MISFIT_SHARE = 4
 """One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
 
+NAMED = 3
+"""Components, and strips that are not joined, that an error names."""
+
 CANDIDATES = 3
 """So many strips are tried, as a bent strip bends those it is joined to."""
 
@@ -240,10 +243,15 @@ def _part_notes(part: OrientedPart) -> list[Note]:
 
 
 def _all_of(failed: Sequence[GeometryError | ConvergenceError], free: FreeBlock) -> GeometryError | ConvergenceError:
-    texts = [error.what for error in failed] + [f"not joined: {text}" for text in free.unjoined[:10]]
+    open_components = [error.what for error in failed]
+    unjoined = [f"not joined: {text}" for text in free.unjoined]
+    texts = [*open_components[:NAMED], *unjoined[:NAMED]]
+    left = len(open_components) + len(unjoined) - len(texts)
+    texts += [f"and {left} more"] if left else []
     remedies = [failed[0].remedy]
     if len(free.components) > 1:
         remedies.append("or measure at least 3 points common to the strips, not on a line")
+        remedies.append("or orient image by image, by initial_orientation/graph in place of the stages from models on")
     if len(failed) < len(free.components):
         remedies.append("or set `components: largest` to orient the rest")
     kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in failed) else GeometryError
