@@ -216,6 +216,9 @@ SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 2.0
 """Probability that a block with right standard deviations is told of a wrong kind; factor by which they must be wrong:
 less is left to variance components; redundancy below which a kind is not tested, where chance reaches any factor."""
 
+OTHER_LEVER_ARM = 0.01
+"""Probability by which a lever arm that is right in another unit or with other signs is not named as such."""
+
 SHARPER = 2e4
 """Times that weighted relative control may be sharper than image points on the ground: at 8e3 the result is that of the
 exact condition to 1e-7 of a standard deviation, at 8e4 pivots of its points vanish in rounding."""

@@ -7,13 +7,16 @@ contradicts its own tests where a group that is kept moves a coordinate by more 
 the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from itertools import product
 
 import numpy as np
+from scipy.special import chdtri
 
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
+from aatri.checks.limits import OTHER_LEVER_ARM
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
@@ -21,6 +24,8 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import about
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
+
+LEVER_ARM = "lever arm"
 
 DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
 
@@ -43,14 +48,17 @@ def contradicts(accepted: AcceptedGroup) -> bool:
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
 
 
-def wrong_groups(groups: tuple[AcceptedGroup, ...]) -> list[Finding]:
-    """A warning for each group, contradictions first."""
-    return [_finding(accepted) for accepted in sorted(groups, key=lambda accepted: not contradicts(accepted))]
+def wrong_groups(groups: tuple[AcceptedGroup, ...], lever_arms_m: Mapping[str, Float]) -> list[Finding]:
+    """A warning for each group, contradictions first; `lever_arms_m` are those given, by camera."""
+    in_order = sorted(groups, key=lambda accepted: not contradicts(accepted))
+    return [_finding(accepted, lever_arms_m) for accepted in in_order]
 
 
-def _finding(accepted: AcceptedGroup) -> Finding:
+def _finding(accepted: AcceptedGroup, lever_arms_m: Mapping[str, Float]) -> Finding:
     g = accepted.group
     text, remedy = _TEXTS[g.kind, g.cause](g)
+    if g.cause == LEVER_ARM and lever_arms_m[g.unit].any():
+        remedy = _other_lever_arm(g, lever_arms_m[g.unit]) or remedy
     if g.moved:
         text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
@@ -111,6 +119,20 @@ def _lever_arm(g: Group) -> tuple[str, str]:
         f"observed positions{_whose(g)} are shifted by {values} m along the axes of the camera",
         "is the lever arm (`lever_arm`) or the clock wrong?",
     )
+
+
+def _other_lever_arm(g: Group, given_m: Float) -> str:
+    """How the lever arm that was given is to be read to explain the shift; empty where no reading does."""
+    limit = float(chdtri(3, OTHER_LEVER_ARM))
+    for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2)):
+        for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
+            read_m = factor * np.array(signs) * given_m
+            if (((given_m + g.value - read_m) / g.sigma) ** 2).sum() <= limit:
+                turned = [axis for axis, sign, m in zip("xyz", signs, given_m) if sign < 0 and m]
+                how = f" with the opposite sign of {', '.join(turned)}" if turned else ""
+                arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)
+                return f"the lever arm given fits read{unit}{how}: {arm} m; give `lever_arm` so, in m"
+    return ""
 
 
 def _shift_of_attitudes(g: Group) -> tuple[str, str]:
@@ -216,7 +238,7 @@ _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("position", "height"): _height_of_positions,
     ("position", "shift"): _shift_of_positions,
     ("position", "drift"): _drift_of_positions,
-    ("position", "lever arm"): _lever_arm,
+    ("position", LEVER_ARM): _lever_arm,
     ("attitude", "shift"): _shift_of_attitudes,
     ("attitude", "drift"): _drift_of_attitudes,
     ("attitude", "boresight"): _boresight,

@@ -51,12 +51,12 @@ def findings_after(
         Observations are tested too.
     """
     inputs, result = done.inputs, done.result
+    images, cameras = source.block.images, source.block.cameras
+    named = wrong_groups(groups, dict(zip(cameras.id.tolist(), cameras.lever_arm_m)))
     explained = done.scale != 1.0 or any(map(contradicts, groups))
-    named = wrong_groups(groups)
     cause = next((group for group in named if group.contradicts), None)
     carried = [one.group.sigma0 for one in groups if contradicts(one) and not one.left_out]
     with_cause = min(carried, default=np.inf)
-    images, cameras = source.block.images, source.block.cameras
     return [
         *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
         *named,

@@ -12,6 +12,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from tests.small_blocks import adjusted_by, flown
 from tests.stages.bundle_adjustment.test_bundle_input import CORNERS
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
@@ -259,3 +260,22 @@ def test_what_explains_as_much_once_it_is_adjusted_is_named_too(tmp_path: Path, 
     bundle(block, points, start(true, block), options=BundleOptions(max_sigma0=1e9), context=told)
     (line,) = [text for text in told.warnings if "would explain as much" in text]
     assert "principal distance of camera c" in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "how"),
+    [(-1.0, " with the opposite sign of x, y, z"), ([1, 1, -1], " with the opposite sign of z"), (1e3, " in mm")],
+)
+def test_a_lever_arm_in_another_unit_or_of_another_sign_is_told_with_the_reading_that_fits(
+    tmp_path: Path, factor: float | list[int], how: str
+) -> None:
+    small, arm_m = flown(strips=2, per_strip=4), np.array([0.6, -0.8, -2.0]) / (300 if factor == 1e3 else 1)
+    small.position_m = {i: x + small.rotation[i] @ arm_m for i, x in small.position_m.items()}
+    small.camera["lever_arm"] = (factor * arm_m).tolist()
+    exterior = small.write(tmp_path / "block") / "exterior.csv"
+    lines = exterior.read_text().splitlines()
+    exterior.write_text("\n".join([lines[0] + ",refers_to", *(line + ",antenna" for line in lines[1:]), ""]))
+    warnings = adjusted_by("graph", tmp_path / "block").warnings
+    arm = ", ".join(f"{m:.6g}" for m in arm_m)
+    assert [text for text in warnings if f"the lever arm given fits read{how}: {arm} m" in text]
