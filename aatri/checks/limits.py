@@ -157,6 +157,9 @@ found that scatters by this share of it, and of that of images without any attit
 factor are one: some are the same rotations by other names, and the simplest is told. Fewer images say nothing of a
 convention."""
 
+LARGEST_BORESIGHT_RAD = math.radians(45.0)
+"""Beyond it the camera is nearer to another `mount` than to the one declared."""
+
 UNLIKELY_SIGMAS = 3.0
 """Standard deviations of an angle, three in 1,000 by chance (normal, two-sided), up to which attitudes and mounts are
 poor rather than wrong: nearly all attitudes of a camera with right ones stay below, so that it is never asked."""

@@ -24,9 +24,15 @@ UNITS = {
 }
 """What angles may be in instead, and their factor."""
 
+HEADINGS: dict[str, Callable[[Float], Float]] = {
+    "south": lambda angles: angles + np.array([0.0, 0.0, np.pi]),
+    "east, counter-clockwise": lambda angles: angles * [1, 1, -1] + np.array([0.0, 0.0, np.pi / 2]),
+}
+"""What headings may count from instead of north, and roll, pitch, heading as they are then."""
+
 
 def agreeing_reading(
-    angles_rad: Float, declared: Float, disagreement: Callable[[Float], float]
+    angles_rad: Float, declared: Float, disagreement: Callable[[Float], float], system: str = "omega-phi-kappa"
 ) -> tuple[str, Float] | None:
     """The simplest reading of angles that agrees, its name and R_obs; None if none does.
 
@@ -37,8 +43,10 @@ def agreeing_reading(
         R_obs as declared.
     disagreement : callable
         Of R_obs (n, 3, 3), rad.
+    system : str
+        As declared.
     """
-    readings = [(disagreement(R), what, R) for what, R in readings_of(angles_rad)]
+    readings = [(disagreement(R), what, R) for what, R in readings_of(angles_rad, system)]
     least = min(value for value, *_ in readings)
     best, what, R = next(reading for reading in readings if reading[0] <= SAME_READING * least)
     alike = np.broadcast_to(np.eye(3), declared.shape)
@@ -57,8 +65,8 @@ def unlikely_turns(differences_rad: Float, sigma_rad: Float) -> Float:
     return np.asarray(np.linalg.norm(np.maximum(np.abs(differences_rad) - allowed, 0.0), axis=-1))
 
 
-def readings_of(angles: Float) -> Iterator[tuple[str, Float]]:
-    """The same angles in other conventions: what it is called, and R_obs; the simplest first."""
+def readings_of(angles: Float, declared: str) -> Iterator[tuple[str, Float]]:
+    """The same angles in other conventions than declared: what it is called, and R_obs; the simplest first."""
     names = {
         "omega-phi-kappa": ("omega", "phi", "kappa"),
         "phi-omega-kappa": ("phi", "omega", "kappa"),
@@ -70,6 +78,8 @@ def readings_of(angles: Float) -> Iterator[tuple[str, Float]]:
         R = R.swapaxes(1, 2) if transposed else R
         return NED @ R @ body_from_mount(np.zeros(len(R))) if system == "roll-pitch-heading" else R
 
+    for what, turn in HEADINGS.items() if declared == "roll-pitch-heading" else ():
+        yield f"roll-pitch-heading with heading counted from {what}", observed(turn(angles), "roll-pitch-heading")
     flips = sorted(itertools.product((1, -1), repeat=3), key=lambda s: -sum(s))
     for transposed, signs, system in itertools.product((False, True), flips, names):
         turned = [name for name, sign in zip(names[system], signs) if sign < 0]

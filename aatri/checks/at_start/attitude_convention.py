@@ -7,7 +7,8 @@ Test: the b of a camera, less `UNLIKELY_SIGMAS` of the angles, scatter by more t
 or in nine of ten, as one strip of three flown the other way does. Then the reading is
 proposed in which they agree (`angle_readings`); by nine of ten where the others agree in it as well as before, and
 `FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
-common, its boresight, is tested after the adjustment, with the covariance of the orientations.
+common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
+lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges.
 """
 
 from functools import partial
@@ -20,14 +21,16 @@ from aatri.checks.at_start.angle_readings import agreeing_reading, unlikely_turn
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import (
     FEWEST_ATTITUDES,
+    LARGEST_BORESIGHT_RAD,
     SAME_READING,
     SHARES_OF_ATTITUDES,
     WRONG_ATTITUDES_RAD,
 )
-from aatri.geometry.rotations import log_rotation, nearest_rotation
+from aatri.geometry.rotations import exp_rotation, log_rotation, nearest_rotation
 from aatri.observations.angle_differences import whole_differences
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.attitudes import Attitudes, attitudes_of
+from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
@@ -51,6 +54,7 @@ def attitude_conventions(
     if not used:
         return []
     block, rows = source.block, attitudes_of(source)
+    unknowns = [u for o in inputs.observed for u in o.unknowns if u.name == BORESIGHT]
     rotation = rows.axes.swapaxes(1, 2) @ state[POSE].ground_from_image[rows.image]
     usable = finite_rows(rotation) & finite_rows(rows.observed) & np.isin(rows.row, np.concatenate(used))
     findings = list[Finding]()
@@ -60,8 +64,30 @@ def attitude_conventions(
             continue
         angles_rad, name = block.exterior.angles_rad[rows.row[of_camera]], str(block.cameras.id[camera])
         seen = _of_camera(block.rotation, name, angles_rad, rows.take(of_camera), rotation[of_camera], before)
+        if seen is None and before and not any(u.free[camera].any() for u in unknowns):
+            boresight, mount_deg = exp_rotation(block.cameras.boresight_rad[camera]), block.cameras.mount_deg[camera]
+            unturned = rotation[of_camera] @ boresight.T
+            seen = _turned_alike(block.rotation, name, float(mount_deg), rows.take(of_camera), unturned)
         findings += [] if seen is None else [seen]
     return findings
+
+
+def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes, rotation: Float) -> Finding | None:
+    """An error where the attitudes of a camera lack one turn that is no boresight, (n, 3, 3) without the boresight."""
+    common = _lacking(rows.observed, rotation)[1]
+    about_deg = np.degrees(log_rotation(common))
+    if np.linalg.norm(about_deg) <= np.degrees(LARGEST_BORESIGHT_RAD):
+        return None
+    turn = ", ".join(f"{angle:.1f}" for angle in about_deg.round(1) + 0.0)
+    text = f"attitudes as {declared} lack one turn from the orientations of all images, of {turn} deg about the axes "
+    text += "of the camera: no boresight"
+    remedy = "check the angle system and how the camera is mounted (mount, rigs in block.yaml)"
+    quarter = 90.0 * np.round(about_deg[2] / 90.0)
+    if np.abs(about_deg - [0.0, 0.0, quarter]).max() < 0.5 * np.degrees(LARGEST_BORESIGHT_RAD):
+        by_body, mount = declared == "roll-pitch-heading", (mount_deg - quarter) % 360
+        remedy = f"give `mount: {mount:.0f}`" if by_body else f"add {quarter % 360:.0f} deg to kappa"
+        remedy += ", if it is image x that points another way"
+    return Finding("attitude_convention", "error", text, remedy, where=f"camera {camera}")
 
 
 def _of_camera(
@@ -78,7 +104,8 @@ def _of_camera(
         text = f"attitudes as {declared} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
         text += "beyond any common offset"
         place = f"camera {camera}"
-        reading = agreeing_reading(angles_rad, rows.observed, partial(_scatter, rotation=rotation, share=share))
+        scatter_of = partial(_scatter, rotation=rotation, share=share)
+        reading = agreeing_reading(angles_rad, rows.observed, scatter_of, declared)
         if reading is not None and (share <= 0.5 or (too_many and _suits_others(rows.observed, reading[1], rotation))):
             level: Level = "error" if before else "warning"
             text += f"; read as {reading[0]} they agree to {np.degrees(_scatter(reading[1], rotation, share)):.2g} deg"

@@ -83,14 +83,14 @@ def _of_attitudes(true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tup
     block: Any = SimpleNamespace(
         exterior=exterior,
         images=SimpleNamespace(active=np.ones(n, bool), camera=np.zeros(n, int)),
-        cameras=SimpleNamespace(id=np.array(["c"]), mount_deg=np.zeros(1)),
+        cameras=SimpleNamespace(id=np.array(["c"]), mount_deg=np.zeros(1), boresight_rad=np.zeros((1, 3))),
         rotation="omega-phi-kappa",
     )
     rotation = Rotation.from_euler("XYZ", true_deg, degrees=True).as_matrix()
     state = {POSE: Poses(np.zeros((n, 3)), rotation)}
     records = SimpleNamespace(active=np.ones(n, bool))
     inputs: Any = SimpleNamespace(
-        observed=[SimpleNamespace(kind="attitude", exact=False, row=np.arange(n), records=records)]
+        observed=[SimpleNamespace(kind="attitude", exact=False, row=np.arange(n), records=records, unknowns=())]
     )
     return attitude_conventions(ObservationSource(block, None, np.zeros(3), state), inputs, state, before=True)
 
@@ -133,3 +133,14 @@ def test_a_strip_in_which_alone_the_convention_shows_is_told_of() -> None:
     true[6:, 0] = 8.0
     (error,) = _of_attitudes(true, (true + rng.normal(size=(9, 3)) * 0.01) * [-1, 1, 1], (0.01, 0.01, 0.01))
     assert "read as omega-phi-kappa with omega of opposite sign" in error.sentence
+
+
+def test_attitudes_that_all_lack_one_turn_too_large_for_a_boresight_are_refused_with_it() -> None:
+    true, rng = _near_vertical(9, 30.0, 3.0)
+    noise = rng.normal(size=(9, 3)) * 0.01
+    (error,) = _of_attitudes(true, true + noise + [0.0, 0.0, 180.0], (0.01, 0.01, 0.01))
+    assert error.level == "error"
+    assert "add 180 deg to kappa" in error.remedy
+    (error,) = _of_attitudes(true, true + noise - [0.0, 0.0, 90.0], (0.01, 0.01, 0.01))
+    assert "add 90 deg to kappa" in error.remedy
+    assert not _of_attitudes(true, true + noise + [0.0, 0.0, 5.0], (0.01, 0.01, 0.01))

@@ -104,8 +104,9 @@ def test_a_small_offset_is_told_after_the_adjustment_and_a_right_one_is_not() ->
 
 def mirrored(block: Block, how: str) -> Block:
     """The block with attitudes declared or written otherwise than they are."""
-    factor = {"kappa": [1, 1, -1], "omega": [-1, 1, 1], "all": -1, "milli": 1000, "degrees": 0.9, "system": 1}[how]
-    e = replace(block.exterior, angles_rad=block.exterior.angles_rad * np.array(factor))
+    factors = {"kappa": [1, 1, -1], "omega": [-1, 1, 1], "all": -1, "milli": 1000, "degrees": 0.9}
+    turn = [0.0, 0.0, np.pi if how == "south" else 0.0]
+    e = replace(block.exterior, angles_rad=block.exterior.angles_rad * np.array(factors.get(how, 1)) + turn)
     return replace(block, exterior=e, rotation="omega-phi-kappa" if how == "system" else block.rotation)
 
 
@@ -118,6 +119,7 @@ def mirrored(block: Block, how: str) -> Block:
         ("roll-pitch-heading", "system", "roll-pitch-heading"),
         ("roll-pitch-heading", "kappa", "heading of opposite sign"),
         ("roll-pitch-heading", "all", "roll, pitch, heading of opposite sign"),
+        ("roll-pitch-heading", "south", "roll-pitch-heading with heading counted from south"),
         ("omega-phi-kappa", "milli", "omega-phi-kappa in thousandths of the unit declared"),
         ("phi-omega-kappa", "degrees", "phi-omega-kappa in degrees, declared as gon"),
     ],
@@ -139,6 +141,14 @@ def test_a_mirrored_convention_is_recognised_and_the_right_one_proposed(system: 
     with pytest.raises(InputError, match="beyond any common offset") as error:
         bundle(wrong, calibrated(wrong), start_of(block))
     assert f"read as {proposed}" in str(error.value) or f"with {proposed}" in str(error.value)
+
+
+def test_a_mount_that_is_a_quarter_off_is_refused_with_the_right_one() -> None:
+    block = flown(3, rotation="roll-pitch-heading", boresight="known")
+    wrong = replace(block, cameras=replace(block.cameras, mount_deg=np.zeros(1, np.int32)))
+    with pytest.raises(InputError, match="no boresight") as error:
+        bundle(wrong, calibrated(wrong), start_of(block))
+    assert f"`mount: {block.cameras.mount_deg[0]}`" in str(error.value)
 
 
 @pytest.mark.slow
