@@ -147,9 +147,9 @@ GEOID_SLOPE = 5e-5
 (Torge, Geodesy). A block whose heights lean by it leans as a whole: what is observed high above ground moves in
 plan."""
 
-FEWEST_OF_CONVENTION, BETTER_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 20.0
-"""Values of a kind that tell a convention; ratio of the median differences from which on another one is told; medians
-below so many standard deviations are no reason to look (starts are approximate)."""
+FEWEST_OF_CONVENTION, BETTER_CONVENTION, CERTAIN_CONVENTION, POOR_CONVENTION_SIGMAS = 4, 5.0, 50.0, 20.0
+"""Values of a kind that tell a convention; ratios of the median differences from which on another one is told, and is
+certain: starts are good to 2 %; medians below so many standard deviations are no reason to look."""
 
 WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.radians(1.0), 0.2, 1.2, 3
 """Attitudes that scatter by more (the worst MEMS units are good to 0.5 degrees) are in another convention, if one is

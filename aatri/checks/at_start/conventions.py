@@ -4,17 +4,26 @@
 
 Seen: residuals of a whole kind that are all off, a network turned over or mirrored.
 Test: each kind is held against the start with its values as they are and as they would be in other conventions; where
-another one fits five times better, and the values as declared are 20 sigma off, the kind is named. Nothing is changed.
+another one fits five times better, and the values as declared are 20 sigma off, the kind is named; where it fits
+`CERTAIN_CONVENTION` times better the bundle does not begin, as it would reject good image points for them. Sets with
+covariances, as of portable frames, each have a unit of their own.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from aatri.arrays import Float, Text
+from aatri.adapters.imported import read_at
+from aatri.arrays import Float, Int, Text
+from aatri.artifacts.block import Block
 from aatri.artifacts.block_control import Geodetic
-from aatri.checks.finding import Finding
-from aatri.checks.limits import BETTER_CONVENTION, FEWEST_OF_CONVENTION, POOR_CONVENTION_SIGMAS
+from aatri.checks.finding import Finding, Level
+from aatri.checks.limits import (
+    BETTER_CONVENTION,
+    CERTAIN_CONVENTION,
+    FEWEST_OF_CONVENTION,
+    POOR_CONVENTION_SIGMAS,
+)
 from aatri.observations.geodetic import differences, directions, distances, zenith_angles
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput, start_of
@@ -22,6 +31,11 @@ from aatri.units import FOOT_M
 
 Other = Callable[[Float], Float]
 GON: dict[str, Other] = {"gon, read as degrees": lambda v: 0.9 * v, "degrees, read as gon": lambda v: v / 0.9}
+LENGTHS: dict[str, Other] = {
+    "in mm": lambda v: 1e-3 * v,
+    "in cm": lambda v: 1e-2 * v,
+    "in feet": lambda v: FOOT_M * v,
+}
 OTHERS: dict[str, dict[str, Other]] = {
     directions.DIRECTION: {"counted counter-clockwise": lambda v: -v, **GON},
     directions.AZIMUTH: {
@@ -33,43 +47,48 @@ OTHERS: dict[str, dict[str, Other]] = {
     directions.ANGLE: {"counted counter-clockwise": lambda v: -v, **GON},
     zenith_angles.KIND: {"elevations": lambda v: np.pi / 2 - v, **GON},
     differences.HEIGHT_DIFFERENCE: {"of opposite sign": lambda v: -v, "in feet": lambda v: FOOT_M * v},
-    distances.KIND: {"in feet": lambda v: FOOT_M * v},
-    distances.HORIZONTAL: {"in feet": lambda v: FOOT_M * v},
+    distances.KIND: LENGTHS,
+    distances.HORIZONTAL: LENGTHS,
 }
 """By kind: what its values may be instead, and their change."""
 
 
-def other_conventions(table: Geodetic, inputs: BundleInput) -> list[Finding]:
-    """Warnings of kinds of geodetic observations that fit the start far better in another convention."""
+def other_conventions(block: Block, inputs: BundleInput) -> list[Finding]:
+    """Kinds of geodetic observations, and portable frames, that fit the start far better in another convention."""
+    table = block.geodetic
     if not len(table):
         return []
     state, findings = start_of(inputs), list[Finding]()
     for o in inputs.observed:
-        if o.kind not in OTHERS or len(o) < FEWEST_OF_CONVENTION or o.records.rows != 1:
+        rows = o.row[:, None] if o.set_rows is None else o.set_rows
+        if o.kind not in OTHERS or rows.shape[1] != o.records.rows:
             continue
         with np.errstate(invalid="ignore", divide="ignore"):
-            v = o.records.residuals(state)[:, 0]
-        value = table.value[o.row]
-        sets = table.set[o.row] if o.kind == directions.DIRECTION else np.array([])
-        observed = np.isfinite(v)
-        if observed.sum() < FEWEST_OF_CONVENTION:
-            continue
-        findings += _of_kind(o, (v + value)[observed], value[observed], sets[observed] if len(sets) else sets)
+            v = o.records.residuals(state)
+        apart = [slice(None)] if o.set_rows is None else [slice(k, k + 1) for k in range(len(o))]
+        for unit in apart:  # a kind, or each set with covariances
+            observed = np.isfinite(v[unit])
+            if observed.sum() >= FEWEST_OF_CONVENTION:
+                of_set = o.set_rows is not None
+                where = read_at(block, table, int(rows[unit][0, 0])) if of_set else ""
+                findings += _of_rows(o, table, v[unit][observed], rows[unit][observed], where)
     return findings
 
 
-def _of_kind(o: Observed, computed: Float, value: Float, sets: Text) -> list[Finding]:
-    angular = o.unit == "rad"
+def _of_rows(o: Observed, table: Geodetic, v: Float, rows: Int, where: str) -> list[Finding]:
+    value, angular = table.value[rows], o.unit == "rad"
+    sets, computed = table.set[rows] if o.kind == directions.DIRECTION else np.array([]), v + value
     size = {"": _median(computed - value, angular, sets)}
     size |= {name: _median(computed - change(value), angular, sets) for name, change in OTHERS[o.kind].items()}
-    best = min(size, key=lambda name: size[name])
-    sigma = float(np.nanmedian(o.sigmas()))
+    best, sigma = min(size, key=lambda name: size[name]), float(np.nanmedian(table.sigma[rows]))
     if not best or size[""] < BETTER_CONVENTION * size[best] or size[""] < POOR_CONVENTION_SIGMAS * sigma:
         return []
     text = f"the {len(value)} values look like {'values ' if best[0] in 'cio' else ''}{best}: so they are "
     text += f"{size[best]:.2g} {o.unit} from the start in the median, as declared {size['']:.2g} {o.unit}"
-    remedy = "declare them so, or convert them"
-    return [Finding("conventions", "warning", text, remedy, where=o.kind, statistic=size[""] / max(size[best], 1e-300))]
+    ratio = size[""] / max(size[best], 1e-300)
+    level: Level = "error" if ratio > CERTAIN_CONVENTION else "warning"
+    where = f"{where}: {o.kind}" if where else o.kind
+    return [Finding("conventions", level, text, "declare them so, or convert them", where=where, statistic=ratio)]
 
 
 def _median(e: Float, angular: bool, sets: Text) -> float:

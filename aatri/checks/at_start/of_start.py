@@ -34,7 +34,7 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     xyz = inputs.xyz_m + inputs.origin_m
     xyz = xyz if frame is None else frame.to_block(xyz)
     findings: list[Finding | Note] = [
-        *other_conventions(block.geodetic, inputs),
+        *other_conventions(block, inputs),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),
     ]
     if len(block.relative_control):

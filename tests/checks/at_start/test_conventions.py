@@ -37,7 +37,7 @@ SURVEY = {
 
 def _told(block: Block) -> list[str]:
     given = bundle_input(observation_source(block, calibrated(block), None), BundleOptions())
-    return [str(found) for found in other_conventions(block.geodetic, given)]
+    return [str(found) for found in other_conventions(block, given)]
 
 
 @pytest.mark.slow(after=1)

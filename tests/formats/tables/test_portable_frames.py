@@ -35,7 +35,7 @@ def made() -> Small:
     return small
 
 
-def written(small: Small, folder: Path, sigma_m: float = 0.005, **cells: Any) -> Path:
+def written(small: Small, folder: Path, sigma_m: float = 0.005, unit_m: float = 1.0, **cells: Any) -> Path:
     """The block with the marks in axes of their own."""
     small.write(folder)
     head = yaml.safe_load((folder / "block.yaml").read_text())
@@ -47,10 +47,9 @@ def written(small: Small, folder: Path, sigma_m: float = 0.005, **cells: Any) ->
     for k, (name, marks) in enumerate(BODIES.items()):
         R = Rotation.from_rotvec([0.3 + k, -0.5, 1.0]).as_matrix()
         for p in marks:
-            x = (small.xyz_m[p] - small.xyz_m[marks[0]]) @ R.T
+            x, sigma = (small.xyz_m[p] - small.xyz_m[marks[0]]) @ R.T / unit_m, sigma_m / unit_m
             lines.append(
-                f"{p}," + ",".join(map(repr, x.tolist())) + f",{sigma_m},{sigma_m},{sigma_m},"
-                f"{cells.get('role', '')},{name}"
+                f"{p}," + ",".join(map(repr, x.tolist())) + f",{sigma},{sigma},{sigma},{cells.get('role', '')},{name}"
             )
     path.write_text("\n".join([*lines, ""]))
     return folder
@@ -140,6 +139,17 @@ def rejected_rays(solution: Solution) -> set[tuple[str, str]]:
     s = solution.suspects
     rays = np.flatnonzero((s.kind == "image_point") & staying_out(s))
     return set(zip(s.image[rays].tolist(), s.point[rays].tolist()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("chain", "unit_m", "said"), [("default", 1e-3, "in mm"), ("graph", 1e-2, "in cm")])
+def test_frames_in_another_unit_are_refused_with_it_and_blame_no_ray(
+    tmp_path: Path, chain: str, unit_m: float, said: str
+) -> None:
+    with pytest.raises(AatriError, match=f"look like values {said}") as error:
+        adjusted_by(chain, written(made(), tmp_path / "block", unit_m=unit_m))
+    assert "ground_points.csv:6: distance: the 9 values" in str(error.value)  # the solid one
+    assert "ground_points.csv:11: distance: the 5 values" in str(error.value)  # the flat one
 
 
 def test_what_is_wrong_with_a_frame_is_an_error_with_its_line(tmp_path: Path) -> None:
