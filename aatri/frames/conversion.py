@@ -60,9 +60,21 @@ def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> t
     InputError
         If pyproj is not installed, a frame is local or not understood, or a transformation grid is missing.
     """
+    converted, derivative = with_derivatives(xyz, source, target)
+    covariance = in_right_handed_order(covariance_m2, source.axes)
+    return converted, derivative @ covariance @ derivative.transpose(0, 2, 1)
+
+
+def with_derivatives(xyz: Float, source: Frame, target: Frame) -> tuple[Float, Float]:
+    """Coordinates converted as by `convert`, and their derivatives by metres along the right-handed axes of the source.
+
+    Returns
+    -------
+    xyz : (n, 3) float64, m
+    derivatives : (n, 3, 3) float64
+    """
     transformer = transformer_between(source, target)
     ordered = in_right_handed_order(xyz, source.axes)
-    covariance = in_right_handed_order(covariance_m2, source.axes)
     converted = _apply(transformer, ordered, source, target)
     step = np.full(len(ordered), _STEP_M / _DEGREE_M) if source.geographic else np.full(len(ordered), _STEP_M)
     columns = []
@@ -76,8 +88,7 @@ def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> t
         change = ahead - back
         length = _apart(source, ordered + shift, ordered - shift) if source.geographic else 2 * _STEP_M
         columns.append(change / length)
-    derivative = np.stack(columns, axis=-1)
-    return converted, derivative @ covariance @ derivative.transpose(0, 2, 1)
+    return converted, np.stack(columns, axis=-1)
 
 
 def _apart(source: Frame, a: Float, b: Float) -> Float:

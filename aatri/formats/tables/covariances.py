@@ -108,9 +108,17 @@ def with_own_covariances(table: CsvTable, covariances: CsvTable | None) -> CsvTa
 
 
 def ground_point_covariances(
-    source: Source, table: CsvTable, covariances: CsvTable | None, frame: Int, xyz_m: Float, covariance_m2: Float
+    source: Source,
+    table: CsvTable,
+    covariances: CsvTable | None,
+    frame: Int,
+    xyz_m: Float,
+    covariance_m2: Float,
+    derivatives: Float,
 ) -> dict[str, Any]:
     """Covariances between two points, by rows of ground_points.csv and right-handed axes; nothing where none are.
+
+    Those along the axes of other frames are converted as the points are: C_ab = D_a C D_b'.
 
     Parameters
     ----------
@@ -118,8 +126,8 @@ def ground_point_covariances(
         ground_points.csv.
     frame : (n,) int
         Frame of each of its rows.
-    xyz_m, covariance_m2 : (n, 3), (n, 3, 3) float64
-        Coordinates of its rows in right-handed axes, and their own covariances.
+    xyz_m, covariance_m2, derivatives : (n, 3), (n, 3, 3), (n, 3, 3) float64
+        Coordinates of its rows in right-handed axes of the first frame, their own covariances, and D.
     """
     chosen = _of(covariances, "ground_points")
     if covariances is None or not len(chosen):
@@ -127,14 +135,9 @@ def ground_point_covariances(
     before = len(source.problems)
     row, axis = _places(covariances, table)
     chosen = chosen[row[chosen, 0] != row[chosen, 1]]
-    covariances.complain(
-        chosen[(frame[row[chosen]] > 0).any(axis=1)],
-        "row_a",
-        "a point of another frame than the first",
-        "covariances between points are read in the first frame only",
-    )
-    axes = next(iter(source.settings.frames.values())).axes
-    row, axis = row[chosen], np.argsort(columns_in_order(axes))[axis[chosen]]
+    orders = np.array([np.argsort(columns_in_order(f.axes)) for f in source.settings.frames.values()])
+    row = row[chosen]
+    axis = orders[frame[row], axis[chosen]]
     variance = np.einsum("nii->ni", covariance_m2)
     for side, name in enumerate(("row_a", "row_b")):
         unknown = np.isnan(xyz_m[row[:, side], axis[:, side]])
@@ -150,7 +153,28 @@ def ground_point_covariances(
         return {}
     _refuse_repeats(covariances, chosen, np.sort(3 * row + axis, axis=1))
     value = covariances.number["value"][chosen] * source.settings.units.sigma_ground_m**2
+    row, axis, value = _in_the_first_frame(row, axis, value, frame, derivatives)
     return {"row_a": row[:, 0], "axis_a": axis[:, 0], "row_b": row[:, 1], "axis_b": axis[:, 1], "value": value}
+
+
+def _in_the_first_frame(row: Int, axis: Int, value: Float, frame: Int, derivatives: Float) -> tuple[Int, Int, Float]:
+    """Covariances of two coordinates each, (k, 2) rows and axes: of points of other frames all nine of a pair."""
+    other = (frame[row] > 0).any(axis=1)
+    if not other.any():
+        return row, axis, value
+    turned = row[other, 0] > row[other, 1]
+    pair_row, pair_axis = row[other], axis[other]
+    pair_row[turned], pair_axis[turned] = pair_row[turned][:, ::-1], pair_axis[turned][:, ::-1]
+    pairs, of_pair = np.unique(pair_row, axis=0, return_inverse=True)
+    C = np.zeros((len(pairs), 3, 3))
+    C[of_pair.ravel(), pair_axis[:, 0], pair_axis[:, 1]] = value[other]
+    C = derivatives[pairs[:, 0]] @ C @ derivatives[pairs[:, 1]].transpose(0, 2, 1)
+    axes = np.stack(np.meshgrid(range(3), range(3), indexing="ij"), axis=-1).reshape(9, 2)
+    return (
+        np.concatenate([row[~other], np.repeat(pairs, 9, axis=0)]),
+        np.concatenate([axis[~other], np.tile(axes, (len(pairs), 1))]),
+        np.concatenate([value[~other], C.ravel()]),
+    )
 
 
 def _of(table: CsvTable | None, name: str) -> Int:

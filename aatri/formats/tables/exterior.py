@@ -34,7 +34,7 @@ def exterior_columns(source: Source, images: Iterable[str]) -> dict[str, Any]:
     if default is not None:
         sigma = np.where(np.isnan(sigma), default, sigma)
     sigma[(position_use == 0)[:, None] | np.isnan(xyz)] = np.nan
-    xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
+    xyz, covariance, _ = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
     return columns | {
         "position_m": xyz,
         "position_covariance_m2": covariance,

@@ -56,11 +56,11 @@ def ground_point_columns(
     if source.problems:
         return {}, {}
     warn_of_unusual(source, table, sigma)
-    xyz, covariance = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
+    xyz, covariance, by_own = positions(source, table, frame, xyz, covariance_m2(source, table, sigma))
     columns = source.columns(table, GROUND_POINTS)
     columns |= {"xyz_m": xyz, "covariance_m2": covariance, "role": in_own_order(source, frame, role)}
     _warn_of_same_place(source, table, columns)
-    return columns, ground_point_covariances(source, table, covariances, frame, xyz, covariance)
+    return columns, ground_point_covariances(source, table, covariances, frame, xyz, covariance, by_own)
 
 
 def _refuse_all_approximate(source: Source, table: CsvTable, role: Int, sigma: Float) -> None:

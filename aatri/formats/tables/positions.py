@@ -19,7 +19,7 @@ from aatri.formats.tables.source import Source, look_up
 from aatri.formats.text.csv_table import CsvTable
 from aatri.frames.axes import columns_in_order, in_right_handed_order
 from aatri.frames.checks import out_of_range
-from aatri.frames.conversion import Frame, convert
+from aatri.frames.conversion import Frame, with_derivatives
 from aatri.ids import several
 
 
@@ -79,12 +79,21 @@ def covariance_m2(source: Source, table: CsvTable, sigma: Float) -> Float:
     return covariance
 
 
-def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covariance: Float) -> tuple[Float, Float]:
-    """Coordinates and covariances in the right-handed axes of the first frame, m."""
+def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covariance: Float) -> tuple[Float, Float, Float]:
+    """Coordinates and covariances in the right-handed axes of the first frame, m.
+
+    Returns
+    -------
+    xyz_m : (n, 3) float64, m
+    covariance_m2 : (n, 3, 3) float64, m^2
+    derivatives : (n, 3, 3) float64
+        Of these coordinates by those in the right-handed axes of their own frame, in m.
+    """
     frames = [Frame(name, tuple(f.axes), f.crs, f.vertical) for name, f in source.settings.frames.items()]
     unit = source.settings.units.ground_m
     result = in_right_handed_order(xyz * unit, frames[0].axes)
     result_covariance = in_right_handed_order(covariance, frames[0].axes)
+    derivatives = np.tile(np.eye(3), (len(xyz), 1, 1))
     for number in np.unique(frame[frame > 0]).tolist():
         rows = np.flatnonzero((frame == number) & np.isfinite(xyz).any(axis=1))
         partial = rows[~np.isfinite(xyz[rows]).all(axis=1)]
@@ -110,8 +119,8 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
         unknown = np.isnan(np.einsum("nii->ni", in_right_handed_order(covariance[rows], frames[0].axes)))
         try:
             undulation = None if number == source.default_frame else source.settings.undulation
-            own = np.nan_to_num(covariance[rows])
-            moved, spread, levelled = _moved(places, own, frames[number], frames[0], undulation)
+            own = in_right_handed_order(np.nan_to_num(covariance[rows]), frames[number].axes)
+            moved, D, levelled = _moved(places, frames[number], frames[0], undulation)
         except AatriError as error:
             where = table.where(int(rows[0]), "frame") if len(rows) else str(table.path)
             table.problems.add(error.what, where, error.remedy)
@@ -119,32 +128,31 @@ def positions(source: Source, table: CsvTable, frame: Int, xyz: Float, covarianc
         source.levelled.update([frames[number].name] * levelled)
         absent = np.isnan(in_right_handed_order(xyz[rows], frames[number].axes))
         result[rows] = np.where(absent, np.nan, moved)
-        spread = _with_square_variances(spread)
+        derivatives[rows] = D
+        spread = _with_square_variances(D @ own @ D.transpose(0, 2, 1))
         spread[unknown[:, :, None] | unknown[:, None, :]] = np.nan
         result_covariance[rows] = spread
-    return result, result_covariance
+    return result, result_covariance, derivatives
 
 
-def _moved(
-    xyz: Float, covariance: Float, own: Frame, first: Frame, undulation: float | None
-) -> tuple[Float, Float, bool]:
-    """Coordinates and covariances in the first frame, and whether `undulation` stands for a missing geoid grid in them.
+def _moved(xyz: Float, own: Frame, first: Frame, undulation: float | None) -> tuple[Float, Float, bool]:
+    """Coordinates in the first frame, derivatives, and whether `undulation` stands for a missing geoid grid in them.
 
     With it the heights of the first frame are levelled ones, whereas latitude, longitude, height and geocentric
     coordinates have ellipsoidal heights.
     """
     by_grid = bool(first.vertical)
     try:
-        moved, spread = convert(xyz, covariance, own, first)
+        moved, derivatives = with_derivatives(xyz, own, first)
     except AatriError:
         if undulation is None or not by_grid:
             raise
         by_grid = False
-        moved, spread = convert(xyz, covariance, replace(own, vertical=""), replace(first, vertical=""))
+        moved, derivatives = with_derivatives(xyz, replace(own, vertical=""), replace(first, vertical=""))
     ellipsoidal = not own.vertical and ("height" in own.axes or "x" in own.axes)
     if undulation is None or by_grid or not ellipsoidal or "up" not in first.axes:
-        return moved, spread, False
-    return moved - np.array([0.0, 0.0, undulation]), spread, True
+        return moved, derivatives, False
+    return moved - np.array([0.0, 0.0, undulation]), derivatives, True
 
 
 def _as_whole(xyz: Float, axes: Sequence[str], rows: Int) -> tuple[Float, Bool]:

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 
 from aatri.artifacts.block import TRUTH, Block
@@ -111,6 +112,32 @@ def test_covariances_of_control_follow_the_axes_and_the_units(tmp_path: Path) ->
     _same_again(block, tmp_path / "copy")
 
 
+def test_covariances_along_the_axes_of_another_frame_are_converted_as_its_points_are(tmp_path: Path) -> None:
+    """North and east turned by the convergence of the meridians and scaled, by pyproj's own factors."""
+    places = {"A": (40.0, 118.2), "B": (40.05, 119.0)}
+    points = "".join(f"{p},{lat},{lon},0,3,2,2,geo\n" for p, (lat, lon) in places.items())
+    stated = ["A,X,B,X,2.5", "A,X,B,Y,0.5", "B,Z,A,Z,1"]
+    tables = TABLES | {
+        "ground_points.csv": f"point,X,Y,Z,sX,sY,sZ,frame\nC,4430000,600000,3,2,2,2,\n{points}",
+        "covariances.csv": "table,row_a,coord_a,row_b,coord_b,value\n"
+        + "".join(f"ground_points,{c}\n" for c in stated),
+    }
+    block = read_block(_folder(tmp_path / "b", tables))
+    turns = []
+    for lat, lon in places.values():
+        f = pyproj.Proj("EPSG:32650").get_factors(lon, lat)
+        a, k = math.radians(f.meridian_convergence), f.meridional_scale
+        turns.append(
+            np.array([[k * math.cos(a), -k * math.sin(a), 0], [k * math.sin(a), k * math.cos(a), 0], [0, 0, 1]])
+        )
+    C = 1e-4 * np.array([[0, 0, 0], [0.5, 2.5, 0], [0, 0, 1.0]])  # east, north, up of A by those of B
+    rows, found = block.ground_point_covariances, np.zeros((3, 3))
+    found[rows.axis_a, rows.axis_b] = rows.value
+    assert set(block.points.id[block.ground_points.point[rows.row_a]].tolist()) == {"A"}
+    np.testing.assert_allclose(found, turns[0] @ C @ turns[1].T, atol=1e-10)
+    _same_again(block, tmp_path / "copy")
+
+
 def test_a_network_has_neither_images_nor_cameras(tmp_path: Path) -> None:
     block = read_block(_folder(tmp_path / "b", NETWORK))
     assert len(block.images) == len(block.cameras) == len(block.rejects) == 0
@@ -181,11 +208,6 @@ BAD = {
         _replaced("covariances.csv", "Y,0.25", "Y,0.99"),
         "ground_points.csv:3",
         "X of A, Y of A, Y of B is not positive definite",
-    ),
-    "other frame": (
-        {"ground_points.csv": "point,X,Y,Z,sX,sY,sZ,frame\nB,200,20,3,2,2,2,\nA,40,117,5,1,1,,geo\n"},
-        "covariances.csv:",
-        "another frame",
     ),
     "unknown table": (
         _replaced("covariances.csv", "ground_points,A,Z", "grond_points,A,Z"),
