@@ -4,7 +4,8 @@ They are the same whatever the rotation of the image (the face angles of Church'
 axes, zones, heights and principal distances are tried before anything is oriented.
 
 Seen: coordinates in another unit or order, heights that count from another surface, another lens, wrong images.
-Test: the misfit (`control_rays`) of the block is above 5 % with observed positions, 25 % with approximate ones. One
+Test: the misfit (`control_rays`) of the block is above 5 % with observed positions, 25 % with approximate ones, and
+above what the standard deviations of the positions allow. One
 change of everything is looked for that makes it small. Over flat ground the height of the positions and the principal
 distance cannot be told apart. Where the misfit of the block is small, single images are named,
 or single points if these are fewer.
@@ -113,18 +114,19 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
     pairs = pairs_of(rays)
     if len(pairs.image) < FEWEST_ANGLES:
         return None
-    limit = UNFIT_OBSERVED if rays.observed else UNFIT_APPROXIMATE
+    limit = max(UNFIT_OBSERVED if rays.observed else UNFIT_APPROXIMATE, rays.chance)
+    fits = max(FIT_OBSERVED, rays.chance)
     each = misfit_of_images(rays, pairs)
     as_given, images = float(np.median(each)), np.unique(rays.image)
     text = f"angles between rays to control points differ by {_percent(as_given)} from those measured in the images"
     if as_given > limit:
         cause, left = best_cause(rays, pairs)
-        if left < EXPLAINED_ANGLES * as_given and (left < FIT_OBSERVED or not rays.observed):
+        if left < EXPLAINED_ANGLES * as_given and (left < fits or not rays.observed):
             surely = as_given > CERTAIN_MISFIT or (rays.observed and not cause.estimated)
             certain = left < CERTAINLY_EXPLAINED * as_given and surely
             text = f"{text}; {cause.text}, by {_percent(left)}"
             return Contradiction(text, cause.remedy, cause.of, certain, images)
-        if as_given > NOTHING_FITS and rays.observed and (two := exchanged_points(rays, pairs, limit)):
+        if as_given > NOTHING_FITS and rays.observed and (two := exchanged_points(rays, pairs, limit, fits)):
             return _exchanged(text, images, two)
         if as_given > NOTHING_FITS and rays.observed and 0 < len(points_off(rays, pairs, limit)) <= EXCHANGED:
             text += ": one control point may be wrong, or two have each other's coordinates"
@@ -139,12 +141,12 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
     of_single = pairs.take(np.isin(pairs.image, single))
     off, cause = misfit(rays, of_single), _height_or_lens(rays, of_single)
     left = float(misfit_of_images(cause.rays, of_single).max())  # each of them: few have a median by chance
-    if len(of_single.image) >= FEWEST_ANGLES and left < min(EXPLAINED_ANGLES * off, FIT_OBSERVED):
+    if len(of_single.image) >= FEWEST_ANGLES and left < min(EXPLAINED_ANGLES * off, fits):
         text = f"in single images angles between rays to control points differ by {_percent(off)} from those measured"
         remedy = "check their positions, or give them a camera of their own"
         return Contradiction(f"{text}; {cause.text}, by {_percent(left)}", remedy, cause.of, False, single)
     text = f"angles between rays to control points differ by more than {limit:.0%} from those measured"
-    if two := exchanged_points(rays, pairs, limit):
+    if two := exchanged_points(rays, pairs, limit, fits):
         return _exchanged(text, images, two)
     points = points_off(rays, pairs, limit)
     if 0 < len(points) < len(single):
@@ -157,7 +159,7 @@ def _exchanged(text: str, images: Int, two: tuple[int, ...]) -> Contradiction:
     return Contradiction(text, "exchange the coordinates or the ids", "control", False, images[:0], two)
 
 
-def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int, ...]:
+def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float, fit: float) -> tuple[int, ...]:
     """The two control points with whose coordinates exchanged every image fits, rows of `control_m`; else none."""
     off = np.unique(pairs.image)[misfit_of_images(rays, pairs) > limit]
     of_off = pairs.take(np.isin(pairs.image, off))
@@ -166,7 +168,7 @@ def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float) -> tuple[int
         control_m = rays.control_m.copy()
         control_m[list(two)] = control_m[list(two[::-1])]
         exchanged = replace(rays, control_m=control_m)
-        if all(misfit_of_images(exchanged, each).max() < FIT_OBSERVED for each in (of_off, pairs)):
+        if all(misfit_of_images(exchanged, each).max() < fit for each in (of_off, pairs)):
             fits.append(two)
     return fits[0] if len(fits) == 1 else ()
 

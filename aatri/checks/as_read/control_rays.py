@@ -16,7 +16,7 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import OBSERVED_VALUE, Block
 from aatri.camera.pixels import mm_from_pixel
-from aatri.checks.limits import LEAST_ANGLE_RAD, MOST_ANGLE_IMAGES, MOST_ANGLE_POINTS
+from aatri.checks.limits import LEAST_ANGLE_RAD, MOST_ANGLE_IMAGES, MOST_ANGLE_POINTS, UNLIKELY_SIGMAS
 from aatri.observations.control import control_of
 
 
@@ -39,6 +39,16 @@ class ControlRays:
     """(m, 3), m. All of them known."""
     observed: bool = True
     """Most positions are observed, not only approximate."""
+    sigma_m: Float | None = None
+    """(n,), m. Standard deviation of a coordinate of the positions, 0 where none is known; None: of all."""
+
+    @property
+    def chance(self) -> float:
+        """Misfit of a pair that errors of the positions reach by chance: of an angle a / d they change sigma / d."""
+        if self.sigma_m is None or not len(self.image):
+            return 0.0
+        away = np.linalg.norm(self.control_m[self.point] - self.position_m[self.image], axis=1)
+        return float(np.median(UNLIKELY_SIGMAS * self.sigma_m[self.image] / np.maximum(away, 1e-9)))
 
 
 @dataclass(frozen=True)
@@ -122,6 +132,8 @@ def control_rays(block: Block, xy_mm: Float, usable: Bool) -> ControlRays:
     position[block.exterior.image] = block.exterior.position_m
     use = usable & (number[points.point] >= 0) & np.isfinite(position[points.image]).all(axis=1)
     image, camera = points.image[use], block.images.camera[points.image[use]]
+    variance = np.zeros(len(block.images))
+    variance[block.exterior.image] = np.nan_to_num(np.einsum("nii->n", block.exterior.position_covariance_m2) / 3)
     observed = np.isin(image, block.exterior.image[block.exterior.position_use == OBSERVED_VALUE])
     return ControlRays(
         image,
@@ -132,6 +144,7 @@ def control_rays(block: Block, xy_mm: Float, usable: Bool) -> ControlRays:
         position,
         control.xyz_m,
         bool(len(image)) and bool(observed.mean() > 0.5),
+        np.sqrt(np.maximum(variance, 0.0)),
     )
 
 
