@@ -129,9 +129,9 @@ def _other_lever_arm(g: Group, given_m: Float) -> str:
             read_m = factor * np.array(signs) * given_m
             if (((given_m + g.value - read_m) / g.sigma) ** 2).sum() <= limit:
                 turned = [axis for axis, sign, m in zip("xyz", signs, given_m) if sign < 0 and m]
-                how = f" with the opposite sign of {', '.join(turned)}" if turned else ""
+                reading = f" with the opposite sign of {', '.join(turned)}" if turned else ""
                 arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)
-                return f"the lever arm given fits read{unit}{how}: {arm} m; give `lever_arm` so, in m"
+                return f"the lever arm given fits read{unit}{reading}: {arm} m; give `lever_arm` so, in m"
     return ""
 
 

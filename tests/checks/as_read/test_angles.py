@@ -239,8 +239,8 @@ def test_poor_positions_are_held_against_their_standard_deviations() -> None:
         rays = _rays(seed=seed, error_m=60.0)
         assert contradiction(rays) is not None
         assert contradiction(replace(rays, sigma_m=np.full(len(rays.position_m), 60.0))) is None
-    rays = _rays(error_m=8.0, seed=1)
+    rays = _rays(error_m=20.0, seed=0)
     exchanged = rays.control_m.copy()
-    exchanged[[0, 4]] = exchanged[[4, 0]]
-    rays = replace(rays, control_m=exchanged, sigma_m=np.full(len(rays.position_m), 8.0))
-    assert _found(rays).points == (0, 4)
+    exchanged[[4, 5]] = exchanged[[5, 4]]
+    rays = replace(rays, control_m=exchanged, sigma_m=np.full(len(rays.position_m), 20.0))
+    assert _found(rays).points == (4, 5)
