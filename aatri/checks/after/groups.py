@@ -124,6 +124,8 @@ def _lever_arm(g: Group) -> tuple[str, str]:
 def _other_lever_arm(g: Group, given_m: Float) -> str:
     """How the lever arm that was given is to be read to explain the shift; empty where no reading does."""
     limit = float(chdtri(3, OTHER_LEVER_ARM))
+    if ((g.value / g.sigma) ** 2).sum() <= limit:  # as it is
+        return ""
     for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2), (" in feet", 0.3048)):
         for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
             read_m = factor * np.array(signs) * given_m
