@@ -67,22 +67,22 @@ def scalar_of(value: Any) -> Any:
 
 
 def _look_at_all(file: h5py.File, path: Path, size: int) -> None:
-    seen: set[Any] = set()
+    seen: set[int] = set()
     declared, waiting = 0, [(file.id, "", 0)]
     _attributes(file.id, str(path))
     while waiting:
         group, name, depth = waiting.pop()
         for key in group:
             where = f"{path}:{name}/{clipped(key.decode('utf-8', 'replace'))}".replace(":/", ":")
-            if group.links.get_info(key).type != h5py.h5l.TYPE_HARD:
+            link = group.links.get_info(key)
+            if link.type != h5py.h5l.TYPE_HARD:
                 raise ArtifactError("a link to elsewhere", where=where)
-            inner = h5py.h5o.open(group, key)
-            about = h5py.h5o.get_info(inner)
-            if (place := (about.fileno, about.addr)) in seen:
+            if link.u in seen:  # the address of what it leads to
                 raise ArtifactError("the same thing under two names", where=where)
-            seen.add(place)
+            seen.add(link.u)
             if len(seen) > MAX_OBJECTS:
                 raise ArtifactError(f"more than {MAX_OBJECTS} tables and columns", where=str(path))
+            inner = h5py.h5o.open(group, key)
             _attributes(inner, where)
             if isinstance(inner, h5py.h5d.DatasetID) and depth == 1:
                 declared += _dataset(inner, where)
@@ -97,7 +97,8 @@ def _look_at_all(file: h5py.File, path: Path, size: int) -> None:
 def _dataset(column: h5py.h5d.DatasetID, where: str) -> int:
     """Bytes that a column declares, the memory of its chunks included."""
     creation = column.get_create_plist()
-    if creation.get_layout() not in _LAYOUTS or creation.get_external_count():
+    layout = creation.get_layout()
+    if layout not in _LAYOUTS or creation.get_external_count():
         raise ArtifactError("stored in another file", where=where)
     filters = [creation.get_filter(k)[0] for k in range(creation.get_nfilters())]
     if not set(filters) <= FILTERS or len(set(filters)) < len(filters):
@@ -105,9 +106,10 @@ def _dataset(column: h5py.h5d.DatasetID, where: str) -> int:
     shape = column.shape
     if not shape or len(shape) > 4:
         raise ArtifactError("not a column: it has no rows", where=where)
-    _dtype(column.get_type(), where)
-    item = column.get_type().get_size()
-    chunk = creation.get_chunk() if creation.get_layout() == h5py.h5d.CHUNKED else ()
+    kind = column.get_type()
+    _dtype(kind, where)
+    item = kind.get_size()
+    chunk = creation.get_chunk() if layout == h5py.h5d.CHUNKED else ()
     return _product(shape, item) + _product(chunk, item)
 
 

@@ -16,9 +16,9 @@ from aatri.cli.main import app
 RECIPES = sorted((Path(__file__).parents[2] / "docs" / "recipes").glob("*.yaml"))
 SMALL = (
     "flight.strips=3",
-    "flight.images_per_strip=6",
+    "flight.images_per_strip=5",
     "flight.cross_strips=1",
-    "ties.new_points=300",
+    "ties.new_points=120",
     "known.full=12",
     "known.check_full=6",
 )

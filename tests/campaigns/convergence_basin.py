@@ -1,6 +1,6 @@
 """How far the start of a bundle adjustment may be from its end: a grid of start errors over random blocks.
 
-    python -m tests.campaigns.convergence_basin 20 [--first 0] [--without-positions]
+    python -m tests.campaigns.convergence_basin 20 [--first 0] [--without-positions] [--few]
 
 Well-posed blocks: three strips of four images, 60 % overlap both ways, control, observed positions. Every image is
 turned by the given angle about a random axis, every position moved by a normal error of the given share of the flying
@@ -38,6 +38,10 @@ ANGLES_DEG = (0.0, 10.0, 30.0, 45.0, 60.0)
 SHARES = (0.0, 0.1, 0.3, 0.5)
 FACTORS = (0.5, 0.7, 1.0, 2.0, 4.0, 8.0, 32.0)
 TURNED_DEG = (0.0, 30.0)
+Grid = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+WHOLE: Grid = (ANGLES_DEG, SHARES, FACTORS)
+FEW: Grid = (ANGLES_DEG[::2], SHARES[::3], FACTORS[::3])
+"""Ends and middle of the grid."""
 MAX_ITERATIONS = 100
 
 
@@ -119,23 +123,24 @@ def without_positions(given: Parts) -> Parts:
     )
 
 
-def grid(seeds: range, positions: bool = True) -> dict[tuple[str, float, float], Counter[str]]:
+def grid(seeds: range, positions: bool = True, of: Grid = WHOLE) -> dict[tuple[str, float, float], Counter[str]]:
     """Outcomes by kind of error and its size."""
     counted: dict[tuple[str, float, float], Counter[str]] = {}
+    angles, shares, factors = of
     for seed in seeds:
         given, height = well_posed(seed)
         given = given if positions else without_positions(given)
         reference = adjust_bundle(given, tolerance=1e-6)
         rng = np.random.default_rng(seed)
-        for angle in ANGLES_DEG:
-            for share in SHARES:
+        for angle in angles:
+            for share in shares:
                 result = outcome(disturbed(given, rng, angle, share * height), reference)
                 counted.setdefault(("pose", angle, share), Counter())[result] += 1
         if not positions:
             continue  # c and the heights of vertical images over flat ground are not well posed then
         given, _ = well_posed(seed, free_c=True)
         reference = adjust_bundle(given, tolerance=1e-6)
-        for factor in FACTORS:
+        for factor in factors:
             for angle in TURNED_DEG:
                 start = disturbed(given, rng, angle, 0.0) if angle else given
                 result = outcome(with_start_c(start, factor), reference)
@@ -159,18 +164,21 @@ def main() -> None:
     parser.add_argument("blocks", type=int)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--without-positions", action="store_true")
+    parser.add_argument("--few", action="store_true", help="ends and middle of the grid alone")
     given = parser.parse_args()
-    counted = grid(range(given.first, given.first + given.blocks), not given.without_positions)
-    lines = ["| angle | " + " | ".join(f"{share:.0%} of H" for share in SHARES) + " |", "|---|" + "---|" * len(SHARES)]
-    for angle in ANGLES_DEG:
-        cells = [_cell(counted["pose", angle, share]) for share in SHARES]
+    of = FEW if given.few else WHOLE
+    angles, shares, factors = of
+    counted = grid(range(given.first, given.first + given.blocks), not given.without_positions, of)
+    lines = ["| angle | " + " | ".join(f"{share:.0%} of H" for share in shares) + " |", "|---|" + "---|" * len(shares)]
+    for angle in angles:
+        cells = [_cell(counted["pose", angle, share]) for share in shares]
         lines.append(f"| {angle:g}° | " + " | ".join(cells) + " |")
     if given.without_positions:
-        counted |= {("c", f, a): Counter() for f in FACTORS for a in TURNED_DEG}
-    lines += ["", "| c at the start | " + " | ".join(f"{f:g} c" for f in FACTORS) + " |"]
-    lines += ["|---|" + "---|" * len(FACTORS)]
+        counted |= {("c", f, a): Counter() for f in factors for a in TURNED_DEG}
+    lines += ["", "| c at the start | " + " | ".join(f"{f:g} c" for f in factors) + " |"]
+    lines += ["|---|" + "---|" * len(factors)]
     for angle in TURNED_DEG:
-        lines.append(f"| {angle:g}° | " + " | ".join(_cell(counted["c", f, angle]) for f in FACTORS) + " |")
+        lines.append(f"| {angle:g}° | " + " | ".join(_cell(counted["c", f, angle]) for f in factors) + " |")
     lines.append("")
     sys.stdout.write("\n".join(lines))
     if any(c["false"] for c in counted.values()):
