@@ -3,13 +3,15 @@
 Bodies are deformed: tau, what their points disagree by beyond their covariances, is estimated with the unknowns
 (adjustment.statistics.variance_components); it is zero where the bodies agree as well as they should. Gross errors are
 found by data snooping, and observations rejected before, here or in an earlier stage, are re-admitted where they fit
-(adjustment.statistics.search).
+(adjustment.statistics.search). A tie is wrong only if it is off its neighbours in the same body too: long strips bend
+more at the edge of a block than tau, which is one for all, and there all ties are off together.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from aatri.adjusting.added_variance import weighted_means
 from aatri.adjusting.adjusted_observations import AdjustedObservations
@@ -26,6 +28,12 @@ from aatri.observations.ties import BODY
 
 SIMILARITY = 7
 """Coordinates that bring a body to the ground."""
+
+NEIGHBOURS = 6
+"""Nearest ties of a body that say how it bends at one of them: two wrong ones do not move their median far."""
+
+MEDIAN_OF_NEIGHBOURS = float(np.pi / 2 / NEIGHBOURS)
+"""Variance of the median of so many normal errors."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,12 @@ def snooping_of(problem: TiedProblem, limit: float | None) -> Snooping:
 
 
 def adjust_tied(
-    problem: TiedProblem, snooping: Snooping, *, active: Bool | None = None, deformed: bool = True
+    problem: TiedProblem,
+    snooping: Snooping,
+    *,
+    active: Bool | None = None,
+    deformed: bool = True,
+    undoubted: Bool | None = None,
 ) -> TiedResult:
     """Adjust all bodies together, with data snooping and an estimate of their deformation.
 
@@ -107,6 +120,8 @@ def adjust_tied(
         Observations to begin with; the others are tested for re-admission.
     deformed : bool
         Estimate the deformation of the bodies; else there is none.
+    undoubted : (n,) bool, optional
+        Observations that are not rejected.
 
     Raises
     ------
@@ -128,7 +143,11 @@ def adjust_tied(
     def wrong(solved: TiedSolution, use: Bool) -> Bool:
         if not room:
             room.append(_room(solved, snooping, pool))
-        return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use)
+        return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use & ~right(solved, use))
+
+    def right(solved: TiedSolution, use: Bool) -> Bool:
+        bent = bent_ties(solved, use, snooping.limit)
+        return bent if undoubted is None else bent | undoubted
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
     searched = search(solve, begin, snooping, pool, wrong, added=deformed, lean=TiedSolution.lean)
@@ -141,8 +160,31 @@ def adjust_tied(
         del searched
         searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
         del again
-    searched = replace(searched, first=None)  # as large as the result
-    return _result(searched)
+    above = searched.above & ~right(searched.solved, searched.active)
+    return _result(replace(searched, first=None, above=above))  # the first is as large as the result
+
+
+def bent_ties(solved: TiedSolution, use: Bool, limit: float) -> Bool:
+    """Ties above the limit that are not off the median of their neighbours in the same body: it bends there, (n,)."""
+    bent, problem = np.zeros(len(use), dtype=bool), solved.problem
+    for o, first, T, tests in zip(problem.ties, problem.edges, solved.whiteners, solved.tests):
+        touched, part = dict(o.records.touches), slice(first, first + len(o))
+        above = use[part] & (solved.test[part] > limit)
+        if POINT not in touched or not above.any():
+            continue
+        body, xyz, residual = touched[BODY], solved.state[POINT][touched[POINT]], solved.residuals[part]
+        usable = use[part] & np.isfinite(solved.test[part])  # of points in two bodies
+        for of_body in np.unique(body[above]).tolist():
+            rows = np.flatnonzero(usable & (body == of_body))
+            asked = rows[above[rows]]
+            if len(rows) <= NEIGHBOURS or not len(asked):
+                continue
+            near = rows[cKDTree(xyz[rows, :2]).query(xyz[asked, :2], NEIGHBOURS + 1)[1]]
+            beside = np.where((near == asked[:, None])[:, :, None], np.nan, residual[near])
+            off = np.einsum("nij,nj->ni", T[asked], residual[asked] - np.nanmedian(beside, axis=1))
+            share = np.einsum("nii->ni", tests.redundancy[asked]) * (1 + MEDIAN_OF_NEIGHBOURS)
+            bent[first + asked] = (np.abs(off) <= limit * np.sqrt(np.maximum(share, 0.0))).all(axis=1)
+    return bent
 
 
 def _room(solved: TiedSolution, snooping: Snooping, pool: Pool) -> Int:

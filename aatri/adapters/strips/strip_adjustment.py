@@ -11,6 +11,7 @@ from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_degrees import degrees_of_strips
 from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
+from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -22,7 +23,7 @@ from aatri.geometry.similarity import Similarity, transform, transform_covarianc
 from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.control import control_of
+from aatri.observations.control import Control, control_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
@@ -141,18 +142,30 @@ def adjust_strips(
     def begin(observed: Sequence[Observed]) -> Bool:
         return tied_tables.not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
 
-    result = adjust_strip_polynomials(
-        ground.points,
-        len(block.points),
-        ground.axes,
-        control,
-        names=names,
-        point_ids=block.points.id,
-        degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
-        basis=basis,
-        begin=begin,
-        limit=limit,
-    )
+    models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
+
+    def adjust(undoubted: Bool | None) -> tuple[StripPolynomials, DeformedCovariances]:
+        result = adjust_strip_polynomials(
+            ground.points,
+            len(block.points),
+            ground.axes,
+            control,
+            names=names,
+            point_ids=block.points.id,
+            degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
+            basis=basis,
+            begin=begin,
+            limit=limit,
+            undoubted=undoubted,
+        )
+        return result, deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
+
+    result, deformed = adjust(None)
+    fits = fits_deformed(result, deformed, ground.points.point, control)
+    if (fits & ~result.tied.active).any():
+        result, deformed = adjust(fits)
+        fits = fits_deformed(result, deformed, ground.points.point, control)
+    result = replace(result, tied=replace(result.tied, above=result.tied.above & ~fits))
     left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
     notes = []
     if len(left):
@@ -175,10 +188,24 @@ def adjust_strips(
         rms_m(tied.residuals, tied.active),
         "strip block adjustment",
     )
-    models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
-    deformed = deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
-    notes += [given_note(tied), *covariance_notes(deformed)]
+    of_control = given_note(tied)
+    if fits[len(ground.points.strip) :].all():  # their misfit is what such strips may have
+        of_control = replace(of_control, level="note")
+    notes += [of_control, *covariance_notes(deformed)]
     return AdjustedStrips(ground, begin(tied.problem.observed), result, deformed, tuple(notes))
+
+
+def fits_deformed(result: StripPolynomials, deformed: DeformedCovariances, tied_point: Int, control: Control) -> Bool:
+    """Control that fits within what the strips may be deformed by, and ties of its points, of all observations, (n,).
+
+    The search takes the deformation of every tie for an error of its own. That of a strip grows with its length, and
+    the covariances of its points count it: control that fits these is no gross error.
+    """
+    off_m = np.where(control.given, result.point_m[control.point] - control.xyz_m, 0.0)
+    C = deformed.point_covariance_m2[control.point] + control.covariance_m2
+    within = np.abs(off_m) <= SINGLE_LIMIT * np.sqrt(np.einsum("nii->ni", C))  # false of NaN
+    fits = (within | ~control.given).all(axis=1)
+    return np.append(np.isin(tied_point, control.point[fits]), fits)
 
 
 def strip_block_solution(

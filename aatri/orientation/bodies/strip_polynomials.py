@@ -61,6 +61,7 @@ def adjust_strip_polynomials(
     basis: StripBasis = SECOND_DEGREE,
     begin: Callable[[Sequence[Observed]], Bool] | None = None,
     limit: float | None = None,
+    undoubted: Bool | None = None,
 ) -> StripPolynomials:
     """Adjust all strips together.
 
@@ -79,6 +80,8 @@ def adjust_strip_polynomials(
         Strip points and control -> which of them to begin with; the others are tested for re-admission.
     limit : float, optional
         Test statistic of a wrong tie or control point; default: by the number of tests.
+    undoubted : (n,) bool, optional
+        Observations that are not rejected, strip points and control.
     """
     degrees, falls = np.tile(np.broadcast_to(degree, len(axes))[:, None], (1, 2)), []
     strips = np.arange(len(axes)).astype(np.str_) if names is None else names
@@ -100,7 +103,7 @@ def adjust_strip_polynomials(
         degrees, fell = determined_degrees(complete, design, use, degrees, basis)
         falls += fell
         free = kept_coefficients(degrees, basis)
-        tied = adjust_tied(complete if free.all() else with_free(free), rule, active=use)
+        tied = adjust_tied(complete if free.all() else with_free(free), rule, active=use, undoubted=undoubted)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
         if not lost or not determined_degrees(complete, design, tied.active, degrees, basis)[1]:

@@ -212,6 +212,24 @@ def test_control_that_alone_determines_something_is_kept_and_named_however_large
     assert found.above[[0, n]].tolist() == [not rejected] * 2
 
 
+@pytest.mark.parametrize("wrong", [False, True])
+def test_ties_that_a_bent_end_moves_together_are_right_and_a_single_wrong_one_among_them_is_not(wrong: bool) -> None:
+    """Three strips of 200 common points, shifted only; the last tenth of one rises to 20 standard deviations."""
+    n, rng = 200, np.random.default_rng(5)
+    strip, point = (a.ravel() for a in np.indices((3, n)))
+    true = np.column_stack([np.linspace(0, 1000, n), rng.uniform(0, 50, n), np.zeros(n)])
+    xyz = np.tile(true, (3, 1)) + rng.normal(0, 0.01, (3 * n, 3))
+    bent = np.flatnonzero((strip == 2) & (xyz[:, 0] > 900))
+    xyz[bent, 2] += 0.2 * (xyz[bent, 0] - 900) / 100
+    xyz[bent[12], 2] += 0.5 * wrong
+    eye = np.tile(np.eye(3), (3 * n, 1, 1))
+    ties = _linear(strip, point, xyz, eye, 1e-4 * eye, n_strips=3)
+    control = _control(np.arange(0, n, 20), true[::20], np.tile(1e-4 * np.eye(3), (10, 1, 1)), np.ones((10, 3), bool))
+    adjusted = _adjusted(ties, [control], 4.5)
+    rejected = np.flatnonzero(~adjusted.active[: 3 * n])
+    assert rejected.tolist() == ([bent[12]] if wrong else [])
+
+
 def test_what_is_open_is_an_error_that_names_the_problem() -> None:
     """One strip without any control: all its coefficients are open."""
     eye = np.tile(np.eye(3), (4, 1, 1))

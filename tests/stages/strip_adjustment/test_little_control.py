@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aatri.artifacts.suspects import staying_out
 from aatri.stages.absolute_orientation.similarity import similarity
+from aatri.stages.image_refinement.systematic import systematic
+from aatri.stages.interior_orientation.calibrated import calibrated
+from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.conformal import ConformalOptions, conformal
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
+from aatri.stages.strip_formation.scale_transfer import scale_transfer
 from tests.made_strips import Heard, MadeBlock
+from tests.stages.chain import simulated
 
 METHODS = {"polynomial": (polynomial, PolynomialOptions), "conformal": (conformal, ConformalOptions)}
 
@@ -65,3 +71,15 @@ def test_second_degree_by_control_in_a_third_of_a_strip_falls_by_the_factor_of_i
     assert factor > 5
     told = [line for line in heard.lines if "less precise" in line]
     assert [f"corrections {factor:.1f} times" in line for line in told] == [True, True]  # plan, and height
+
+
+@pytest.mark.slow
+def test_long_strips_of_a_block_without_gross_errors_lose_no_control_and_no_tie() -> None:
+    """What strips of forty models are deformed by is no gross error of the control that they do not reach."""
+    block, heard = simulated(1, preset="uav", flight={"strips": 30, "images_per_strip": 40, "cross_strips": 0}), Heard()
+    points = systematic(block, calibrated(block))
+    models = dependent(block, points)
+    strips = scale_transfer(block, models)
+    solution = polynomial(block, points, strips, similarity(block, strips, points), context=heard)
+    assert not staying_out(solution.suspects).any()
+    assert not [line for line in heard.warnings if "above the limit" in line or "rejected" in line]
