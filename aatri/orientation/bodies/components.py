@@ -16,7 +16,7 @@ from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.arrays import Bool, Float, Int, Text, sums_of
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import IDENTITY, Similarity, compose, inverse
 from aatri.ids import several, shown
 from aatri.observations.poses import POINT
@@ -107,7 +107,7 @@ def join_strips(
         strips = groups.pop()
         try:
             component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids, word)
-        except GeometryError as error:  # ties that agree leave a strip open: it stands by itself
+        except (GeometryError, ConvergenceError) as error:  # a strip that ties leave open, or turn over, is by itself
             loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
             groups += [strips[strips != loose], np.array([loose])]
             loose_strips.append(loose)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.errors import GeometryError
+from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
 from aatri.orientation.bodies import components
@@ -131,8 +131,9 @@ def test_one_number_at_two_places_parts_no_strips(n: int) -> None:
     assert pose[1].scale == pytest.approx(scale, rel=1e-3)
 
 
-def test_a_strip_that_its_ties_leave_open_stands_apart_and_other_gaps_are_still_told(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("kind", [GeometryError, ConvergenceError])
+def test_a_strip_that_its_ties_leave_open_or_turn_over_stands_apart_and_other_gaps_are_still_told(
+    monkeypatch: pytest.MonkeyPatch, kind: type[AatriError]
 ) -> None:
     xyz = np.random.default_rng(1).uniform(0, 1, (8, 3))
     strip, point = np.repeat([0, 1, 2, 3], [8, 6, 8, 8]), np.r_[0:8, 0:6, 10:18, 20:28]
@@ -141,7 +142,7 @@ def test_a_strip_that_its_ties_leave_open_stands_apart_and_other_gaps_are_still_
 
     def open_if_several(points, strips, *more):  # type: ignore[no-untyped-def]
         if len(strips) > 1:
-            raise GeometryError("1 unknown open")
+            raise kind("1 unknown open")
         return adjusted(points, strips, *more)
 
     monkeypatch.setattr(components, "_adjusted", open_if_several)
