@@ -252,6 +252,10 @@ def _oriented(
         turned = [] if notes else attitude_notes(ground, body, oriented.ground_from_body, what)
         return [*height_notes(ground.block, oriented, what), *turned]
 
+    with_all = replace(seated, tied=replace(seated.tied, active=seated.began))
+    rejects = not seated.tied.active[seated.began].all()
+    if rejects and not notes and _fits_bent(ground.block, part(seated).component, with_all, rays):
+        return part(with_all), notes_of(with_all)  # a rigid body rejects what fits it as its rays let it bend
     if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, part(seated).component, seated, rays):
         return part(seated), [*notes, *notes_of(seated)]
     if timed := by_time_offsets(ground, body, settings, what):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.artifacts.suspects import staying_out
 from aatri.errors import ConvergenceError, GeometryError
 from tests.small_blocks import Small, adjusted_by, flown, measure, off_m, two_apart
 
@@ -238,3 +239,15 @@ def test_a_straight_strip_is_oriented_by_antennas_and_attitudes_whichever_way_it
     done = adjusted_by("chain", folder).bundle
     assert done.images.oriented.all()
     assert off_m(small, done) < 0.2 + np.linalg.norm(arm_m)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 30])
+def test_few_points_hold_an_image_so_loosely_that_its_position_and_control_are_no_gross_errors(
+    tmp_path: Path, seed: int
+) -> None:
+    """A rigid component would have to reject them; its rays let it bend to all that is observed."""
+    small = flown(2, 5, seed=seed, points=5, relief_m=100.0)
+    small.attitudes = list(small.strip)
+    s = adjusted_by("graph", small.write(tmp_path / "block")).initial.suspects
+    assert not (staying_out(s) & (s.kind != "image_point")).any()
