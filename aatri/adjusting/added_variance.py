@@ -3,9 +3,13 @@
 Bodies are deformed: their points disagree by more than their covariances C_o say. tau is what must be added,
 W_o = (C_o + tau^2 I)^-1. What is exact, or far better than any point of a body, gets a standard deviation of `EXACT`
 times that of these.
+
+tau is one for all bodies and ties, and the end of a long strip at the edge of a block bends more (`bent`). There all
+ties are off together, and smoothly.
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Bool, Float, Int, sums_of
@@ -14,6 +18,16 @@ from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
 EXACT = 1e-2
 """Standard deviation of exact control, as a share of that of the bodies' points: its residuals stay below 1e-4 of the
 discrepancies, and its redundancy can still be told from rounding."""
+
+BORDER, STEEPEST = 3, 0.5
+"""So many nearest ties below the limit say by their median how a bend begins, as a share of the limit: ties beside some
+that are wrong together have tests of right ones, whose median is 0.9 to 1.5 and the limit 4 to 6."""
+
+NEIGHBOURS = 6
+"""Nearest ties of an overlap that say how a body bends at one of them: two wrong ones do not move their median far."""
+
+MEDIAN_OF_NEIGHBOURS = float(np.pi / 2 / NEIGHBOURS)
+"""Variance of the median of so many normal errors."""
 
 
 def tie_whitener(spread: Spread, tau_m: float) -> Float:
@@ -79,3 +93,42 @@ def weighted_means(point: Int, xyz: Float, T: Float, use: Bool, n_points: int) -
     mean = np.einsum("nij,nj->ni", covariance, sums_of(np.einsum("nij,nj->ni", W, xyz[use]), point, n_points))
     mean[~observed], covariance[~observed] = np.nan, np.nan
     return mean, covariance
+
+
+def bent(
+    overlap: Int, xyz: Float, residual: Float, whitener: Float, redundancy: Float, test: Float, use: Bool, limit: float
+) -> Bool:
+    """Ties above the limit that are so because their body bends there, (n,).
+
+    They are not off the median of their neighbours in the overlap, and the nearest ties below the limit are not far
+    below it: a bend begins slowly, while ties that are wrong together begin at once.
+
+    Parameters
+    ----------
+    overlap : (n,) int
+        Of a body with the others that have the point.
+    xyz : (n, 3) float64, m
+        Where they are.
+    residual : (n, 3) float64, m
+    whitener : (n, 3, 3) float64
+    redundancy : (n, 3, 3) float64
+        Of the whitened residuals.
+    test : (n,) float64
+        Test statistic; NaN of points in one body alone.
+    """
+    above, bends = use & (test > limit), np.zeros(len(overlap), dtype=bool)
+    usable = np.flatnonzero(use & np.isfinite(test))
+    usable = usable[np.argsort(overlap[usable], kind="stable")]
+    for one in np.unique(overlap[above]).tolist():
+        rows = usable[slice(*np.searchsorted(overlap[usable], [one, one + 1]))]
+        asked, below = rows[above[rows]], rows[~above[rows]]
+        if len(below) <= NEIGHBOURS:
+            continue
+        near = rows[cKDTree(xyz[rows, :2]).query(xyz[asked, :2], NEIGHBOURS + 1)[1]]
+        beside = np.where((near == asked[:, None])[:, :, None], np.nan, residual[near])
+        off = np.einsum("nij,nj->ni", whitener[asked], residual[asked] - np.nanmedian(beside, axis=1))
+        share = np.einsum("nii->ni", redundancy[asked]) * (1 + MEDIAN_OF_NEIGHBOURS)
+        agrees = (np.abs(off) <= limit * np.sqrt(np.maximum(share, 0.0))).all(axis=1)
+        border = below[cKDTree(xyz[below, :2]).query(xyz[asked, :2], BORDER)[1]]
+        bends[asked] = agrees & (np.median(test[border], axis=1) > STEEPEST * limit)
+    return bends

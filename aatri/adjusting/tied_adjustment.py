@@ -11,9 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from aatri.adjusting.added_variance import weighted_means
+from aatri.adjusting.added_variance import bent, weighted_means
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_problem import TiedProblem, in_three
 from aatri.adjusting.tied_solution import TiedSolution, solve_tied, uncontrolled_observations
@@ -28,12 +27,6 @@ from aatri.observations.ties import BODY
 
 SIMILARITY = 7
 """Coordinates that bring a body to the ground."""
-
-NEIGHBOURS = 6
-"""Nearest ties of a body that say how it bends at one of them: two wrong ones do not move their median far."""
-
-MEDIAN_OF_NEIGHBOURS = float(np.pi / 2 / NEIGHBOURS)
-"""Variance of the median of so many normal errors."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +139,8 @@ def adjust_tied(
         return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use & ~right(solved, use))
 
     def right(solved: TiedSolution, use: Bool) -> Bool:
-        bent = bent_ties(solved, use, snooping.limit)
-        return bent if undoubted is None else bent | undoubted
+        bends = bent_ties(solved, use, snooping.limit)
+        return bends if undoubted is None else bends | undoubted
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
     searched = search(solve, begin, snooping, pool, wrong, added=deformed, lean=TiedSolution.lean)
@@ -165,26 +158,18 @@ def adjust_tied(
 
 
 def bent_ties(solved: TiedSolution, use: Bool, limit: float) -> Bool:
-    """Ties above the limit that are not off the median of their neighbours in the same body: it bends there, (n,)."""
-    bent, problem = np.zeros(len(use), dtype=bool), solved.problem
+    """Ties above the limit that are so because their body bends there, of all observations, (n,)."""
+    bends, problem = np.zeros(len(use), dtype=bool), solved.problem
     for o, first, T, tests in zip(problem.ties, problem.edges, solved.whiteners, solved.tests):
         touched, part = dict(o.records.touches), slice(first, first + len(o))
-        above = use[part] & (solved.test[part] > limit)
-        if POINT not in touched or not above.any():
+        if POINT not in touched or not (use[part] & (solved.test[part] > limit)).any():
             continue
-        body, xyz, residual = touched[BODY], solved.state[POINT][touched[POINT]], solved.residuals[part]
-        usable = use[part] & np.isfinite(solved.test[part])  # of points in two bodies
-        for of_body in np.unique(body[above]).tolist():
-            rows = np.flatnonzero(usable & (body == of_body))
-            asked = rows[above[rows]]
-            if len(rows) <= NEIGHBOURS or not len(asked):
-                continue
-            near = rows[cKDTree(xyz[rows, :2]).query(xyz[asked, :2], NEIGHBOURS + 1)[1]]
-            beside = np.where((near == asked[:, None])[:, :, None], np.nan, residual[near])
-            off = np.einsum("nij,nj->ni", T[asked], residual[asked] - np.nanmedian(beside, axis=1))
-            share = np.einsum("nii->ni", tests.redundancy[asked]) * (1 + MEDIAN_OF_NEIGHBOURS)
-            bent[first + asked] = (np.abs(off) <= limit * np.sqrt(np.maximum(share, 0.0))).all(axis=1)
-    return bent
+        body, point = touched[BODY].astype(np.int64), touched[POINT]
+        together = np.bincount(point, body + 1).astype(np.int64)[point]  # tells the bodies of a point from others
+        overlap = np.unique(body * (int(together.max()) + 1) + together, return_inverse=True)[1]
+        xyz, residual, test = solved.state[POINT][point], solved.residuals[part], solved.test[part]
+        bends[part] = bent(overlap, xyz, residual, T, tests.redundancy, test, use[part], limit)
+    return bends
 
 
 def _room(solved: TiedSolution, snooping: Snooping, pool: Pool) -> Int:

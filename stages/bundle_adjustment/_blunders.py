@@ -22,8 +22,8 @@ class Blunders(Options):
 
     method: Method = Field(
         "robust_snooping",
-        description="robust_snooping: data snooping from a robust adjustment; data_snooping: from least squares; "
-        "robust: weighted down, not rejected, and without statistics; none",
+        description="robust_snooping: data snooping from a robust adjustment; data_snooping: from least squares, "
+        "robustly where these do not converge; robust: weighted down, not rejected, and without statistics; none",
     )
     weights: Weighting = Field("huber", description="weight function of the robust adjustment")
     bound: float | None = Field(

@@ -27,7 +27,7 @@ from aatri.adapters.ground.initial_tests import (
     with_uncertain_distances,
 )
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
-from aatri.arrays import finite_rows
+from aatri.arrays import Bool, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
@@ -200,8 +200,8 @@ def _by_neighbours(
 
 
 def _apart(block: Block, component: ImageComponent, reason: str) -> Note:
-    ids = tuple(block.images.id[component.images].tolist())
-    return Note("warning", f"a component of {several(len(ids), 'image')} stays apart: {reason}", ids)
+    ids = block.images.id[component.images].tolist()
+    return Note("warning", f"a component of {several(len(ids), 'image')} stays apart: {reason}", tuple(ids))
 
 
 def _free(
@@ -230,8 +230,7 @@ def _free(
     if differ:
         oriented = by(lambda to: with_uncertain_distances(seen(to), body.on_ground(to), share))
     to = oriented.ground_from_body
-    part = OnGround(own.moved(to), oriented, compose(to, similarity), free=True)
-    return part, [note, *differ]
+    return OnGround(own.moved(to), oriented, compose(to, similarity), free=True), [note, *differ]
 
 
 def _oriented(
@@ -252,11 +251,11 @@ def _oriented(
         turned = [] if notes else attitude_notes(ground, body, oriented.ground_from_body, what)
         return [*height_notes(ground.block, oriented, what), *turned]
 
-    with_all = replace(seated, tied=replace(seated.tied, active=seated.began))
-    rejects = not seated.tied.active[seated.began].all()
-    if rejects and not notes and _fits_bent(ground.block, part(seated).component, with_all, rays):
+    used, own = seated.tied.active, part(seated).component
+    with_all = replace(seated, tied=replace(seated.tied, active=seated.began | used))
+    if not notes and (seated.began & ~used).any() and _fits_bent(ground.block, own, with_all, rays, used):
         return part(with_all), notes_of(with_all)  # a rigid body rejects what fits it as its rays let it bend
-    if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, part(seated).component, seated, rays):
+    if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, own, seated, rays):
         return part(seated), [*notes, *notes_of(seated)]
     if timed := by_time_offsets(ground, body, settings, what):
         return part(timed[0]), [timed[1], *notes_of(timed[0])]
@@ -273,14 +272,21 @@ def _oriented(
     return part(seated), [*deformation_notes(seated, precision(component, rays), what), *notes_of(seated)]
 
 
-def _fits_bent(block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows) -> bool:
-    """Whether all that the orientation used fits a component that is not rigid."""
+def _fits_bent(
+    block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows, among: Bool | None = None
+) -> bool:
+    """Whether all that the orientation used fits a component that is not rigid, beside `among` of it."""
+    beside = () if among is None else _in_use(oriented, among)
+    return fits_bent(component, rays, _in_use(oriented, oriented.tied.active), block.images.id, block.points.id, beside)
+
+
+def _in_use(oriented: OrientedBody, active: Bool) -> list[Observed]:
+    """What is observed of the ground with those in use, and the priors of its own unknowns."""
     problem, state = oriented.tied.problem, oriented.state
-    used = np.split(oriented.tied.active, problem.edges[1:-1])[len(problem.ties) :]
-    observed = [o.without(~active) for o, active in zip(problem.ground, used)]
+    used = np.split(active, problem.edges[1:-1])[len(problem.ties) :]
+    observed = [o.without(~in_use) for o, in_use in zip(problem.ground, used)]
     observed += [o for o in problem.priors if BODY not in dict(o.records.touches)]
-    observed = [replace(o, start={name: state[name] for name in o.start}) for o in observed]
-    return fits_bent(component, rays, observed, block.images.id, block.points.id)
+    return [replace(o, start={name: state[name] for name in o.start}) for o in observed]
 
 
 def _without_one(observed: Sequence[Observed]) -> Iterator[tuple[str, Chosen]]:

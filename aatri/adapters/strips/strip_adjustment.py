@@ -142,6 +142,8 @@ def adjust_strips(
     def begin(observed: Sequence[Observed]) -> Bool:
         return tied_tables.not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
 
+    n_ties = len(ground.points.point)
+
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
 
     def adjust(undoubted: Bool | None) -> tuple[StripPolynomials, DeformedCovariances]:
@@ -154,18 +156,21 @@ def adjust_strips(
             point_ids=block.points.id,
             degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
             basis=basis,
-            begin=begin,
+            begin=begin if undoubted is None else lambda observed: begin(observed) | undoubted,
             limit=limit,
             undoubted=undoubted,
         )
         return result, deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
 
     result, deformed = adjust(None)
-    fits = fits_deformed(result, deformed, ground.points.point, control)
-    if (fits & ~result.tied.active).any():
-        result, deformed = adjust(fits)
-        fits = fits_deformed(result, deformed, ground.points.point, control)
-    result = replace(result, tied=replace(result.tied, above=result.tied.above & ~fits))
+    fits = fits_deformed(result, deformed, control)
+    if (fits & ~result.tied.active[n_ties:]).any():
+        del result, deformed  # as large as what follows
+        result, deformed = adjust(np.append(np.zeros(n_ties, dtype=bool), fits))
+        fits = fits_deformed(result, deformed, control)
+    # where control that fits is above the limit, so are the ties of its point: it bends them
+    bent = np.isin(ground.points.point, control.point[fits & result.tied.above[n_ties:]])
+    result = replace(result, tied=replace(result.tied, above=result.tied.above & ~np.append(bent, fits)))
     left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
     notes = []
     if len(left):
@@ -189,14 +194,14 @@ def adjust_strips(
         "strip block adjustment",
     )
     of_control = given_note(tied)
-    if fits[len(ground.points.strip) :].all():  # their misfit is what such strips may have
+    if fits.all():  # their misfit is what such strips may have
         of_control = replace(of_control, level="note")
     notes += [of_control, *covariance_notes(deformed)]
     return AdjustedStrips(ground, begin(tied.problem.observed), result, deformed, tuple(notes))
 
 
-def fits_deformed(result: StripPolynomials, deformed: DeformedCovariances, tied_point: Int, control: Control) -> Bool:
-    """Control that fits within what the strips may be deformed by, and ties of its points, of all observations, (n,).
+def fits_deformed(result: StripPolynomials, deformed: DeformedCovariances, control: Control) -> Bool:
+    """Control that fits within what the strips may be deformed by, (n,); none where that is not known.
 
     The search takes the deformation of every tie for an error of its own. That of a strip grows with its length, and
     the covariances of its points count it: control that fits these is no gross error.
@@ -204,8 +209,7 @@ def fits_deformed(result: StripPolynomials, deformed: DeformedCovariances, tied_
     off_m = np.where(control.given, result.point_m[control.point] - control.xyz_m, 0.0)
     C = deformed.point_covariance_m2[control.point] + control.covariance_m2
     within = np.abs(off_m) <= SINGLE_LIMIT * np.sqrt(np.einsum("nii->ni", C))  # false of NaN
-    fits = (within | ~control.given).all(axis=1)
-    return np.append(np.isin(tied_point, control.point[fits]), fits)
+    return np.asarray((within | ~control.given).all(axis=1))
 
 
 def strip_block_solution(

@@ -11,7 +11,7 @@ degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
 A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of
 a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations,
-unless its residuals tell by their cofactors together that they are too small (`small_scales`).
+unless the residuals of its kind tell by their cofactors together that they are too small (`small_scales`).
 
 Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
 """

@@ -21,7 +21,7 @@ from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBO
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
-from aatri.units import about
+from aatri.units import FOOT_M, about
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 
@@ -126,10 +126,13 @@ def _other_lever_arm(g: Group, given_m: Float) -> str:
     limit = float(chdtri(3, OTHER_LEVER_ARM))
     if ((g.value / g.sigma) ** 2).sum() <= limit:  # as it is
         return ""
-    for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2), (" in feet", 0.3048)):
+    fitting_m = given_m + g.value
+    if ((fitting_m / g.sigma) ** 2).sum() <= limit:  # of readings in mm too, which are as good as none
+        return "the positions fit those of the projection centres: leave out `lever_arm`, or `refers_to: antenna`"
+    for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2), (" in feet", FOOT_M)):
         for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
             read_m = factor * np.array(signs) * given_m
-            if (((given_m + g.value - read_m) / g.sigma) ** 2).sum() <= limit:
+            if (((fitting_m - read_m) / g.sigma) ** 2).sum() <= limit:
                 turned = [axis for axis, sign, m in zip("xyz", signs, given_m) if sign < 0 and m]
                 reading = f" with the opposite sign of {', '.join(turned)}" if turned else ""
                 arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)

@@ -73,14 +73,14 @@ def attitude_conventions(
 
 
 def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes, rotation: Float) -> Finding | None:
-    """An error where the attitudes of a camera lack one turn that is no boresight, (n, 3, 3) without the boresight."""
-    common = _lacking(rows.observed, rotation)[1]
-    about_deg = np.degrees(log_rotation(common))
-    if np.linalg.norm(about_deg) <= np.degrees(LARGEST_BORESIGHT_RAD):
+    """An error where all attitudes of a camera are turned by more than boresights and their standard deviations are."""
+    about_rad = log_rotation(_lacking(rows.observed, rotation)[1])
+    if unlikely_turns(about_rad, np.nanmedian(rows.sigma_rad, axis=0)) <= LARGEST_BORESIGHT_RAD:
         return None
+    about_deg = np.degrees(about_rad)
     turn = ", ".join(f"{angle:.1f}" for angle in about_deg.round(1) + 0.0)
-    text = f"attitudes as {declared} lack one turn from the orientations of all images, of {turn} deg about the axes "
-    text += "of the camera: no boresight"
+    text = f"attitudes as {declared} are turned from the orientations of all images by one rotation of {turn} deg "
+    text += f"about the axes of the camera, more than a boresight can be ({np.degrees(LARGEST_BORESIGHT_RAD):.0f} deg)"
     remedy = "check the angle system and how the camera is mounted (mount, rigs in block.yaml)"
     quarter = 90.0 * np.round(about_deg[2] / 90.0)
     if np.abs(about_deg - [0.0, 0.0, quarter]).max() < 0.5 * np.degrees(LARGEST_BORESIGHT_RAD):

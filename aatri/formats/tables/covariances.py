@@ -170,10 +170,11 @@ def _in_the_first_frame(row: Int, axis: Int, value: Float, frame: Int, derivativ
     C[of_pair.ravel(), pair_axis[:, 0], pair_axis[:, 1]] = value[other]
     C = derivatives[pairs[:, 0]] @ C @ derivatives[pairs[:, 1]].transpose(0, 2, 1)
     axes = np.stack(np.meshgrid(range(3), range(3), indexing="ij"), axis=-1).reshape(9, 2)
+    correlated = C.ravel() != 0  # a coordinate that is exact in both frames has none
     return (
-        np.concatenate([row[~other], np.repeat(pairs, 9, axis=0)]),
-        np.concatenate([axis[~other], np.tile(axes, (len(pairs), 1))]),
-        np.concatenate([value[~other], C.ravel()]),
+        np.concatenate([row[~other], np.repeat(pairs, 9, axis=0)[correlated]]),
+        np.concatenate([axis[~other], np.tile(axes, (len(pairs), 1))[correlated]]),
+        np.concatenate([value[~other], C.ravel()[correlated]]),
     )
 
 

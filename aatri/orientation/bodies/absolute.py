@@ -11,6 +11,7 @@ positions of 10 cm work together (adjusting.tied_adjustment). What is wrong is f
 Start: see `datum_start`. What the observations leave open is found beforehand and named (datum_analysis).
 """
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,18 +21,17 @@ import numpy as np
 
 from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
-from aatri.adjustment.records import Records
-from aatri.adjustment.statistics.rejection import Snooping
+from aatri.adjustment.statistics.rejection import SMALL_ROOM, Snooping
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Text
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.rotations import levelling, log_rotation
-from aatri.geometry.similarity import Similarity, compose, motions_about, transform
+from aatri.geometry.rotations import levelling
+from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.ids import shown
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.observed import Observed, named
+from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
-from aatri.observations.ties import BODY, HELD
+from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import (
     UNDETERMINED,
     DatumAnalysis,
@@ -51,16 +51,22 @@ from aatri.orientation.bodies.datum_start import (
     searched_start,
     two_point_start,
 )
-from aatri.orientation.bodies.free_body import FreeBody, state_of, ties_of
-from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored, refuse_wrong
+from aatri.orientation.bodies.free_body import FreeBody, held_motions, state_of, ties_of
+from aatri.orientation.bodies.wrong_control import (
+    CLEARLY,
+    exchanged_by_all,
+    exchanged_of,
+    refuse_mirrored,
+    refuse_wrong,
+)
 
 Start = Literal["closed", "two_points", "centroids"]
 
 STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
-HELD_SIGMA = 1e-6
-"""Standard deviation of what is held where the datum is free, as a share of the extent of the body, or rad."""
+FEW = 4
+"""One in so many may be far from the start for single gross errors to be what bends the body, not a wrong model."""
 
 NOTHING = "it holds no control point and no observed position"
 ENOUGH = "at least two points known in plan and three in height, not on a line, or as many observed positions"
@@ -145,18 +151,23 @@ def orient_body(
     observed = observe(start)
     analysis = _analysed(observed, use, body, start, settings, what)
     ties, centre = ties_of(body, observed, start, what, image_ids, point_ids)
-    fixed = [_held(analysis.motions, body, start, centre)] if analysis.open else []
+    fixed = [held_motions(analysis.motions, body, start, centre)] if analysis.open else []
     state, ids = body.on_ground(start), {POINT: point_ids, POSE: image_ids}
     problem = tied_problem([*ties, *observed, *fixed], state, ids, f"absolute orientation of {what}")
     n, first = len(problem.components), problem.n_ties
     began = np.append(np.ones(first, dtype=bool), use[: n - first])
     placed_from = partial(_placed, problem, analysis, body, centre, settings, what)
+    near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start, settings.limit)[: n - first])
+    far = began & ~near
     try:
         oriented = placed_from(began)
+        if 0 < np.count_nonzero(far) <= min(SMALL_ROOM, (n - first) // FEW) and not settings.free:
+            with contextlib.suppress(ConvergenceError, GeometryError):
+                other = placed_from(began & near)
+                oriented = other if _bends_far_less(other.tied, oriented.tied) else oriented
     except (ConvergenceError, GeometryError) as failure:
-        near = np.append(np.ones(first, dtype=bool), near_start(observed, body, start, settings.limit)[: n - first])
         try:
-            if not (began & ~near).any():
+            if not far.any():
                 raise
             oriented = placed_from(began & near)
         except (ConvergenceError, GeometryError):
@@ -168,6 +179,11 @@ def orient_body(
     # What remains must still determine the body: what is rejected does not count.
     use[: n - first] = oriented.tied.active[first:]
     return replace(oriented, analysis=_analysed(observed, use, body, oriented.ground_from_body, settings, what))
+
+
+def _bends_far_less(without: TiedResult, with_all: TiedResult) -> bool:
+    """Whether a body without what is far from its start bends so much less that it was that which bent it."""
+    return without.redundancy >= LEFT and without.tau_m < CLEARLY * with_all.tau_m
 
 
 def _placed(
@@ -270,31 +286,3 @@ def _analysed(
         f"{what}: not determined: {', '.join(analysis.open)} (control and observed positions: {counts}{rejected})",
         remedy=OFF_THE_LINE if any("line" in text for text in analysis.open) else ENOUGH,
     )
-
-
-def _held(motions: Float, body: FreeBody, start: Similarity, centre: Float) -> Observed:
-    """What is open of a body, held where it is: no residual changes by it.
-
-    Parameters
-    ----------
-    motions : (7, d) float64
-        Shift, rotation and change of scale about the origin.
-    centre : (3,) float64
-        In the body, about which its unknowns turn it.
-    """
-    middle = transform(start, centre[None])[0]
-    extent = float(np.linalg.norm(transform(start, body.places) - middle, axis=1).max())
-    along = np.linalg.qr((motions_about(-middle) @ motions) / np.array([[extent]] * 3 + [[1.0]] * 4))[0].T
-    along[:, :3] /= extent
-
-    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
-        current: Similarity = state[BODY][0]
-        turned = log_rotation((current.rotation @ start.rotation.T)[None])[0]
-        moved = np.concatenate([current.translation - middle, turned, [np.log(current.scale / start.scale)]])
-        return (along @ moved)[None, :][rows], (along[None][rows],)
-
-    n = len(along)
-    whitener, touches = np.full((1, n), 1.0 / HELD_SIGMA), ((BODY, np.zeros(1, dtype=np.int32)),)
-    records = Records(HELD, touches, evaluate, whitener, np.ones(1, dtype=bool))
-    labels = tuple(f"open motion {k + 1}" for k in range(n))
-    return Observed(records, np.array([-1]), named(np.array([HELD])), "", components=labels)

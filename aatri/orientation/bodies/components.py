@@ -27,6 +27,9 @@ from aatri.orientation.bodies.similarity_ties import similarities_of, similarity
 GROSS = 30.0
 """Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
 
+MOST_TURNED_OVER = 5
+"""So many strips are left to themselves because others do not converge with them; beyond that all is wrong."""
+
 TIE_LIMIT = 6.0
 """Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
 
@@ -102,12 +105,15 @@ def join_strips(
     ids = np.arange(int(points.point.max(initial=-1)) + 1).astype(np.str_) if point_ids is None else point_ids
     member, pose, weak = grow_components(points.take(use), len(names), weakly=weakly)
     components, loose_strips, open_ = [], list(apart), dict[str, bool]()
-    groups = [np.flatnonzero(member == label) for label in np.unique(member)]
+    groups, turned_over = [np.flatnonzero(member == label) for label in np.unique(member)], 0
     while groups:
         strips = groups.pop()
         try:
             component = _adjusted(points, strips, [pose[k] for k in strips], use, limit, names, ids, word)
         except (GeometryError, ConvergenceError) as error:  # a strip that ties leave open, or turn over, is by itself
+            turned_over += isinstance(error, ConvergenceError)
+            if turned_over > MOST_TURNED_OVER:
+                raise
             loose = _loosest(points.take(use & np.isin(points.strip, strips)), strips)
             groups += [strips[strips != loose], np.array([loose])]
             loose_strips.append(loose)

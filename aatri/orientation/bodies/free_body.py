@@ -22,14 +22,17 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
-from aatri.geometry.similarity import Similarity, compose, transform
+from aatri.geometry.similarity import Similarity, compose, motions_about, transform
 from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION
+from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION, HELD
 from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
 
 LEVELLED = "levelled"
+
+HELD_SIGMA = 1e-6
+"""Standard deviation of what is held where the datum is free, as a share of the extent of the body, or rad."""
 
 LEVEL_RAD = 0.1
 """By how much the images of a strip are tilted in the mean, where nothing else tells: near-vertical photographs stay
@@ -230,3 +233,31 @@ def _turned(state: State, image: Int, rotation: Float) -> tuple[Float, Float]:
     by_image = np.zeros((len(image), 3, 6))
     by_image[:, :, 3:] = np.linalg.inv(left_jacobian(v))
     return v, by_image
+
+
+def held_motions(motions: Float, body: FreeBody, start: Similarity, centre: Float) -> Observed:
+    """What is open of a body, held where it is: no residual changes by it.
+
+    Parameters
+    ----------
+    motions : (7, d) float64
+        Shift, rotation and change of scale about the origin.
+    centre : (3,) float64
+        In the body, about which its unknowns turn it.
+    """
+    middle = transform(start, centre[None])[0]
+    extent = float(np.linalg.norm(transform(start, body.places) - middle, axis=1).max())
+    along = np.linalg.qr((motions_about(-middle) @ motions) / np.array([[extent]] * 3 + [[1.0]] * 4))[0].T
+    along[:, :3] /= extent
+
+    def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
+        current: Similarity = state[BODY][0]
+        turned = log_rotation((current.rotation @ start.rotation.T)[None])[0]
+        moved = np.concatenate([current.translation - middle, turned, [np.log(current.scale / start.scale)]])
+        return (along @ moved)[None, :][rows], (along[None][rows],)
+
+    n = len(along)
+    whitener, touches = np.full((1, n), 1.0 / HELD_SIGMA), ((BODY, np.zeros(1, dtype=np.int32)),)
+    records = Records(HELD, touches, evaluate, whitener, np.ones(1, dtype=bool))
+    labels = tuple(f"open motion {k + 1}" for k in range(n))
+    return Observed(records, np.array([-1]), named(np.array([HELD])), "", components=labels)

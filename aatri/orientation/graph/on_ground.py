@@ -32,7 +32,12 @@ from aatri.orientation.graph.component import ImageComponent
 
 
 def fits_bent(
-    component: ImageComponent, rays: ImagePointRows, observed: Sequence[Observed], image_ids: Ids, point_ids: Ids
+    component: ImageComponent,
+    rays: ImagePointRows,
+    observed: Sequence[Observed],
+    image_ids: Ids,
+    point_ids: Ids,
+    beside: Sequence[Observed] = (),
 ) -> bool:
     """Whether what is observed of the ground fits a component that bends as its rays let it.
 
@@ -42,11 +47,15 @@ def fits_bent(
         On the ground, reduced to the origin.
     observed : sequence of Observed
         Of the ground, with the priors of their own unknowns.
+    beside : sequence of Observed, optional
+        The same without some, which are tested alone: beside all others a few gross errors would pass.
     image_ids, point_ids : (n,) str
     """
     rays_only = _rays_of(component, rays, image_ids, point_ids)
     try:
-        free = adjust_bundle(rays_only, BundleSettings("minimal", covariances=False)).adjusted
+        without = replace(rays_only, observed=(*rays_only.observed, *beside))
+        settings = BundleSettings(covariances=False) if beside else BundleSettings("minimal", covariances=False)
+        free = adjust_bundle(without, settings).adjusted
         with_ground = replace(rays_only, observed=(*rays_only.observed, *observed))
         adjusted = adjust_bundle(with_ground, BundleSettings(covariances=False)).adjusted
     except AatriError:

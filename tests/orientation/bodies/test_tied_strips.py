@@ -230,6 +230,22 @@ def test_ties_that_a_bent_end_moves_together_are_right_and_a_single_wrong_one_am
     assert rejected.tolist() == ([bent[12]] if wrong else [])
 
 
+@pytest.mark.parametrize("size_m", [0.2, 1.0])
+def test_neighbouring_ties_that_are_wrong_together_are_no_bend(size_m: float) -> None:
+    """They begin at once: the ties beside them are right."""
+    n, rng = 200, np.random.default_rng(5)
+    strip, point = (a.ravel() for a in np.indices((3, n)))
+    true = np.column_stack([np.linspace(0, 1000, n), rng.uniform(0, 50, n), np.zeros(n)])
+    xyz = np.tile(true, (3, 1)) + rng.normal(0, 0.01, (3 * n, 3))
+    wrong = 2 * n + np.arange(90, 100)
+    xyz[wrong, 2] += size_m
+    eye = np.tile(np.eye(3), (3 * n, 1, 1))
+    ties = _linear(strip, point, xyz, eye, 1e-4 * eye, n_strips=3)
+    control = _control(np.arange(0, n, 20), true[::20], np.tile(1e-4 * np.eye(3), (10, 1, 1)), np.ones((10, 3), bool))
+    adjusted = _adjusted(ties, [control], 4.5)
+    assert np.flatnonzero(~adjusted.active[: 3 * n]).tolist() == wrong.tolist()
+
+
 def test_what_is_open_is_an_error_that_names_the_problem() -> None:
     """One strip without any control: all its coefficients are open."""
     eye = np.tile(np.eye(3), (4, 1, 1))

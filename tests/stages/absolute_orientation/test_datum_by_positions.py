@@ -12,6 +12,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from aatri.errors import GeometryError
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.initial_orientation.graph import graph
@@ -20,6 +21,7 @@ from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_adjustment.polynomial import polynomial
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.small_blocks import adjusted_by, flown
 from tests.stages.bundle_adjustment.test_given_in_part import LARGE_M, adjusted, cells, exterior
 from tests.stages.chain import simulated
 from tests.stages.film_blocks import Told
@@ -178,3 +180,14 @@ def test_attitudes_tell_that_the_control_point_of_a_strip_with_positions_is_wron
     off = solution.images.position_m - block.true_images.position_m
     assert np.abs(off).max() < 1.0
     assert solution.suspects.kind.tolist() == ["control"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_one_position_of_four_hundreds_of_metres_off_is_rejected_and_bends_no_strip(tmp_path: Path, seed: int) -> None:
+    small = flown(1, 7, seed=seed)
+    small.observed = dict.fromkeys(["101", "102", "104", "107"], "XYZ")
+    small.position_m["107"] = small.position_m["107"] + np.array([300.0, 0.0, 0.0])
+    s = adjusted_by("chain", small.write(tmp_path / "block")).initial.suspects
+    assert s.image[(s.kind == "position") & staying_out(s)].tolist() == ["107"]
+    assert not ((s.kind == "control") & staying_out(s)).any()

@@ -110,3 +110,18 @@ def test_a_wrong_control_point_of_two_is_found_where_four_points_tie_two_strips(
     assert s.point[(s.kind == "control") & staying_out(s)].tolist() == ["C1"]
     assert not ((s.kind == "position") & staying_out(s)).any()
     assert done.sigma0 < 1.3
+
+
+@pytest.mark.slow
+def test_data_snooping_begins_robustly_where_least_squares_do_not_converge(tmp_path: Path) -> None:
+    """Two points at opposite ends of an image have each other's number."""
+    small = flown(2, 5, seed=5)
+    seen = [p for p in small.seen_by("203") if sum(q == p for _, q in small.rays) > 3]
+    pairs = [(np.linalg.norm(small.rays["203", a] - small.rays["203", b]), a, b) for a in seen for b in seen if a < b]
+    _, a, b = max(pairs)
+    small.rays["203", a], small.rays["203", b] = small.rays["203", b], small.rays["203", a]
+    done = adjusted_by("chain", small.write(tmp_path / "block"), blunders="data_snooping")
+    assert done.bundle.sigma0 < 1.1
+    s = done.bundle.suspects
+    assert {a, b} <= set(s.point[(s.image == "203") & staying_out(s)].tolist())
+    assert any("the search began with a robust adjustment" in line for line in done.lines)

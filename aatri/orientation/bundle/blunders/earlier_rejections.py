@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+from aatri.adjustment.statistics.class_scales import MATTERS
 from aatri.adjustment.statistics.global_test import sigma0_interval
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -89,29 +90,28 @@ def search_anew(
         If the block cannot be adjusted.
     """
     done = search(block, adjust, options, tolerance, least_squares)
-    ways = list[tuple[BundleInput, SearchOptions]]()
-    if done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed)):
-        with_earlier = replace(block, observed=tuple(o.again() if _rejected(o) else o for o in block.observed))
-        ways.append((from_result(with_earlier, done.result), options))
-    if options.method == "robust_snooping" and _contradicts(done):
-        ways.append((block, replace(options, method="data_snooping")))
-    for start, chosen in ways:
+
+    def better(start: BundleInput, chosen: SearchOptions) -> AdjustedBlock:
         try:
             anew = search(start, adjust, chosen, tolerance)
         except (ConvergenceError, GeometryError):
-            continue
-        if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit):
-            done = anew
+            return done
+        return anew if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
+
+    if done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed)):
+        with_earlier = replace(block, observed=tuple(o.again() if _rejected(o) else o for o in block.observed))
+        done = better(from_result(with_earlier, done.result), options)
+    if options.method == "robust_snooping" and _contradicts(done):
+        done = better(block, replace(options, method="data_snooping"))
     return done
 
 
 def _contradicts(done: AdjustedBlock) -> bool:
-    """Whether something else than rays is above the limit, and sigma0 beyond what chance explains."""
-    rays = {o.kind for o in done.inputs.observed if is_ray(o)}
-    adjusted = done.result.adjusted
-    return any(kind not in rays for kind, _ in done.above) and (
-        adjusted.redundancy > 0 and adjusted.sigma0 > sigma0_interval(adjusted.redundancy, ALARM)[1]
-    )
+    """Whether something else than rays is above the limit, and sigma0 beyond what chance explains, and by much."""
+    rays, adjusted = {o.kind for o in done.inputs.observed if is_ray(o)}, done.result.adjusted
+    if adjusted.redundancy < 1 or all(kind in rays for kind, _ in done.above):
+        return False
+    return adjusted.sigma0 > max(sigma0_interval(adjusted.redundancy, ALARM)[1], MATTERS)
 
 
 def _rejected(o: Observed) -> bool:

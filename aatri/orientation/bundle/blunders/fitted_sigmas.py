@@ -87,12 +87,12 @@ class FittedSigmas(Rejections):
         block = replace(start, observed=self.all.without(observed, tested.active))
         return block, self.adjust(block, AdjustOptions())
 
-    def _initial_least_squares(self, active: Bool) -> tuple[TestedBlock | None, Exception | None]:
+    def _initial_least_squares(self, active: Bool) -> TestedBlock | None:
         """Least squares with everything; None where that fails."""
         try:
-            return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), active), None
-        except (ConvergenceError, GeometryError) as error:
-            return None, error
+            return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), active)
+        except (ConvergenceError, GeometryError):
+            return None
 
     def _tested(self, result: BundleResult, active: Bool) -> TestedBlock:
         """Least squares that gross errors may have smeared: the tails of its residuals are not those of the errors."""

@@ -60,7 +60,7 @@ class RobustStart(FittedSigmas):
             self._rescale(scaling, factor, from_result(self.block, result))
             if (factor == 1.0).all():
                 break
-            rescaled, _ = self._initial_least_squares(active)
+            rescaled = self._initial_least_squares(active)
             result = self._robust_from(self.block, rescaled, active)
             least_squares = self._least_squares_beside(result, rescaled, active)
         state = result.adjusted.state

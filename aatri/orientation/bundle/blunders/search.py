@@ -46,6 +46,8 @@ from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_readmission
 
+ROBUST_START = "least squares of all observations do not converge: the search began with a robust adjustment"
+
 UNTESTED = (
     "gross errors were not searched for: no observation has a test, for nothing controls it, or the block was solved "
     "without standard deviations"
@@ -85,9 +87,7 @@ class _Search(ExactCoordinates):
         """Search."""
         active = self.initially_active = self.all.native & ~self.all.rejected_in(self.block)
         self.of_datum = np.zeros_like(active)
-        initial, failure = (
-            (self._tested(least_squares.pop(), active), None) if least_squares else self._initial_least_squares(active)
-        )
+        initial = self._tested(least_squares.pop(), active) if least_squares else self._initial_least_squares(active)
         if initial is not None and not np.isfinite(initial.test).any():
             untested = with_readmission(self.block, lambda block: self.adjust(block, AdjustOptions()))
             return replace(untested, notes=(*untested.notes, Note("warning", UNTESTED)))
@@ -101,14 +101,13 @@ class _Search(ExactCoordinates):
         if (readmitted := self._readmitted_by_larger_sigmas(active, start)).any():
             active = self.initially_active = active | readmitted
             self.block = replace(self.block, observed=self.all.without(self.block.observed, active))
-            start, failure = self._initial_least_squares(active)
+            start = self._initial_least_squares(active)
             start = None if start is None else self._with_fitting_sigmas(start)
         harmful = start is None or ((self.smeared or self._is_harmful(start, active)) and not start.low_redundancy)
-        if self.options.method == "robust_snooping" and harmful:
+        self.robust_instead = start is None and self.options.method == "data_snooping"
+        if harmful and (self.options.method == "robust_snooping" or start is None):
             start, active = self._solved_after_robust(active, start)
             start = self._with_fitting_sigmas(start)
-        elif start is None and failure is not None:
-            raise failure
         else:
             assert start is not None
             start, active = self._without_errors_of_lost_points(start, active)
@@ -151,6 +150,7 @@ class _Search(ExactCoordinates):
             *findings(tested.block, self.all, outcome, self.options),
             *exact_notes(self.all, wrong & use),
             *attribution.notes,
+            *([Note("note", ROBUST_START)] if self.robust_instead else []),
         )
         exchanged_keys = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return AdjustedBlock(

@@ -18,8 +18,9 @@ class SearchOptions:
     """How gross errors are searched for."""
 
     method: Method = "robust_snooping"
-    """`robust_snooping`: data snooping from a robust adjustment; `data_snooping`: from least squares; `robust`: a
-    robust adjustment alone, not one of least squares in the end; `none`."""
+    """`robust_snooping`: data snooping from a robust adjustment; `data_snooping`: from least squares, or as
+    `robust_snooping` where these do not converge; `robust`: a robust adjustment alone, not one of least squares in the
+    end; `none`."""
     weights: Weighting = "huber"
     """Weight function of the robust adjustment."""
     bound: float | None = None
