@@ -222,6 +222,9 @@ less is left to variance components; redundancy below which a kind is not tested
 OTHER_LEVER_ARM = 0.01
 """Probability by which a lever arm that is right in another unit or with other signs is not named as such."""
 
+SHORTEST_ARM_M = 1e-3
+"""No lever arm is measured to less: a reading that makes one so short is as good as none."""
+
 SHARPER = 2e4
 """Times that weighted relative control may be sharper than image points on the ground: at 8e3 the result is that of the
 exact condition to 1e-7 of a standard deviation, at 8e4 pivots of its points vanish in rounding."""

@@ -16,7 +16,7 @@ from scipy.special import chdtri
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
-from aatri.checks.limits import OTHER_LEVER_ARM
+from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
@@ -126,18 +126,20 @@ def _other_lever_arm(g: Group, given_m: Float) -> str:
     limit = float(chdtri(3, OTHER_LEVER_ARM))
     if ((g.value / g.sigma) ** 2).sum() <= limit:  # as it is
         return ""
-    fitting_m = given_m + g.value
-    if ((fitting_m / g.sigma) ** 2).sum() <= limit:  # of readings in mm too, which are as good as none
-        return "the positions fit those of the projection centres: leave out `lever_arm`, or `refers_to: antenna`"
+    fitting_m, without = given_m + g.value, ""
+    if ((fitting_m / g.sigma) ** 2).sum() <= limit:  # as one in mm may, too
+        without = "the positions fit those of the projection centres: leave out `lever_arm`, or `refers_to: antenna`"
     for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2), (" in feet", FOOT_M)):
         for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
             read_m = factor * np.array(signs) * given_m
-            if (((fitting_m - read_m) / g.sigma) ** 2).sum() <= limit:
+            fits = (((fitting_m - read_m) / g.sigma) ** 2).sum() <= limit
+            if fits and np.linalg.norm(read_m) >= SHORTEST_ARM_M:
                 turned = [axis for axis, sign, m in zip("xyz", signs, given_m) if sign < 0 and m]
                 reading = f" with the opposite sign of {', '.join(turned)}" if turned else ""
                 arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)
-                return f"the lever arm given fits read{unit}{reading}: {arm} m; give `lever_arm` so, in m"
-    return ""
+                text = f"the lever arm given fits read{unit}{reading}: {arm} m; give `lever_arm` so, in m"
+                return f"{without}; or {text}" if without else text
+    return without
 
 
 def _shift_of_attitudes(g: Group) -> tuple[str, str]:

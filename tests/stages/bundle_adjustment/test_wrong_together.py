@@ -279,3 +279,15 @@ def test_a_lever_arm_in_another_unit_or_of_another_sign_is_told_with_the_reading
     warnings = adjusted_by("graph", tmp_path / "block").warnings
     arm = ", ".join(f"{m:.6g}" for m in arm_m)
     assert [text for text in warnings if f"the lever arm given fits read{how}: {arm} m" in text]
+
+
+@pytest.mark.slow
+def test_a_lever_arm_beside_positions_of_the_projection_centres_is_told_to_be_left_out(tmp_path: Path) -> None:
+    small = flown(strips=2, per_strip=4)
+    small.camera["lever_arm"] = [0.3, 0.0, 0.4]
+    exterior = small.write(tmp_path / "block") / "exterior.csv"
+    lines = exterior.read_text().splitlines()
+    exterior.write_text("\n".join([lines[0] + ",refers_to", *(line + ",antenna" for line in lines[1:]), ""]))
+    warnings = adjusted_by("graph", tmp_path / "block").warnings
+    (text,) = [text for text in warnings if "leave out `lever_arm`" in text]
+    assert "read in mm" not in text
