@@ -56,6 +56,8 @@ class TiedResult:
     """(n,). Test statistic; NaN where it cannot be tested."""
     above: Bool
     """(n,). Used, though the test is above the limit: too many of the same body or kind are rejected already."""
+    bent: Bool
+    """(n,). Ties in use above the limit that are so because their body bends."""
     tau_m: float
     """What had to be added to the standard deviation of the bodies' points."""
     counts: tuple[int, int]
@@ -133,14 +135,13 @@ def adjust_tied(
 
     room: list[Int] = []
 
+    kept = np.zeros(len(variances), dtype=bool) if undoubted is None else undoubted
+
     def wrong(solved: TiedSolution, use: Bool) -> Bool:
         if not room:
             room.append(_room(solved, snooping, pool))
-        return clearest_controlled(snooping, replace(pool, room=room[0]), solved, use & ~right(solved, use))
-
-    def right(solved: TiedSolution, use: Bool) -> Bool:
-        bends = bent_ties(solved, use, snooping.limit)
-        return bends if undoubted is None else bends | undoubted
+        doubtful = use & ~kept & ~bent_ties(solved, use, snooping.limit)
+        return clearest_controlled(snooping, replace(pool, room=room[0]), solved, doubtful)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
     searched = search(solve, begin, snooping, pool, wrong, added=deformed, lean=TiedSolution.lean)
@@ -153,8 +154,9 @@ def adjust_tied(
         del searched
         searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
         del again
-    above = searched.above & ~right(searched.solved, searched.active)
-    return _result(replace(searched, first=None, above=above))  # the first is as large as the result
+    bends = bent_ties(searched.solved, searched.active, snooping.limit)
+    above = searched.above & ~kept & ~bends
+    return _result(replace(searched, first=None, above=above), bends)  # the first is as large as the result
 
 
 def bent_ties(solved: TiedSolution, use: Bool, limit: float) -> Bool:
@@ -165,7 +167,7 @@ def bent_ties(solved: TiedSolution, use: Bool, limit: float) -> Bool:
         if POINT not in touched or not (use[part] & (solved.test[part] > limit)).any():
             continue
         body, point = touched[BODY].astype(np.int64), touched[POINT]
-        together = np.bincount(point, body + 1).astype(np.int64)[point]  # tells the bodies of a point from others
+        together = np.bincount(point, body + 1).astype(np.int64)[point]  # differs with the other bodies of the point
         overlap = np.unique(body * (int(together.max()) + 1) + together, return_inverse=True)[1]
         xyz, residual, test = solved.state[POINT][point], solved.residuals[part], solved.test[part]
         bends[part] = bent(overlap, xyz, residual, T, tests.redundancy, test, use[part], limit)
@@ -184,7 +186,7 @@ def _room(solved: TiedSolution, snooping: Snooping, pool: Pool) -> Int:
     return np.maximum(room, np.minimum(room_of(answered, np.bincount(pool.source, minlength=sources)), spare))
 
 
-def _result(searched: Searched[TiedSolution]) -> TiedResult:
+def _result(searched: Searched[TiedSolution], bends: Bool) -> TiedResult:
     solved, use = searched.solved, searched.active
     problem, state, n = solved.problem, solved.state, solved.problem.n_ties
     observed = problem.components
@@ -211,6 +213,7 @@ def _result(searched: Searched[TiedSolution]) -> TiedResult:
         size=np.where(observed, solved.size, np.nan),
         test=solved.test,
         above=searched.above,
+        bent=bends,
         tau_m=searched.tau,
         counts=(observations, n_unknowns),
         sigma0=_ratio(apriori[counted].sum() + prior, redundancy),

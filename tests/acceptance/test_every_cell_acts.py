@@ -185,6 +185,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("every_cell")
 
 
+@pytest.mark.parametrize("which", ROWS)
+def test_the_rows_that_are_looked_at_have_every_column_and_every_word_of_the_whole(which: str) -> None:
+    words = ("type", "role", "from_kind", "to_kind", "reduced", "refers_to", "camera", "rig", "member", "group", "set")
+    for table, rows in made(which).tables.items():
+        sample = [rows[k] for k in ROWS[which].get(table, range(len(rows)))]
+        columns, looked_at = ({c for row in part for c, v in row.items() if v != ""} for part in (rows, sample))
+        assert looked_at == columns, table
+        assert all({row.get(c) for row in sample} == {row.get(c) for row in rows} for c in words), table
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("which", "name"), CASES)
 def test_every_cell_has_an_effect_or_a_message(which: str, name: str, folder: Path) -> None:

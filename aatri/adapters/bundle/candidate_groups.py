@@ -27,7 +27,7 @@ from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.carried_vectors import BORESIGHT
+from aatri.observations.carried_vectors import BORESIGHT, LEVER_ARM
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.drift import group_times
 from aatri.observations.image_point_rows import ImagePointRows
@@ -106,7 +106,7 @@ def _of_positions(
     by_pose = adjusted.observed.records.evaluate(result.adjusted.state, rows)[1][0]
     R = result.adjusted.state[POSE].ground_from_image[image]
     cameras, H = images.cameras[images.camera], by_pose[:, :, :3] @ R
-    yield from _units(place, "camera", cameras, image, rows, H, (Cause("lever arm", (0, 1, 2)),), True)
+    yield from _units(place, "camera", cameras, image, rows, H, (Cause(LEVER_ARM, (0, 1, 2)),), True)
 
 
 def _of_attitudes(

@@ -134,10 +134,10 @@ def distant_start(
     """
     shares = [_misfit_m(part) / max(_distance_m(strips, [part]), np.finfo(float).tiny) for part in parts]
     k = int(np.argmax(shares))
-    moved, stretch, off = one_row_off(parts[k].result.places), _stretch(block, parts[k].result), shares[k]
+    row_shift, stretch, off = one_row_off(parts[k].result.places), _stretch(block, parts[k].result), shares[k]
     text, remedy = misfit.what, misfit.remedy
-    if moved:
-        text, remedy, stretch = f"{text}; {moved}", ONE_ROW, ""
+    if row_shift:
+        text, remedy, stretch = f"{text}; {row_shift}", ONE_ROW, ""
     elif stretch:
         text, remedy = f"{text}; {stretch}", CHECK_DISTANCE
     if not may_begin or not off <= FARTHEST_START:

@@ -166,7 +166,8 @@ def oriented_by(
         seen = ground.of(body, taking_part, attitudes=ATTITUDE in used, drift=drift)
         try:
             # what is neglected bends the body: what does not fit it as it is need not be wrong
-            relaxed = replace(settings, weakest=weakest, stiff=settings.stiff and drift, rejects=rejects)
+            stiff, may_reject = settings.stiff and drift, settings.rejects and rejects
+            relaxed = replace(settings, weakest=weakest, stiff=stiff, rejects=may_reject)
             oriented = orient_body(seen, body, relaxed, what=what, image_ids=images, point_ids=points, begin=begin)
         except (ConvergenceError, GeometryError) as error:
             failed.append(error)  # attitudes may tell which of three control points is wrong

@@ -1,5 +1,6 @@
 """Free components to the ground by all that is observed of it."""
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,11 +24,12 @@ from aatri.adapters.ground.initial_tests import (
     contradiction_note,
     contradicts,
     deformation_notes,
+    fits_as_it_bends,
     two_that_differ,
     with_uncertain_distances,
 )
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
-from aatri.arrays import Bool, finite_rows
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
@@ -40,13 +42,11 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import KIND as POSITION
-from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
 from aatri.orientation.graph.joining import FEWEST
-from aatri.orientation.graph.on_ground import fits_bent
 
 IMAGES_ALONE = (
     "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "
@@ -253,9 +253,11 @@ def _oriented(
 
     used, own = seated.tied.active, part(seated).component
     with_all = replace(seated, tied=replace(seated.tied, active=seated.began | used))
-    if not notes and (seated.began & ~used).any() and _fits_bent(ground.block, own, with_all, rays, used):
-        return part(with_all), notes_of(with_all)  # a rigid body rejects what fits it as its rays let it bend
-    if notes or seated.tied.tau_m == 0 or _fits_bent(ground.block, own, seated, rays):
+    if not notes and (seated.began & ~used).any() and fits_as_it_bends(ground.block, own, with_all, rays, used):
+        with contextlib.suppress(ConvergenceError, GeometryError):  # a rigid body rejects what fits a bent one
+            seated, notes = oriented_by(ground, body, replace(settings, rejects=False), what)
+        return part(seated), [*notes, *notes_of(seated)]
+    if notes or seated.tied.tau_m == 0 or fits_as_it_bends(ground.block, own, seated, rays):
         return part(seated), [*notes, *notes_of(seated)]
     if timed := by_time_offsets(ground, body, settings, what):
         return part(timed[0]), [timed[1], *notes_of(timed[0])]
@@ -270,23 +272,6 @@ def _oriented(
             note = contradiction_note(ground.block, left, reduced.state, kind, what)
             return part(reduced, left), [note, *notes_of(reduced)]
     return part(seated), [*deformation_notes(seated, precision(component, rays), what), *notes_of(seated)]
-
-
-def _fits_bent(
-    block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows, among: Bool | None = None
-) -> bool:
-    """Whether all that the orientation used fits a component that is not rigid, beside `among` of it."""
-    beside = () if among is None else _in_use(oriented, among)
-    return fits_bent(component, rays, _in_use(oriented, oriented.tied.active), block.images.id, block.points.id, beside)
-
-
-def _in_use(oriented: OrientedBody, active: Bool) -> list[Observed]:
-    """What is observed of the ground with those in use, and the priors of its own unknowns."""
-    problem, state = oriented.tied.problem, oriented.state
-    used = np.split(active, problem.edges[1:-1])[len(problem.ties) :]
-    observed = [o.without(~in_use) for o, in_use in zip(problem.ground, used)]
-    observed += [o for o in problem.priors if BODY not in dict(o.records.touches)]
-    return [replace(o, start={name: state[name] for name in o.start}) for o in observed]
 
 
 def _without_one(observed: Sequence[Observed]) -> Iterator[tuple[str, Chosen]]:

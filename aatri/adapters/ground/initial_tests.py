@@ -10,19 +10,23 @@ from aatri.adapters.solution import suspect_rows
 from aatri.adjustment.records import times
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float
+from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.geometry.similarity import Similarity
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
+from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
+from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.on_ground import fits_bent
 
 STAGE = "initial_orientation"
 
@@ -93,8 +97,8 @@ def contradiction_note(block: Block, left: Sequence[Observed], state: State, kin
             by_camera = [f"{block.cameras.id[k]} {_median_shift(residual[camera == k])}" for k in np.unique(camera)]
             off += f" (by camera: {'; '.join(by_camera)})"
     text = f"{what}: {kind} ({len(names)}) contradict all else, {off} in the median: they are left out here"
-    moved = one_row_off(given_places(left, state))
-    text = f"{text}; {moved}; {ONE_ROW}" if moved else text
+    if row_shift := one_row_off(given_places(left, state)):
+        text += f"; {row_shift}; {ONE_ROW}"
     return Note("warning", text, tuple(names.tolist()))
 
 
@@ -130,17 +134,11 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     tau = oriented.tied.tau_m
     if tau <= DEFORMED * expected:
         return []
-    text = (
-        f"{what}: control and positions fit it only with {tau:.2g} m added to the standard deviations of its "
-        f"points, {expected:.2g} m: "
-    )
-    moved = one_row_off(oriented.places)
-    reason = (
-        f"{moved}; {ONE_ROW}"
-        if moved
-        else "a wrong principal distance, distortion, unit or id, or several gross errors"
-    )
-    return [Note("warning", text + reason)]
+    reason = "a wrong principal distance, distortion, unit or id, or several gross errors"
+    if row_shift := one_row_off(oriented.places):
+        reason = f"{row_shift}; {ONE_ROW}"
+    text = f"{what}: control and positions fit it only with {tau:.2g} m added to the standard deviations of its "
+    return [Note("warning", f"{text}points, {expected:.2g} m: {reason}")]
 
 
 def two_that_differ(oriented: OrientedBody, precision_m: float, limit: float) -> tuple[float, list[Note]]:
@@ -206,3 +204,20 @@ def attitude_notes(ground: GroundObserved, body: FreeBody, to: Similarity, what:
                 text = f"{what}: {several(len(wrong), 'attitude', 'is', 'are')} far off the others"
                 notes.append(Note("warning", text, tuple(wrong.tolist())))
     return notes
+
+
+def fits_as_it_bends(
+    block: Block, component: ImageComponent, oriented: OrientedBody, rays: ImagePointRows, among: Bool | None = None
+) -> bool:
+    """Whether all that the orientation used fits a component that is not rigid, beside `among` of it."""
+    beside = () if among is None else _in_use(oriented, among)
+    return fits_bent(component, rays, _in_use(oriented, oriented.tied.active), block.images.id, block.points.id, beside)
+
+
+def _in_use(oriented: OrientedBody, active: Bool) -> list[Observed]:
+    """What is observed of the ground with those in use, and the priors of its own unknowns."""
+    problem, state = oriented.tied.problem, oriented.state
+    used = np.split(active, problem.edges[1:-1])[len(problem.ties) :]
+    observed = [o.without(~in_use) for o, in_use in zip(problem.ground, used)]
+    observed += [o for o in problem.priors if BODY not in dict(o.records.touches)]
+    return [replace(o, start={name: state[name] for name in o.start}) for o in observed]

@@ -143,7 +143,6 @@ def adjust_strips(
         return tied_tables.not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
 
     n_ties = len(ground.points.point)
-
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
 
     def adjust(undoubted: Bool | None) -> tuple[StripPolynomials, DeformedCovariances]:
@@ -164,7 +163,11 @@ def adjust_strips(
 
     result, deformed = adjust(None)
     fits = fits_deformed(result, deformed, control)
-    if (fits & ~result.tied.active[n_ties:]).any():
+    notes = []
+    if (back := fits & ~result.tied.active[n_ties:]).any():
+        ids = tuple(block.points.id[control.point[back]].tolist())
+        text = "control that only the deformation of the strips puts off takes part, and is not rejected"
+        notes.append(Note("note", text, ids))
         del result, deformed  # as large as what follows
         result, deformed = adjust(np.append(np.zeros(n_ties, dtype=bool), fits))
         fits = fits_deformed(result, deformed, control)
@@ -172,7 +175,6 @@ def adjust_strips(
     bent = np.isin(ground.points.point, control.point[fits & result.tied.above[n_ties:]])
     result = replace(result, tied=replace(result.tied, above=result.tied.above & ~np.append(bent, fits)))
     left = np.setdiff1d(np.arange(len(strips.strips)), ground.strips)
-    notes = []
     if len(left):
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))

@@ -17,6 +17,7 @@ from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
+from aatri.observations.carried_vectors import LEVER_ARM
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
@@ -24,8 +25,6 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import FOOT_M, about
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
-
-LEVER_ARM = "lever arm"
 
 DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
 

@@ -114,8 +114,8 @@ def contradiction(rays: ControlRays) -> Contradiction | None:
     pairs = pairs_of(rays)
     if len(pairs.image) < FEWEST_ANGLES:
         return None
-    limit = max(UNFIT_OBSERVED if rays.observed else UNFIT_APPROXIMATE, rays.chance)
-    fits = max(FIT_OBSERVED, rays.chance)
+    limit = max(UNFIT_OBSERVED if rays.observed else UNFIT_APPROXIMATE, rays.misfit_by_chance)
+    fits = max(FIT_OBSERVED, rays.misfit_by_chance)
     each = misfit_of_images(rays, pairs)
     as_given, images = float(np.median(each)), np.unique(rays.image)
     text = f"angles between rays to control points differ by {_percent(as_given)} from those measured in the images"
@@ -159,7 +159,7 @@ def _exchanged(text: str, images: Int, two: tuple[int, ...]) -> Contradiction:
     return Contradiction(text, "exchange the coordinates or the ids", "control", False, images[:0], two)
 
 
-def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float, fit: float) -> tuple[int, ...]:
+def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float, fit_limit: float) -> tuple[int, ...]:
     """The two control points with whose coordinates exchanged every image fits, rows of `control_m`; else none."""
     off = np.unique(pairs.image)[misfit_of_images(rays, pairs) > limit]
     of_off = pairs.take(np.isin(pairs.image, off))
@@ -168,7 +168,7 @@ def exchanged_points(rays: ControlRays, pairs: Pairs, limit: float, fit: float) 
         control_m = rays.control_m.copy()
         control_m[list(two)] = control_m[list(two[::-1])]
         exchanged = replace(rays, control_m=control_m)
-        if all(misfit_of_images(exchanged, each).max() < fit for each in (of_off, pairs)):
+        if all(misfit_of_images(exchanged, each).max() < fit_limit for each in (of_off, pairs)):
             fits.append(two)
     return fits[0] if len(fits) == 1 else ()
 

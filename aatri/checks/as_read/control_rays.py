@@ -43,7 +43,7 @@ class ControlRays:
     """(n,), m. Standard deviation of a coordinate of the positions, 0 where none is known; None: of all."""
 
     @property
-    def chance(self) -> float:
+    def misfit_by_chance(self) -> float:
         """Misfit of a pair that errors of the positions reach by chance: of an angle a / d they change sigma / d."""
         if self.sigma_m is None or not len(self.image):
             return 0.0

@@ -87,7 +87,7 @@ def _of_rows(o: Observed, table: Geodetic, v: Float, rows: Int, where: str) -> l
     text += f"{size[best]:.2g} {o.unit} from the start in the median, as declared {size['']:.2g} {o.unit}"
     ratio = size[""] / max(size[best], 1e-300)
     level: Level = "error" if ratio > CERTAIN_CONVENTION else "warning"
-    where = f"{where}: {o.kind}" if where else o.kind
+    where = f"{where}: {o.kind}s of a portable frame or a set" if where else o.kind
     return [Finding("conventions", level, text, "declare them so, or convert them", where=where, statistic=ratio)]
 
 

@@ -66,7 +66,8 @@ STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
 FEW = 4
-"""One in so many may be far from the start for single gross errors to be what bends the body, not a wrong model."""
+"""One in so many may be far from the start for gross errors to be what bends the body: of six observations three may be
+so for a principal distance that is 2 % off, and the other three fit any."""
 
 NOTHING = "it holds no control point and no observed position"
 ENOUGH = "at least two points known in plan and three in height, not on a line, or as many observed positions"

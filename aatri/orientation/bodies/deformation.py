@@ -34,6 +34,7 @@ from aatri.adjustment.statistics.global_test import (
 )
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.ties import BODY
 
@@ -186,6 +187,9 @@ def search_notes(tied: TiedResult, names: Callable[[TiedResult, Int], Sequence[s
     if len(kept):
         text = f"{what}: above the limit but not rejected, as too little else controls them or too many are rejected"
         notes.append(Note("warning", text, tuple(names(tied, kept))))
+    if tied.bent.any():
+        text = f"{what}: {several(int(tied.bent.sum()), 'tie')} above the limit stay: they agree with those beside them"
+        notes.append(Note("note", f"{text}, where their bodies bend"))
     if not tied.settled:
         notes.append(Note("warning", f"{what}: the search for gross errors was broken off before it settled"))
     return notes

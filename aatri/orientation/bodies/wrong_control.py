@@ -260,7 +260,7 @@ def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | Non
     ------
     GeometryError
     """
-    if moved := one_row_off(places):
-        raise GeometryError(f"{what}: {moved}", remedy=ONE_ROW)
+    if row_shift := one_row_off(places):
+        raise GeometryError(f"{what}: {row_shift}", remedy=ONE_ROW)
     if up is not None:
         refuse_mirrored(places, use[places.row], to, up, what)

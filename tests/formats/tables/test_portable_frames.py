@@ -148,8 +148,9 @@ def test_frames_in_another_unit_are_refused_with_it_and_blame_no_ray(
 ) -> None:
     with pytest.raises(AatriError, match=f"look like values {said}") as error:
         adjusted_by(chain, written(made(), tmp_path / "block", unit_m=unit_m))
-    assert "ground_points.csv:6: distance: the 9 values" in str(error.value)  # the solid one
-    assert "ground_points.csv:11: distance: the 5 values" in str(error.value)  # the flat one
+    what = "distances of a portable frame or a set"
+    assert f"ground_points.csv:6: {what}: the 9 values" in str(error.value)  # the solid one
+    assert f"ground_points.csv:11: {what}: the 5 values" in str(error.value)  # the flat one
 
 
 def test_what_is_wrong_with_a_frame_is_an_error_with_its_line(tmp_path: Path) -> None:
