@@ -216,3 +216,12 @@ def test_variables_say_what_they_hold() -> None:
         if name in PRIVATE_WORDS
     }
     assert sorted(strays) == []
+
+
+def test_no_test_takes_anything_from_one_that_is_skipped_without_an_extra() -> None:
+    """Half imported it stays where it was when it was skipped, and what is taken from it is not there."""
+    texts = {p: p.read_text(encoding="utf-8") for p in (ROOT / "tests").rglob("test_*.py")}
+    skips = re.compile(r"^(?:\w+ = )?pytest\.importorskip|allow_module_level", re.M)
+    skipped = {".".join(p.relative_to(ROOT).with_suffix("").parts) for p, text in texts.items() if skips.search(text)}
+    imports = re.compile(r"^from (tests\.\S+) import", re.M)
+    assert not [(p.name, name) for p, text in texts.items() for name in imports.findall(text) if name in skipped]

@@ -14,21 +14,11 @@ from aatri.adapters.frame.adjustment_frame import frame_of
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.navigation.photo_folder import read_photographs
-from aatri.progress import Silent
 from aatri.stages.block.photos import PhotosOptions, photos
 from tests.made_photographs import EAST_M, F_PX, HEIGHT, NORTH_M, WIDTH, exif_of
+from tests.stages.film_blocks import Told
 
 Image = pytest.importorskip("PIL.Image")
-
-
-class Ear(Silent):
-    """Keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
 
 
 def _save(folder: Path, name: str, size: tuple[int, int] = (WIDTH, HEIGHT), **tags: Any) -> Path:
@@ -154,7 +144,7 @@ def test_a_latitude_that_is_no_angle_is_refused_by_name(tmp_path: Path, latitude
 def test_photographs_that_say_no_position_make_a_block_without_a_place(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         _save(tmp_path, name, position=False)
-    ear = Ear()
+    ear = Told()
     block = photos(options=PhotosOptions(path=tmp_path), context=ear)
     assert block.frames.crs.tolist() == ["local"]
     assert len(block.exterior) == 0

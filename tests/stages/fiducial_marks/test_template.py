@@ -14,24 +14,14 @@ from aatri.errors import InputError
 from aatri.pixels.mark_search import best_place
 from aatri.pixels.reading import whole_image
 from aatri.pixels.templates import drawn
-from aatri.progress import Silent
 from aatri.stages.fiducial_marks.template import TemplateOptions, template
 from tests.made_scans import MARKS, PIXEL_MM, SIZE, Array, scan, scanned_block
+from tests.stages.film_blocks import Told
 
 pytest.importorskip("cv2")
 tifffile = pytest.importorskip("tifffile")
 
 OPTIONS = TemplateOptions(size_mm=2.0, stroke_mm=0.15, search_mm=6.0)
-
-
-class Ear(Silent):
-    """Keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
 
 
 def _off_px(block: Block, places: dict[str, Array]) -> Array:
@@ -43,7 +33,7 @@ def _off_px(block: Block, places: dict[str, Array]) -> Array:
 def test_crosses_are_found_to_a_twentieth_of_a_pixel_at_noise_15_and_5_degrees(tmp_path: Path) -> None:
     picture, places = scan(5.0, 15.0)
     tifffile.imwrite(tmp_path / "a.tif", (picture * 4095).astype(np.uint16), tile=(256, 256))  # 12 bits in 16
-    ear = Ear()
+    ear = Told()
     block = template(scanned_block(tmp_path / "a.tif"), options=OPTIONS, context=ear)
     assert len(block.fiducial_points) == 4
     assert ear.warnings == []
@@ -64,7 +54,7 @@ def test_turned_mirrored_and_negative_scans(tmp_path: Path, quarters: int, mirro
         for _ in range(quarters):
             x, y = SIZE - 1 - y, x
         places[name] = np.array([SIZE - 1 - x if mirrored else x, y])
-    ear = Ear()
+    ear = Told()
     block = template(scanned_block(tmp_path / "a.tif"), options=OPTIONS, context=ear)
     assert len(block.fiducial_points) == 4
     assert len(ear.warnings) == 1
@@ -77,7 +67,7 @@ def test_turned_mirrored_and_negative_scans(tmp_path: Path, quarters: int, mirro
 def test_a_mark_that_is_not_there_is_named(tmp_path: Path) -> None:
     picture, places = scan(0.7, 8.0, without=("3",))
     tifffile.imwrite(tmp_path / "a.tif", (picture * 255).astype(np.uint8))
-    ear = Ear()
+    ear = Told()
     block = template(scanned_block(tmp_path / "a.tif"), options=OPTIONS, context=ear)
     assert block.fiducials.id[block.fiducial_points.fiducial].tolist() == ["1", "2", "4"]
     assert "a: fiducial marks not found: 3" in ear.warnings

@@ -18,12 +18,12 @@ from aatri.errors import AatriError
 from aatri.formats.merging.part import part_of
 from aatri.geometry.rotations import exp_rotation
 from aatri.observations.poses import Poses
-from aatri.progress import Silent
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.information.reduced import ReducedOptions, reduced
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.stages.film_blocks import Told
 
 OF_SIGMA = 1e-8
 """By so much of its standard deviation a result may differ from that of the joint adjustment."""
@@ -74,16 +74,6 @@ def apart(part: Solution, joint: Solution) -> float:
     known = (sigma_p > 0).all(axis=1)
     assert (np.isfinite(part.points.xyz_m) == np.isfinite(joint.points.xyz_m[point])).all()
     return float(max(np.abs(dx / sigma).max(), np.abs(dp[known] / sigma_p[known]).max()))
-
-
-class Ear(Silent):
-    """Keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
 
 
 def by_turns(parts: list[Block], joint: Solution, rounds: int = 2, **options: Any) -> list[Solution]:
@@ -141,7 +131,7 @@ def test_image_points_of_images_without_orientation_are_lost_and_named() -> None
     active = np.where(m.image == last, np.arange(len(m)) == row, m.point != m.point[row])  # it has but one image point,
     known = a.exterior.take(np.flatnonzero(a.exterior.image != last))
     a = replace(a, image_points=replace(m, active=active), exterior=known)
-    ear = Ear()
+    ear = Told()
     reduced(a, _points(a), other=b, options=ReducedOptions(**PLAIN), context=ear)
     (told,) = [text for text in ear.warnings if text.startswith("lost: ")]
     assert told.startswith("lost: 1 image point of 1 shared point, no image")
@@ -151,7 +141,7 @@ def test_image_points_of_images_without_orientation_are_lost_and_named() -> None
 def test_image_points_set_aside_as_the_block_was_read_are_named() -> None:
     block = block_of_strips(False, 3, cross=2)
     west = np.isin(block.images.strip, (0, 3, 4))
-    ear = Ear()
+    ear = Told()
     read = screened(part_of(block, west), ear)
     once = [name for name in read.rejects.id.tolist() if name.partition("/")[2] in set(block.points.id.tolist())]
     ear.warnings.clear()

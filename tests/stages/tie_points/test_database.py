@@ -12,24 +12,14 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.formats.colmap.database import read_database
-from aatri.progress import Silent
 from aatri.stages.block.photos import PhotosOptions, photos
 from aatri.stages.tie_points.database import DatabaseOptions, database
 from aatri.stages.tie_points.sift import sift
 from tests.contract.made_files import colmap_database
 from tests.made_photographs import flown
+from tests.stages.film_blocks import Told
 
 pytest.importorskip("cv2")
-
-
-class Ear(Silent):
-    """Keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def warn(self, message: str) -> None:
-        self.warnings.append(message)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +84,7 @@ def test_databases_that_are_wrong_are_refused_by_what_is_wrong(block: Block, tmp
 
 
 def test_images_of_others_are_named_and_left_out(block: Block, tmp_path: Path) -> None:
-    ear = Ear()
+    ear = Told()
     options = _changed(colmap_database(block, tmp_path / "a.db"), "INSERT INTO images VALUES (9, 'other.jpg', 1)")
     assert len(database(block, options=options, context=ear).points) > 50
     assert any("1 image is not in the block and left out: other.jpg" in warning for warning in ear.warnings)

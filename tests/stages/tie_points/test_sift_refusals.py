@@ -12,8 +12,8 @@ from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.stages.block.photos import PhotosOptions, photos
 from aatri.stages.tie_points.sift import sift
-from tests.formats.navigation.test_photo_folder import Ear
 from tests.made_photographs import HEIGHT, WIDTH, exif_of, flown
+from tests.stages.film_blocks import Told
 
 Image = pytest.importorskip("PIL.Image")
 pytest.importorskip("cv2")
@@ -44,7 +44,7 @@ def test_a_repeated_pattern_has_no_tie_points(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_image_of_another_flight_is_named(tmp_path: Path) -> None:
-    made, ear = flown(tmp_path / "p", strips=1, per_strip=2), Ear()
+    made, ear = flown(tmp_path / "p", strips=1, per_strip=2), Told()
     other = np.random.default_rng(6).integers(0, 255, (HEIGHT // 4, WIDTH // 4)).astype(np.uint8)
     picture = Image.fromarray(other).resize((WIDTH, HEIGHT), Image.Resampling.BICUBIC)
     picture.save(made.folder / "other.jpg", exif=exif_of(made.position_m[0] + 5.0, 20.0))
