@@ -1,21 +1,24 @@
 """Variance components of deformations that an adjustment did not have, from its residuals.
 
-The misfit g of deformations z to the residuals has the covariance phi S + S D S, S their normal matrix with all that
-the adjustment did estimate eliminated, phi the variance of unit weight. D is diagonal: the variance of a deformation is
-that of its component times the size of its body, d = theta lambda. With the most probable z,
+The misfit g of deformations z and of nuisances n to the residuals has the covariance phi N + N D N, N their normal
+matrix, phi the variance of unit weight. Nuisances may be anything: what the adjustment estimated, whose misfit is
+none, and what else is not to count. D is diagonal: the variance of a deformation is that of its component times the
+size of its body, d = theta lambda. With the most probable values and the redundancies
 
-    z = (S / phi + 1 / D)^-1 g / phi,      r = diag(S / phi (S / phi + 1 / D)^-1)
+    (n, z) = M^-1 g / phi,      M = N / phi + 1 / D,      r = 1 - diag(M^-1) / D,
 
-the estimate is, over all deformations of a component and then of a body,
+1 / D of a nuisance all but 0, the estimate is, over all deformations of a component and then of a body,
 
     theta = theta sum z^2 / d / sum r,      lambda = lambda (sum z^2 / d + e) / (sum r + e),      mean of lambda 1,
 
 repeated until nothing changes: Foerstner's. Bodies of one component are much alike, but a strip whose points lie on
 one side of it errs by twice as much as others: lambda is told by some ten redundancies each, and begins as if
 e = `ESTIMABLE` of them had told that it is 1. After every two steps the rest is taken to fall on as they did (Aitken).
-With y'y the sum of squares of the adjustment and f its redundancy phi = (y'y - z'g) / f, by maximum likelihood of the
-residuals, whose deviance is (y'y - z'g) / phi + f log phi + log |1 + S D / phi|: where it settles all is done, as
-components that do much the same creep towards each other for long.
+With y'y the sum of squares of the adjustment and f the redundancy beside the nuisances phi = (y'y - (n, z)'g) / f, by
+maximum likelihood of the residuals, whose deviance is (y'y - (n, z)'g) / phi + f log phi + log |1 + N D / phi|: where
+it settles all is done, as components that do much the same creep towards each other for long.
+
+N has entries for bodies that meet, and so the cost grows with the bodies.
 
 Source: Foerstner 1979, as adjustment.statistics.variance_components; Harville 1977 (phi).
 """
@@ -23,8 +26,9 @@ Source: Foerstner 1979, as adjustment.statistics.variance_components; Harville 1
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtri
+from scipy.sparse import csr_array
 
+from aatri.adjustment.elimination.block_matrix import BlockMatrix, block_matrix
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.arrays import Float, Int
 
@@ -34,6 +38,9 @@ SETTLED = 0.5
 
 FALLING = 0.9
 """Factors of the differences from which on nothing is told of the limit."""
+
+LOOSE = 1e-8
+"""1 / D of a nuisance, of its own element of N: one that does what others do is held by it. Rounding leaves 1e-16."""
 
 
 @dataclass(frozen=True)
@@ -48,55 +55,63 @@ class DeformationComponents:
 
 
 def deformation_components(
-    S: Float, g: Float, component: Int, body: Int, squares: float, redundancy: int, least: float
+    N: csr_array,
+    g: Float,
+    component: Int,
+    body: Int,
+    squares: float,
+    redundancy: int,
+    least: float,
+    position: Float | None = None,
 ) -> DeformationComponents:
     """Estimate the variances.
 
     Parameters
     ----------
-    S : (m, m) float64
-        Normal matrix of deformations of unit variance.
+    N : (m, m) csr_array
+        Normal matrix of deformations of unit variance and of nuisances.
     g : (m,) float64
         Their misfit.
     component, body : (m,) int
+        -1 is the component of nuisances. Bodies ascend.
     squares : float
         Sum of squares of the adjustment, v'Wv.
     redundancy : int
-        Of the adjustment.
+        Of the adjustment, had it estimated no nuisance.
     least : float
         The smallest that phi may be.
+    position : (n_bodies, d) float64, optional
+        Of the bodies, by which they are eliminated.
     """
     n, size = int(component.max(initial=-1)) + 1, np.ones(int(body.max(initial=-1)) + 1)
     if not n:
         return DeformationComponents(np.zeros(0), np.zeros(0), size, max(squares / redundancy, least))
+    position = np.arange(len(size), dtype=np.float64)[:, None] if position is None else position
+    matrix, (z, nuisance) = block_matrix(N, body, position), (component >= 0, component < 0)
+    component, body, share = component[z], body[z], N.diagonal()
+    scale, added = 1.0 / np.sqrt(np.maximum(share, 1e-300)), np.where(z, 1.0, LOOSE)
     # To begin with each deformation explains its own misfit.
-    share = S.diagonal()
     members = np.maximum(np.bincount(component, minlength=n), 1)
-    theta: Float = np.bincount(component, (g / share) ** 2, minlength=n) / members
+    theta: Float = np.bincount(component, (g / share)[z] ** 2, minlength=n) / members
     phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
     deviance = np.inf
     for _ in range(ROUNDS):
         d = np.maximum(theta[component] * size[body], 1e-300)
-        root = np.sqrt(d / phi)
-        # Of M = I + root S root = L L' the inverse is wanted on the diagonal, and times one vector.
-        M = S * root
-        M *= root[:, None]
-        np.einsum("ii->i", M)[:] += 1.0
-        L, fails = dpotrf(M.T, lower=True, overwrite_a=True)
-        if fails:  # of points at infinity S is a difference of large numbers, and no longer semidefinite
-            values, vectors = np.linalg.eigh(S)
-            S = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        scale[z] = np.sqrt(d / phi)
+        factor = matrix.factor(scale, added)
+        if factor is None:  # of points at infinity N is a difference of large numbers, and no longer semidefinite
+            matrix = _semidefinite(N)
             continue
-        L_inverse = dtrtri(L, lower=True, overwrite_c=True)[0]
-        z = root * (L_inverse.T @ (L_inverse @ (root * g)))
-        local_redundancy, share = 1.0 - np.einsum("ij,ij->j", L_inverse, L_inverse), z**2 / d
+        most_probable = scale * factor.solve(scale * g)
+        local_redundancy, share = 1.0 - added * factor.inverse_diagonal(), most_probable[z] ** 2 / d
+        beside, local_redundancy = redundancy - local_redundancy[nuisance].sum(), local_redundancy[z]
         r = np.bincount(component, local_redundancy, minlength=n).astype(np.float64)
         theta = theta * np.bincount(component, share, minlength=n) / np.maximum(r, 1e-12)
         size = size * (np.bincount(body, share) + ESTIMABLE) / (np.bincount(body, local_redundancy) + ESTIMABLE)
         size /= size.mean()
-        last, white = deviance, squares - float(z @ g)
-        deviance = white / phi + redundancy * float(np.log(phi)) - 2.0 * float(np.log(L_inverse.diagonal()).sum())
-        phi = max(white / redundancy, least)
+        last, white = deviance, squares - float(most_probable @ g)
+        deviance = white / phi + beside * float(np.log(phi)) + factor.log_determinant
+        phi = max(white / beside, least)
         if abs(last - deviance) < SETTLED:
             break
         steps.append(theta)
@@ -104,6 +119,13 @@ def deformation_components(
             theta = _limit(*steps)
             steps = [theta]
     return DeformationComponents(theta, r, size, phi)
+
+
+def _semidefinite(N: csr_array) -> BlockMatrix:
+    """The nearest matrix without negative eigenvalues, in one block."""
+    values, vectors = np.linalg.eigh(N.toarray())
+    nearest = csr_array((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    return block_matrix(nearest, np.zeros(len(values), dtype=np.int64), np.zeros((1, 1)))
 
 
 def _limit(first: Float, second: Float, third: Float) -> Float:

@@ -102,7 +102,6 @@ class _Reduced:
     strip: Int
     cause: Int
     """(n,). Rows of the deformations in N, the strip of each, and what deforms it."""
-    S: Float
     taken_up: Float
     """Of these deformations."""
     A: Float
@@ -138,7 +137,7 @@ def deformed_covariances(
         return replace(none, missing=f"{n_strips} strips, more than {MOST_STRIPS}")
     normal = _normals(result, spread, points, n_points, axes, control, models)
     reduced = _reduced(normal, n_strips)
-    estimated, component, names, few = _estimated(normal, reduced, tied, spread)
+    estimated, component, names, few = _estimated(normal, reduced, tied, spread, axes)
     present = np.unique(component).tolist()
     sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
     redundancy = {names[k]: float(estimated.redundancy[k]) for k in present}
@@ -198,26 +197,31 @@ def _reduced(normal: _Normals, n_strips: int) -> _Reduced:
     brought = N[:, z].toarray() + N[:, s] @ error
     half = solve_triangular(L, brought[c], lower=True)
     A, Q = solve_triangular(L, half, lower=True, trans="T"), cho_solve((L, True), np.eye(len(c)))
-    S = brought[z] + error.T @ brought[s] - half.T @ half
-    left = S.diagonal() > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
+    information = brought[z, np.arange(len(z))] + (error * brought[s]).sum(axis=0) - (half**2).sum(axis=0)
+    left = information > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
     strip, cause = np.repeat(np.arange(n_strips), len(COMPONENT))[left], np.tile(COMPONENT, n_strips)[left]
-    return _Reduced(z[left], strip, cause, S[np.ix_(left, left)], error[:, left], A[:, left], Q)
+    return _Reduced(z[left], strip, cause, error[:, left], A[:, left], Q)
 
 
 def _estimated(
-    normal: _Normals, reduced: _Reduced, tied: TiedResult, spread: Spread
+    normal: _Normals, reduced: _Reduced, tied: TiedResult, spread: Spread, axes: Sequence[StripAxes]
 ) -> tuple[DeformationComponents, Int, tuple[str, ...], list[str]]:
     """Variances of the deformations, as many components as the block tells apart; which of these each has, their names,
     and those that are not estimable, with their redundancies.
     """
     of_misfit = misfit(normal.ties, tied.residuals, len(normal.basis))
     of_misfit = np.einsum("sfk,sf->sk", normal.basis, of_misfit).ravel()
-    g = of_misfit[reduced.z] + reduced.taken_up.T @ of_misfit[normal.s]
-    squares, redundancy = tied.weighted_sigma0**2 * tied.redundancy, tied.redundancy
+    rows = np.sort(np.concatenate([normal.c, normal.s, reduced.z]))
+    is_z, strip = np.isin(rows, reduced.z), rows // normal.basis.shape[2]
+    N, g = normal.N[rows][:, rows], of_misfit[rows]
+    origin_m = np.stack([a.origin_m[:2] for a in axes])
+    squares, redundancy = tied.weighted_sigma0**2 * tied.redundancy, tied.redundancy + len(normal.c)
     least = float(spread.values.mean() / (spread.values.mean() + tied.tau_m**2))
     for names, together in TOGETHER:
         component, lasting = together[reduced.cause], together[BESIDE]
-        estimated = deformation_components(reduced.S, g, component, reduced.strip, squares, redundancy, least)
+        of_rows = np.full(len(rows), -1)
+        of_rows[is_z] = component
+        estimated = deformation_components(N, g, of_rows, strip, squares, redundancy, least, origin_m)
         present = np.unique(component).tolist()
         r = np.bincount(lasting[present], estimated.redundancy[present])
         few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.control import Control
@@ -53,7 +54,7 @@ def test_variances_of_two_components_come_out_as_put_in() -> None:
         # A regression of 500 observations on 80 deformations, turned so that the first 80 hold all there is of them.
         y = L.T @ z + noise[:80]
         squares = float(y @ y + noise[80:] @ noise[80:])
-        estimate = deformation_components(S, L @ y, component, 0 * component, squares, 500, 0.0)
+        estimate = deformation_components(csr_array(S), L @ y, component, 0 * component, squares, 500, 0.0)
         found.append([*(estimate.variance / true), estimate.phi / phi])
         assert estimate.redundancy.sum() < 80
     # Forty times at least thirty degrees of freedom: the mean is known to 4 %.
@@ -69,7 +70,7 @@ def test_bodies_of_which_one_errs_by_more_come_out_as_put_in() -> None:
     for _ in range(40):
         y = L.T @ (rng.standard_normal(80) * np.sqrt(true[component] * size[body])) + rng.standard_normal(80)
         squares = float(y @ y + rng.chisquare(420))
-        estimate = deformation_components(S, L @ y, component, body, squares, 500, 0.0)
+        estimate = deformation_components(csr_array(S), L @ y, component, body, squares, 500, 0.0)
         found.append([*(estimate.variance / true), *(estimate.size / size)])
     found = np.mean(found, axis=0)
     np.testing.assert_allclose(found[[0, 1, 5]], 1.0, atol=0.3)
@@ -162,11 +163,31 @@ def test_a_normal_matrix_that_rounding_leaves_indefinite_gives_what_the_exact_on
     vectors = np.linalg.qr(rng.normal(size=(6, 6)))[0]
     exact, lost = (vectors * v @ vectors.T for v in ([1e9, 1e8, 1e7, 1e6, 0.0, 0.0], [1e9, 1e8, 1e7, 1e6, -1e4, -1e4]))
     component, g = np.array([0, 0, 0, 1, 1, 1]), exact @ rng.normal(0, 30.0, 6)
-    wanted = deformation_components(exact, g, component, 0 * component, 400.0, 200, 0.5)
-    found = deformation_components(lost, g, component, 0 * component, 400.0, 200, 0.5)
+    wanted = deformation_components(csr_array(exact), g, component, 0 * component, 400.0, 200, 0.5)
+    found = deformation_components(csr_array(lost), g, component, 0 * component, 400.0, 200, 0.5)
     np.testing.assert_allclose(found.variance, wanted.variance, rtol=1e-3)
     np.testing.assert_allclose(found.redundancy, wanted.redundancy, rtol=1e-3)
-    assert not len(deformation_components(exact[:0, :0], g[:0], component[:0], component[:0], 400.0, 200, 0.5).variance)
+    assert not len(
+        deformation_components(csr_array(exact[:0, :0]), g[:0], component[:0], component[:0], 400.0, 200, 0.5).variance
+    )
+
+
+def test_nuisances_beside_deformations_are_what_their_elimination_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bodies of twelve deformations and three nuisances each, in a regression of 300 observations."""
+    monkeypatch.setattr("aatri.orientation.bodies.deformation_components.SETTLED", 1e-9)
+    rng = np.random.default_rng(8)
+    A, y = rng.normal(size=(300, 30)), rng.normal(size=300)
+    body, nuisance = np.repeat([0, 1], 15), np.tile(np.arange(15) < 3, 2)
+    y += A[:, ~nuisance] @ rng.normal(0, 0.3, 24) + A[:, nuisance] @ rng.normal(0, 100.0, 6)
+    component = np.where(nuisance, -1, np.tile(np.arange(15) % 2, 2))
+    together = deformation_components(csr_array(A.T @ A), A.T @ y, component, body, float(y @ y), 300, 0.0)
+    Q = np.linalg.qr(A[:, nuisance], mode="complete")[0][:, 6:]
+    B, x = Q.T @ A[:, ~nuisance], Q.T @ y
+    apart = deformation_components(
+        csr_array(B.T @ B), B.T @ x, component[~nuisance], body[~nuisance], float(x @ x), 294, 0.0
+    )
+    for name in ("variance", "redundancy", "size", "phi"):
+        np.testing.assert_allclose(getattr(together, name), getattr(apart, name), rtol=1e-3)
 
 
 @pytest.mark.slow
