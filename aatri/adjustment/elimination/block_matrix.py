@@ -108,9 +108,10 @@ def block_matrix(N: csr_array, vertex: Int, position: Float) -> BlockMatrix:
     """
     n, entries = len(position), N.tocoo()
     size = np.bincount(vertex, minlength=n)
-    pairs = np.unique(np.stack([vertex[entries.row], vertex[entries.col]]), axis=1)
-    pairs = pairs[:, pairs[0] != pairs[1]]
-    start = np.cumsum(np.bincount(pairs[0] + 1, minlength=n + 1))
-    graph = Graph(start.astype(np.int64), pairs[1].astype(np.int32))
+    meet = np.zeros((n, n), dtype=bool)
+    meet[vertex[entries.row], vertex[entries.col]] = True
+    np.fill_diagonal(meet, val=False)
+    start = np.concatenate([[0], np.cumsum(meet.sum(axis=1))])
+    graph = Graph(start, np.nonzero(meet)[1].astype(np.int32))
     tree = build_tree(graph, nested_dissection(graph, position, leaf=1), size, np.cumsum(size) - size)
     return BlockMatrix(tree, tuple(N[node.columns][:, node.columns[: node.panel]].toarray() for node in tree.nodes))
