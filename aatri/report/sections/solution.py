@@ -160,8 +160,9 @@ def tie_residuals(solution: Solution) -> list[Picture]:
     ids = solution.points.id
     order = np.argsort(ids, kind="stable")
     xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
-    strips = np.unique(r.image[rows])
-    by_strip = {str(s): np.flatnonzero(r.image[rows] == s) for s in strips[natural_order(strips)]}
+    strips, strip = np.unique(r.image[rows], return_inverse=True)
+    members = np.split(np.argsort(strip, kind="stable"), np.cumsum(np.bincount(strip))[:-1])
+    by_strip = {str(strips[k]): members[k] for k in natural_order(strips)}
     return tie_pictures({s: (xyz[k], r.residual[rows[k]], r.point[rows[k]].tolist()) for s, k in by_strip.items()})
 
 
