@@ -83,10 +83,14 @@ def deformation_components(
     position : (n_bodies, d) float64, optional
         Of the bodies, by which they are eliminated.
     """
-    n, size = int(component.max(initial=-1)) + 1, np.ones(int(body.max(initial=-1)) + 1)
+    n, n_bodies = (
+        int(component.max(initial=-1)) + 1,
+        int(body.max(initial=-1)) + 1 if position is None else len(position),
+    )
+    size = np.ones(n_bodies)
     if not n:
         return DeformationComponents(np.zeros(0), np.zeros(0), size, max(squares / redundancy, least))
-    position = np.arange(len(size), dtype=np.float64)[:, None] if position is None else position
+    position = np.arange(n_bodies, dtype=np.float64)[:, None] if position is None else position
     matrix, (z, nuisance) = block_matrix(N, body, position), (component >= 0, component < 0)
     component, body, share = component[z], body[z], N.diagonal()
     scale, added = 1.0 / np.sqrt(np.maximum(share, 1e-300)), np.where(z, 1.0, LOOSE)
@@ -107,7 +111,8 @@ def deformation_components(
         beside, local_redundancy = redundancy - local_redundancy[nuisance].sum(), local_redundancy[z]
         r = np.bincount(component, local_redundancy, minlength=n).astype(np.float64)
         theta = theta * np.bincount(component, share, minlength=n) / np.maximum(r, 1e-12)
-        size = size * (np.bincount(body, share) + ESTIMABLE) / (np.bincount(body, local_redundancy) + ESTIMABLE)
+        of_bodies = [np.bincount(body, x, minlength=n_bodies) + ESTIMABLE for x in (share, local_redundancy)]
+        size = size * of_bodies[0] / of_bodies[1]
         size /= size.mean()
         last, white = deviance, squares - float(most_probable @ g)
         deviance = white / phi + beside * float(np.log(phi)) + factor.log_determinant

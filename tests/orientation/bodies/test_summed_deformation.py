@@ -186,6 +186,12 @@ def test_nuisances_beside_deformations_are_what_their_elimination_leaves(monkeyp
     apart = deformation_components(
         csr_array(B.T @ B), B.T @ x, component[~nuisance], body[~nuisance], float(x @ x), 294, 0.0
     )
+    # A third body that has nothing but a nuisance, as a strip whose deformations are taken up whole.
+    N = np.pad(A.T @ A, (0, 1)) + np.diag(np.eye(31)[30])
+    more = [np.append(x, last) for x, last in ((A.T @ y, 0.0), (component, -1), (body, 2))]
+    with_third = deformation_components(csr_array(N), *more, float(y @ y), 301, 0.0)
+    of_bodies = np.outer(together.variance, together.size)
+    np.testing.assert_allclose(np.outer(with_third.variance, with_third.size)[:, :2], of_bodies, rtol=1e-2)
     for name in ("variance", "redundancy", "size", "phi"):
         np.testing.assert_allclose(getattr(together, name), getattr(apart, name), rtol=1e-3)
 
