@@ -22,6 +22,7 @@ from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
+from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.groups.candidates import MARK
@@ -30,6 +31,7 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, keys_of, with_keys
 
 STAGE = "bundle_adjustment"
+STAYS_OUT = "stays out unless it fits the adjusted block"
 
 
 def _beyond_the_limit(result: BundleResult, options: SearchOptions) -> list[Suspects]:
@@ -159,23 +161,37 @@ def _restated(suspects: Suspects, earlier: Int, later: Suspects) -> Suspects:
 
 
 def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Suspects, list[Note]]:
-    """Suspects of earlier stages, and a note of what they have left out.
+    """Suspects of earlier stages, and notes of what they have left out.
+
+    Control or positions of which an earlier stage has left out all are used again: they are wrong together, or what
+    they were held against is, and that is for the tests of groups.
 
     Parameters
     ----------
     taken_back : bool
         What was left out is used again; ties of models stay as they were made.
     """
-    suspects = Suspects.empty() if initial is None else initial.suspects
-    staying = staying_out(suspects)
-    if not staying.any():
-        return suspects, []
-    counts = Counter(zip(suspects.kind[staying].tolist(), suspects.stage[staying].tolist()))
-    texts = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
-    what = "taken back, for nothing is to be rejected" if taken_back else "stays out unless it fits the adjusted block"
-    back = staying & (suspects.row >= 0) & np.bool_(taken_back)
-    suspects = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict))
-    return suspects, [Note("note", f"left out by earlier stages, {what}", texts)]
+    if initial is None:
+        return Suspects.empty(), []
+    suspects, notes = initial.suspects, []
+    staying, of_block = staying_out(suspects), suspects.row >= 0
+    whole = [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, kind)]
+    for kinds, what in (
+        (whole, "all of their kind, taken back to be tested as a group"),
+        (np.setdiff1d(suspects.kind, whole), "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT),
+    ):
+        rows = staying & np.isin(suspects.kind, kinds)
+        counts = Counter(zip(suspects.kind[rows].tolist(), suspects.stage[rows].tolist()))
+        texts = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
+        notes += [Note("note", f"left out by earlier stages, {what}", texts)] if texts else []
+    back = staying & of_block & (np.bool_(taken_back) | np.isin(suspects.kind, whole))
+    return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), notes
+
+
+def _all_left_out(solution: Solution, kind: str) -> bool:
+    """Whether there are several observations of a kind, and none took part."""
+    of_kind = solution.residuals.kind == kind
+    return int(of_kind.sum()) > 1 and not solution.residuals.active[of_kind].any()
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

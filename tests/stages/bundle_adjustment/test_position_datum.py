@@ -9,6 +9,7 @@ import pytest
 
 from aatri.artifacts.block import CONTROL, Block
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.film_blocks import Told
 from tests.stages.geodetic_blocks import made
@@ -50,3 +51,15 @@ def test_what_is_no_shift_is_not_taken_for_one() -> None:
     e, wrong = block.exterior, block.exterior.position_m.copy()
     wrong[2] += [0.0, 0.0, 3.0]  # one wrong position
     assert not _told(replace(block, exterior=replace(e, position_m=wrong)))
+
+
+@pytest.mark.slow
+def test_control_that_the_start_leaves_out_as_a_whole_is_tested_as_a_group() -> None:
+    block = made(3, 1000.0, known={"full": 3})
+    e, points = block.exterior, calibrated(block)
+    block = replace(block, exterior=replace(e, position_m=e.position_m + np.array([0.0, 0.0, 100.0])))
+    start, heard = graph(block, points, rng=np.random.default_rng(1)), Told()
+    assert not start.residuals.active[start.residuals.kind == "control"].any()
+    solution = bundle(block, points, start, context=heard)
+    assert solution.contradictions == 1
+    assert "heights of positions and control count from different surfaces" in " ".join(heard.warnings)
