@@ -22,6 +22,7 @@ from aatri.artifacts.solution import Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.exchanged_marks import exchanged_marks
 from aatri.checks.at_start.of_start import findings_at_start
+from aatri.checks.at_start.orientations import few_oriented
 from aatri.checks.finding import report
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import several
@@ -85,7 +86,9 @@ def adjusted_bundle(
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
     except (ConvergenceError, GeometryError):
-        report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)  # which may be the reason
+        # which may be the reason
+        report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
+        report(few_oriented(initial) if initial is not None else [], context)
         raise
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(

@@ -12,6 +12,7 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.artifacts.block import Block
+from aatri.artifacts.solution import Solution
 from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BEHIND, CONTROL_MARGIN, FEWEST_OF_MOST, UPWARDS
@@ -58,6 +59,17 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
             remedy += "heights and the order of axes"
             findings.append(Finding("orientations", "warning", text, remedy, where=where))
     return findings
+
+
+def few_oriented(initial: Solution) -> list[Finding]:
+    """Where an adjustment failed that began with the smaller part of the images, placed by strips: how to begin."""
+    oriented = initial.images.oriented
+    if oriented.mean() >= 0.5 or initial.method.startswith("initial_orientation"):
+        return []
+    count = f"{int(oriented.sum())} of {len(oriented)}"
+    text = f"the start ({initial.method}) orients {count} images, which may be the reason"
+    remedy = "initial_orientation/graph in place of the stages from models on orients image by image"
+    return [Finding("orientations", "warning", text, remedy, statistic=float(oriented.mean()))]
 
 
 def _is_upright(block: Block) -> bool:

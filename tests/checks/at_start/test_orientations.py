@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
-from aatri.checks.at_start.orientations import control_outside, turned_over, unlikely_orientations
+from aatri.checks.at_start.orientations import control_outside, few_oriented, turned_over, unlikely_orientations
 from aatri.codes import NO_ROLE
 from aatri.observations.poses import Poses
-from tests.made_solutions import made_block
+from tests.made_solutions import made_block, made_solution
 
 MADE = made_block()
 BLOCK = replace(MADE, cameras=replace(MADE.cameras, format=np.array([[600.0, 600.0]])))
@@ -82,3 +83,16 @@ def test_images_that_an_adjustment_turns_over_are_told_and_one_alone_is_not() ->
     assert "y axis" in finding.remedy
     assert not turned_over(above, above, of, BLOCK.cameras.id)
     assert not turned_over(above, below.where(np.arange(len(of)) == 0, above), of, BLOCK.cameras.id)
+
+
+@pytest.mark.parametrize(
+    ("method", "oriented", "said"),
+    [("strip_adjustment/polynomial", 4, 1), ("strip_adjustment/polynomial", 5, 0), ("initial_orientation/graph", 4, 0)],
+)
+def test_an_adjustment_that_fails_from_few_images_of_strips_is_told_how_to_begin(
+    method: str, oriented: int, said: int
+) -> None:
+    solution = made_solution(BLOCK, method=method)
+    flags = np.arange(len(solution.images.oriented)) < oriented  # of ten
+    findings = few_oriented(replace(solution, images=replace(solution.images, oriented=flags)))
+    assert [f.remedy.split()[0] for f in findings] == said * ["initial_orientation/graph"]
