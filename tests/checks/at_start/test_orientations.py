@@ -86,13 +86,13 @@ def test_images_that_an_adjustment_turns_over_are_told_and_one_alone_is_not() ->
 
 
 @pytest.mark.parametrize(
-    ("method", "oriented", "said"),
+    ("method", "oriented", "count"),
     [("strip_adjustment/polynomial", 4, 1), ("strip_adjustment/polynomial", 5, 0), ("initial_orientation/graph", 4, 0)],
 )
 def test_an_adjustment_that_fails_from_few_images_of_strips_is_told_how_to_begin(
-    method: str, oriented: int, said: int
+    method: str, oriented: int, count: int
 ) -> None:
     solution = made_solution(BLOCK, method=method)
     flags = np.arange(len(solution.images.oriented)) < oriented  # of ten
     findings = few_oriented(replace(solution, images=replace(solution.images, oriented=flags)))
-    assert [f.remedy.split()[0] for f in findings] == said * ["initial_orientation/graph"]
+    assert [f.remedy.split()[0] for f in findings] == count * ["initial_orientation/graph"]
