@@ -175,16 +175,16 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
         return Suspects.empty(), []
     suspects, notes = initial.suspects, []
     staying, of_block = staying_out(suspects), suspects.row >= 0
-    whole = [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, kind)]
+    all_out = [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, kind)]
     for kinds, what in (
-        (whole, "all of their kind, taken back to be tested as a group"),
-        (np.setdiff1d(suspects.kind, whole), "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT),
+        (all_out, "all of their kind, taken back to be tested as a group"),
+        (np.setdiff1d(suspects.kind, all_out), "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT),
     ):
         rows = staying & np.isin(suspects.kind, kinds)
         counts = Counter(zip(suspects.kind[rows].tolist(), suspects.stage[rows].tolist()))
         texts = tuple(f"{n} {kind} ({stage})" for (kind, stage), n in sorted(counts.items()))
         notes += [Note("note", f"left out by earlier stages, {what}", texts)] if texts else []
-    back = staying & of_block & (np.bool_(taken_back) | np.isin(suspects.kind, whole))
+    back = staying & of_block & (np.bool_(taken_back) | np.isin(suspects.kind, all_out))
     return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), notes
 
 
