@@ -176,9 +176,10 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
     suspects, notes = initial.suspects, []
     staying, of_block = staying_out(suspects), suspects.row >= 0
     all_out = [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, kind)]
+    of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT
     for kinds, what in (
         (all_out, "all of their kind, taken back to be tested as a group"),
-        (np.setdiff1d(suspects.kind, all_out), "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT),
+        (np.setdiff1d(suspects.kind, all_out), of_others),
     ):
         rows = staying & np.isin(suspects.kind, kinds)
         counts = Counter(zip(suspects.kind[rows].tolist(), suspects.stage[rows].tolist()))
