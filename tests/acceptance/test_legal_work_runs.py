@@ -179,13 +179,14 @@ def test_a_dbat3_camera_exported_and_read_back(tmp_path: Path, shared_data: Path
     _assert_printed(_solution(tmp_path / "second").images.position_m - report.exterior[:, 3:], report)
 
 
-def test_a_principal_distance_one_per_cent_off_is_named_on_real_images_and_no_control_goes_for_it(
-    tmp_path: Path, shared_data: Path
+@pytest.mark.parametrize("wrong_mm", ["3.58759", "3.69631"])  # -1 %, +2 %
+def test_a_principal_distance_that_is_wrong_is_named_on_real_images_and_no_control_goes_for_it(
+    tmp_path: Path, shared_data: Path, wrong_mm: str
 ) -> None:
     """Three oblique strips, gross errors among their matches; calibrated: c = 3.62383 mm (README of the data)."""
     block_yaml = block_folder(shared_data / "uav_3strips", tmp_path / "block") / "block.yaml"
     text = block_yaml.read_text()
-    block_yaml.write_text(text.replace("principal_distance: 3.62383", "principal_distance: 3.58759"))
+    block_yaml.write_text(text.replace("principal_distance: 3.62383", f"principal_distance: {wrong_mm}"))
     (tmp_path / "pipeline.yaml").write_text(UNORDERED)
     done = CliRunner().invoke(app, ["run", str(tmp_path / "pipeline.yaml"), "-q"])
     assert done.exit_code == 6

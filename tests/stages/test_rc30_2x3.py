@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aatri.artifacts.block import Block
+from aatri.artifacts.suspects import staying_out
+from aatri.codes import CONTROL
 from aatri.stages.accuracy.evaluation import evaluation
-from tests.stages.chain import Chain, run_rc30_2x3
+from aatri.stages.bundle_adjustment.bundle import bundle
+from tests.stages.chain import Chain, from_refined, run_rc30_2x3
+from tests.stages.film_blocks import Told
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +55,36 @@ def test_all_stages_orient_all_images(chain: Chain) -> None:
     for solution in (chain.absolute, chain.strip_block, chain.bundle):
         assert solution.images.oriented.all()
         assert np.isfinite(solution.points.xyz_m).all()
+
+
+def _told(chain: Chain, block: Block) -> tuple[str, set[str]]:
+    """What the bundle of the whole chain says of the block, and which control it leaves out."""
+    made, heard = from_refined(block, chain.interior, chain.refined, chain.options), Told()
+    suspects = bundle(block, made.refined, made.absolute, context=heard).suspects
+    out = staying_out(suspects) & (suspects.kind == "control")
+    return "\n".join(heard.warnings), set(suspects.point[out].tolist())
+
+
+@pytest.mark.slow
+def test_heights_of_all_control_in_feet_are_told_and_no_point_goes_for_them(chain: Chain) -> None:
+    """Seven points of 0.1 m, 4 m of relief: absolute orientation rejects three of them, one by one."""
+    ground = chain.block.ground_points
+    xyz = ground.xyz_m * [1.0, 1.0, 1 / 0.3048]
+    covariance = np.broadcast_to(0.1**2 * np.eye(3), ground.covariance_m2.shape)
+    known = replace(ground, xyz_m=xyz, covariance_m2=covariance, role=np.full_like(ground.role, CONTROL))
+    told, out = _told(chain, replace(chain.block, ground_points=known))
+    times, sigma = told.split("images with ")[1].split(") times their relief")[0].split(" (+- ")
+    assert abs(float(times) - 0.3048) < 3 * float(sigma)
+    assert not out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height_m", [7.841 / 0.3048, 0.0])
+def test_a_wrong_height_of_four_exact_points_is_no_distortion_of_the_lens(chain: Chain, height_m: float) -> None:
+    """Nothing tells which of them is wrong; a radial distortion of 2 mm explains less than any of them."""
+    ground, xyz = chain.block.ground_points, chain.block.ground_points.xyz_m.copy()
+    xyz[ground.point == chain.block.points.id.tolist().index("831000"), 2] = height_m
+    told, _ = _told(chain, replace(chain.block, ground_points=replace(ground, xyz_m=xyz)))
+    assert "radial distortion" not in told
+    assert "one of these is wrong, and nothing tells which" in told
+    assert "831000" in told.split("one of these is wrong, and nothing tells which")[1].split("\n")[0]

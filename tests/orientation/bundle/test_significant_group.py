@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from aatri.adjustment.statistics.limits import ALARM
-from aatri.orientation.bundle.groups.score_tests import is_significant, share_without_largest
+from aatri.orientation.bundle.groups.score_tests import is_significant, most_fit_better, share_without_largest
 
 
 @pytest.mark.parametrize(
@@ -40,3 +40,22 @@ def test_one_wrong_member_that_carries_others_along_is_no_group() -> None:
     assert share_without_largest(before, after) == pytest.approx((0.9**2 - 0.8**2) / (80**2 - 0.2**2 + 0.9**2 - 0.8**2))
     together = np.array([[9.0, 0.0], [8.0, 1.0], [0.0, 10.0]])
     assert share_without_largest(together, np.zeros((3, 2))) == pytest.approx((81 + 65) / (81 + 65 + 100))
+
+
+def test_what_most_members_absorb_is_judged_by_those_that_it_changes() -> None:
+    """A wrong lens that control contradicts: 60 rays feel it, 2,000 change by a hundredth."""
+    rng = np.random.default_rng(4)
+    rays = rng.standard_normal((2000, 2))
+    absorbed = 1e-2 * np.sign(rays) * np.where(np.arange(2000) % 20 < 11, 1.0, -1.0)[:, None]
+    felt = rng.choice([-2.0, 2.0], (60, 2))
+    before, after = np.concatenate([rays, felt]), np.concatenate([rays + absorbed, 0.1 * felt])
+    assert most_fit_better(before, after, absorbed=True)
+    assert not most_fit_better(before, after)
+    assert not most_fit_better(before, np.concatenate([rays + absorbed, 1.5 * felt]), absorbed=True)
+
+
+def test_two_wrong_members_of_ten_that_shift_all_of_them_are_no_group() -> None:
+    before = np.zeros((10, 1))
+    before[:2] = 5.0
+    assert not most_fit_better(before, before - 1.0)
+    assert most_fit_better(before + 3.0, before)

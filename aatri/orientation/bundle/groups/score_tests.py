@@ -4,13 +4,12 @@ With M and g of `adjustment.covariance.score`, v'v = W, redundancy r, and k the 
 
     gain = g'M^-1 g,    s^2 = max(1, (W - gain) / (r - k)),    gain / s^2  ~  chi^2(k) where nothing is wrong
 
-Tested is at `ALARM` over the number of tests made, so that of a thousand blocks without errors one is told a group,
-and with the standard deviations that the kind has by its own residuals. A cause of fewer parameters is preferred to
-one that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are
-named too. Where single observations are tested as well, the group must gain more than the largest of them alone, and
-most of its members must fit better with it: two or three wrong ones of a strip are no shift of the strip. Nor is one
-that carries neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of other members.
-Marks are parts of a single record, the distances of their frame, and of these rules the first alone is theirs.
+Tested is at `ALARM` over the number of tests made, so that of a thousand blocks without errors one is told a group, and
+with the standard deviations that the kind has by its own residuals. A cause of fewer parameters is preferred to one
+that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are named
+too. Where single observations are tested as well, the group must gain more than the largest of them alone, and most of
+its members fit better with it: two or three wrong ones of a strip are no shift of it. Nor is one that carries
+neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of others. Marks know the first alone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -107,9 +106,8 @@ def is_significant(value: Float, covariance: Float) -> bool:
 
     Parameters
     ----------
-    value : (k,) float64
-    covariance : (k, k) float64
-        NaN where it is not known: then the group stays.
+    value, covariance : (k,), (k, k) float64
+        NaN where the covariance is not known: then the group stays.
     """
     if not np.isfinite(covariance).all():
         return True
@@ -220,7 +218,9 @@ def _confirmed(
         return None
     if group.per == MARK:
         return group
-    if share_without_largest(before, after) < EXPLAINS or (single and not _most_fit_better(before, after)):
+    if share_without_largest(before, after) < EXPLAINS or (
+        single and not most_fit_better(before, after, absorbed=group.per == "camera")
+    ):
         return None
     return _without_strangers(group, before, after) if group.per == NEIGHBOURHOOD else group
 
@@ -242,21 +242,21 @@ def _residuals(
         after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
     w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
-    in_group = np.isin(rows, group.rows)
     scale = float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0)))
-    return v[in_group], after[in_group], scale
+    return v[in_group := np.isin(rows, group.rows)], after[in_group], scale
 
 
 def share_without_largest(before: Float, after: Float) -> float:
     """Share of what a group gains at its members that is not that of the one which gains most: of one alone it is 0."""
-    gain = (before**2).sum(axis=1) - (after**2).sum(axis=1)
+    gain = (before**2 - after**2).sum(axis=1)
     total = float(gain.sum())
     return 1.0 - float(gain.max(initial=0.0)) / total if total > 0 else 1.0
 
 
-def _most_fit_better(before: Float, after: Float) -> bool:
-    """Whether a group explains most of its members."""
-    better = (after**2).sum(axis=1) < (before**2).sum(axis=1)
+def most_fit_better(before: Float, after: Float, *, absorbed: bool = False) -> bool:
+    """Whether a group explains most of its members; of a lens that most rays absorb, of those that it changes."""
+    change, gain = ((after - before) ** 2).sum(axis=1), (before**2 - after**2).sum(axis=1)
+    better = gain[(not absorbed) | (change >= 0.5 * change.mean())] > 0
     return bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
 
 

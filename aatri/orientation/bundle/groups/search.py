@@ -4,9 +4,10 @@
    does, the group is carried as unknowns (`as_unknowns`), and the block adjusted again: it is accepted if that takes
    half of the squares of what is above the limit, that of a camera also if it takes as much of all squares; of several
    the one that leaves the least v'v, or a simpler one that leaves no more than `SEPARABLE` above it, the others named
-   beside it; none where the single observation that explains most leaves as little (`single_errors`). Positions that an
-   earlier stage has rejected take part: they may be a group, or agree with all else where self-calibration estimates
-   what that stage lacked. Control with full covariances that it has rejected is carried from the beginning.
+   beside it; none where the single observation that explains most leaves as little (`single_errors`). Several positions
+   or control points that an earlier stage has rejected take part: they may be a group, or agree with all else where
+   one is carried, or self-calibration estimates what that stage lacked. Control with full covariances that it has
+   rejected is carried from the beginning.
 2. Search for single gross errors, the groups being carried.
 3. Groups of what is left (`score_tests`), which single ones had hidden: with each the search begins anew. A group that
    is not significant in the end - single errors explain it, or standard deviations that fit - is none.
@@ -15,7 +16,7 @@
    used without it; every other group is kept, all of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +38,7 @@ from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, rejected_points_of_sets, without_rejected_sets
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
-from aatri.orientation.bundle.groups.single_errors import attempted, cost_without_worst, largest_gain_root
+from aatri.orientation.bundle.groups.single_errors import attempted, beyond_exact, cost_without_worst, largest_gain_root
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
@@ -89,11 +90,14 @@ def search_with_groups(
     groups, least_squares = list[Group](), None
     carried = rejected_points_of_sets(block) if any(o.rejected_in_set is not None for o in block.observed) else []
     if options.method != "none":
-        with_earlier = _with_earlier_rejections(block)
-        if with_earlier is not None:
+        for taken_back in _rejected_before(block.observed):
+            observed = tuple(o.again() if _several(o, taken_back) else o for o in block.observed)
+            with_earlier = replace(block, observed=observed)
             groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, carried)
-        if with_earlier is not None and (len(groups) > len(carried) or _agree(block, least_squares, options.limit)):
-            block = with_earlier
+            of_images = taken_back == POSE and len(groups) > len(carried)
+            if of_images or _agree(block, least_squares, options.limit, taken_back):
+                block = with_earlier
+                break
         else:
             groups, least_squares = _groups_before_single_errors(block, adjust, candidates_of, options, carried)
     taken_out = [] if least_squares is None else [least_squares]
@@ -108,6 +112,8 @@ def search_with_groups(
     while len(groups) < MOST_GROUPS + len(carried):
         gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
         candidates = significant_groups(block, done.result, candidates_of, gain_root, [g.key for g in groups])
+        if candidates:
+            candidates = beyond_exact(block, done.result, adjust, groups, candidates)
         trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
         accepted = next(((group, adjusted) for group, adjusted in trials if adjusted is not None), None)
         if accepted is None:
@@ -129,24 +135,22 @@ def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
     return result.adjusted.state[name][0], result.covariances[name][0] * max(1.0, result.adjusted.sigma0) ** 2
 
 
-def _with_earlier_rejections(block: BundleInput) -> BundleInput | None:
-    """The block with positions and attitudes of which an earlier stage has rejected several, if there are any.
+def _rejected_before(observed: Sequence[Observed]) -> list[str]:
+    """Of what an earlier stage has rejected several: control (POINT), positions and attitudes (POSE).
 
-    One by one they are rejected, too, where something else is wrong with a strip: the principal distance of its camera.
+    One by one they are rejected, too, where all heights of the control are in another unit, or something else is wrong
+    with a strip: the principal distance of its camera.
     """
-    if not any(map(_several_of_images, block.observed)):
-        return None
-    return replace(block, observed=tuple(o.again() if _several_of_images(o) else o for o in block.observed))
+    return [touched for touched in (POINT, POSE) if any(_several(o, touched) for o in observed)]
 
 
-def _several_of_images(o: Observed) -> bool:
-    """Whether several positions or attitudes have been rejected."""
-    groups = {group for group, _ in o.records.touches}
-    of_images = POSE in groups and POINT not in groups and not o.exact
-    return o.rejected is not None and of_images and int(o.rejected.sum()) >= SEVERAL
+def _several(o: Observed, touched: str) -> bool:
+    """Whether several of a kind that is observed of points alone, or of images alone, have been rejected."""
+    groups = {group for group, _ in o.records.touches} & {POINT, POSE}
+    return o.rejected is not None and groups == {touched} and not o.exact and int(o.rejected.sum()) >= SEVERAL
 
 
-def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float) -> bool:
+def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float, touched: str) -> bool:
     """Whether what an earlier stage has rejected of a block agrees with all else in least squares with it.
 
     Heights of positions contradict the height that a wrong principal distance gives; where it is estimated they agree.
@@ -156,7 +160,7 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float)
     state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
     pairs = zip(least_squares.observations, block.observed)
     return not any(
-        _several_of_images(before) and (tests_of(adjusted, state)[before.rejected] > limit).any()
+        _several(before, touched) and (tests_of(adjusted, state)[before.rejected] > limit).any()
         for adjusted, before in pairs
     )
 

@@ -18,6 +18,8 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.exact_coordinates import exact_as_observed
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.tested_block import gains_of
+from aatri.orientation.bundle.groups.as_unknowns import with_groups
+from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.result import BundleResult, from_result
 
 
@@ -68,3 +70,26 @@ def cost_without_worst(block: BundleInput, result: BundleResult, adjust: Adjust)
     observed[place] = o.again().without(rejected)
     without = adjusted_with(observed)
     return float("inf") if without is None else without.adjusted.cost
+
+
+def beyond_exact(
+    block: BundleInput, result: BundleResult, adjust: Adjust, groups: Sequence[Group], candidates: Sequence[Group]
+) -> list[Group]:
+    """Candidates that leave less than the block does without the worst observation, where coordinates are exact.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Of the block with `groups` carried, its single gross errors left out: an exact coordinate may be one that stays,
+        as nothing tells which of a few is wrong.
+    """
+    if all(o.holds is None for o in block.observed):
+        return list(candidates)
+    start = from_result(block, result)
+    least = cost_without_worst(start, result, adjust)
+
+    def cost_with(group: Group) -> float:
+        carried = attempted(lambda: adjust(with_groups(start, [*groups, group]), AdjustOptions(coarse=True)))
+        return float("-inf") if carried is None else carried.adjusted.cost  # what fails is tried with its search
+
+    return [group for group in candidates if cost_with(group) < least]
