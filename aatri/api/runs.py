@@ -231,7 +231,7 @@ def run_pipeline(
     )
     with Narrator(quiet) as narrator:
         records = runner.run_pipeline(opened.spec, opened.nodes, narrator, settings)
-    write_report(opened.spec.run)
+    write_report(opened.spec.run, in_memory=settings.in_memory)
     failed = failure_of(judge(opened.spec, records))
     if failed is not None:
         raise failed

@@ -27,12 +27,13 @@ from aatri.cli.terminal.console import narrate, reports_errors, say_json, show_i
 from aatri.ids import several
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from aatri.cli.arguments.planning import Opened, Request
     from aatri.errors import GateError
     from aatri.pipeline.plan.decisions import Selection
     from aatri.pipeline.spec.gates import Verdict
+    from aatri.tables.schema import Artifact
 
 TERMINATED = 143
 
@@ -226,7 +227,7 @@ def carry_out(
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before
         if isinstance(error, AatriError) and began and not isinstance(error, SpecError | ResourceError):
-            report = _write_report(folder, debug=debug)
+            report = _write_report(folder, settings.in_memory, debug=debug)
             if report is not None and not quiet:
                 narrate(f"report  {report}")
             if report is not None and open_:
@@ -239,15 +240,15 @@ def carry_out(
         if not quiet:
             narrate(f"nothing to do: {several(len(records), 'stage')} up to date")
         return records, report
-    return records, _write_report(folder, debug=debug)
+    return records, _write_report(folder, settings.in_memory, debug=debug)
 
 
-def _write_report(folder: Path, *, debug: bool) -> Path | None:
+def _write_report(folder: Path, in_memory: Mapping[str, Artifact], *, debug: bool) -> Path | None:
     """Write the report; if that fails, the run's own outcome must still be told."""
     try:
         from aatri.report.page import write_report
 
-        path: Path = write_report(folder)
+        path: Path = write_report(folder, in_memory=in_memory)
     except Exception as error:
         if debug:
             import traceback

@@ -50,7 +50,7 @@ OF_SUMMARY = ("plan", "network", "accuracy")
 """Sections whose pictures the summary has."""
 
 
-def write_report(run: Path, angles: str = "") -> Path:
+def write_report(run: Path, angles: str = "", in_memory: Mapping[str, Any] = {}) -> Path:
     """Write `report.html` and `report.json` into a run folder, from whatever is there.
 
     Parameters
@@ -59,6 +59,8 @@ def write_report(run: Path, angles: str = "") -> Path:
         Folder of a run.
     angles : str
         deg (and arcseconds) or gon (and mgon); empty: those of the report that is there, else deg.
+    in_memory : mapping
+        Artifacts by content digest, made by this process: of those only the files are checked.
 
     Returns
     -------
@@ -75,7 +77,7 @@ def write_report(run: Path, angles: str = "") -> Path:
     refuse_others(run, ("report.html", "report.json"))
     angles = angles or angles_of(run)
     with angles_in(angles):
-        seen, around = seen_in(run)
+        seen, around = seen_in(run, in_memory)
         page, sections = first_page(seen, around), questions(seen, around)
         html = render(seen, around, page, sections)
     pictures = {section.name: [picture.name for picture in section.pictures] for section in sections}
@@ -95,9 +97,9 @@ def angles_of(run: Path) -> str:
     return "deg"
 
 
-def seen_in(run: Path) -> tuple[RunView, Surroundings]:
+def seen_in(run: Path, in_memory: Mapping[str, Any] = {}) -> tuple[RunView, Surroundings]:
     """A run folder and its last block, corrected image points and solution."""
-    seen = view(run)
+    seen = view(run, in_memory)
     return seen, Surroundings(seen.last(Block), seen.last(ImagePoints), seen.last(Solution))
 
 

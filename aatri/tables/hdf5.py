@@ -31,6 +31,7 @@ from aatri.tables.schema import (
     column,
     columns_of,
     may_be_absent,
+    size_of,
     tables_of,
 )
 from aatri.tables.utf8 import decoded, encoded
@@ -39,6 +40,8 @@ A = TypeVar("A", bound=Artifact)
 
 IN_MEMORY_BYTES = 1 << 29
 """Up to this size a file is put together in memory: HDF5 crashes the process if the disk fails it while it writes."""
+CHUNK_BYTES = 1 << 20
+"""Columns have a checksum for every so many bytes: as many as HDF5 keeps in memory of a column by default."""
 _LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a crash refuses to open
 NOTES = "notes"
 
@@ -69,12 +72,12 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
         with h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
-            _describe_by(file, aatri_kind=artifact.kind, content_digest=digest)
+            _describe_by(file.id, aatri_kind=artifact.kind, content_digest=digest)
             file.attrs["schema_version"] = artifact.schema_version
             for name, declared in attributes_of(type(artifact)).items():
                 value = getattr(artifact, name)
-                about = declared.doc + (f" [{declared.unit}]" if declared.unit else "")
-                _describe_by(file, **{f"{name}.description": about} | ({name: value} if isinstance(value, str) else {}))
+                about = {f"{name}.description": declared.doc + (f" [{declared.unit}]" if declared.unit else "")}
+                _describe_by(file.id, **about | ({name: value} if isinstance(value, str) else {}))
                 if not isinstance(value, str):
                     file.attrs[name] = value
             for name in tables_of(type(artifact)):
@@ -185,19 +188,6 @@ def read_plain(path: Path) -> dict[str, npt.NDArray[Any]]:
     return scalars | columns
 
 
-def rows_of(artifact: Artifact) -> dict[str, int]:
-    """Rows of each table that is there."""
-    tables = {name: getattr(artifact, name) for name in tables_of(type(artifact))}
-    return {name: len(rows) for name, rows in tables.items() if rows is not None}
-
-
-def size_of(artifact: Artifact) -> int:
-    """Bytes of all columns."""
-    tables = [getattr(artifact, name) for name in tables_of(type(artifact))]
-    columns = [getattr(rows, name) for rows in tables if rows is not None for name in columns_of(type(rows))]
-    return sum(int(column.nbytes) for column in columns)
-
-
 def _describe(group: h5py.Group) -> dict[str, Any]:
     columns = {}
     for name, dataset in group.items():
@@ -211,23 +201,32 @@ def _describe(group: h5py.Group) -> dict[str, Any]:
 
 
 def _write_table(group: h5py.Group, rows: Table) -> None:
-    _describe_by(group, description=(type(rows).__doc__ or "").strip().splitlines()[0])
+    """By the lower level, as `_read_column`."""
+    _describe_by(group.id, description=(type(rows).__doc__ or "").strip().splitlines()[0])
     for name, declared in columns_of(type(rows)).items():
-        values = getattr(rows, name)
-        data = _of_fixed_width(encoded(values)) if declared.dtype == "str" else values
-        chunked = {"fletcher32": True, "chunks": True} if data.size else {}
-        dataset = group.create_dataset(name, data=data, **chunked)
+        values, is_text = np.ascontiguousarray(getattr(rows, name)), declared.dtype == "str"
+        data = encoded(values) if is_text else values
+        kind = _text_type(max(1, data.itemsize)) if is_text else _number_type(data.dtype)
+        data = data.astype(kind.dtype, copy=False)
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        if data.size:
+            creation.set_chunk((min(len(data), max(1, CHUNK_BYTES * len(data) // data.nbytes)), *data.shape[1:]))
+            creation.set_fletcher32()
+        creation.set_obj_track_times(False)
+        dataset = h5py.h5d.create(group.id, name.encode(), kind, h5py.h5s.create_simple(data.shape), creation)
+        if data.size:
+            dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, data, kind)
         refers = {"refers": declared.refers} if declared.refers else {}
         _describe_by(dataset, units=declared.unit, description=declared.doc, **refers)
 
 
-def _describe_by(owner: h5py.HLObject, **texts: str) -> None:
-    """Texts of fixed length (`hdf5_guard`) as attributes, by the lower level: most of what is written."""
+def _describe_by(owner: h5py.h5g.GroupID | h5py.h5d.DatasetID, **texts: str) -> None:
+    """Texts of fixed length (`hdf5_guard`) as attributes: most of what is written."""
     one_value = h5py.h5s.create(h5py.h5s.SCALAR)
     for name, text in texts.items():
         data = np.array(text.encode())
         kind = _text_type(max(1, data.itemsize))
-        h5py.h5a.create(owner.id, name.encode(), kind, one_value).write(data, mtype=kind)
+        h5py.h5a.create(owner, name.encode(), kind, one_value).write(data, mtype=kind)
 
 
 @cache
@@ -235,9 +234,9 @@ def _text_type(width: int) -> h5py.h5t.TypeID:
     return h5py.h5t.py_create(h5py.string_dtype("utf-8", width), logical=True)
 
 
-def _of_fixed_width(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    width = data.dtype.itemsize
-    return data.view(h5py.string_dtype("utf-8", width)) if width else data.astype(h5py.string_dtype("utf-8", 1))
+@cache
+def _number_type(dtype: np.dtype[Any]) -> h5py.h5t.TypeID:
+    return h5py.h5t.py_create(dtype, logical=True)
 
 
 def _read(file: h5py.File, cls: type[A], path: str, only: Collection[str] | None = None) -> A:

@@ -275,3 +275,16 @@ def tables_of(cls: type[Artifact]) -> Mapping[str, type[Table]]:
             kinds = [k for k in (typing.get_args(hints[f.name]) or (hints[f.name],)) if k is not type(None)]
             tables[f.name] = kinds[0]
     return tables
+
+
+def rows_of(artifact: Artifact) -> dict[str, int]:
+    """Rows of each table that is there."""
+    tables = {name: getattr(artifact, name) for name in tables_of(type(artifact))}
+    return {name: len(rows) for name, rows in tables.items() if rows is not None}
+
+
+def size_of(artifact: Artifact) -> int:
+    """Bytes of all columns."""
+    tables = [getattr(artifact, name) for name in tables_of(type(artifact))]
+    columns = [getattr(rows, name) for rows in tables if rows is not None for name in columns_of(type(rows))]
+    return sum(int(column.nbytes) for column in columns)

@@ -20,6 +20,8 @@ from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
 from aatri.report.verdict import internal_lights
 from aatri.report.view.run_view import view
+from aatri.tables import hdf5
+from aatri.tables.digest import content_digest
 from tests.made_solutions import made_block, made_solution
 from tests.pipeline.made_runs import bare_record
 
@@ -163,6 +165,16 @@ def test_the_same_folder_gives_the_same_page(tmp_path: Path) -> None:
     assert write_report(run).read_bytes() == write_report(run).read_bytes()
 
 
+def test_what_this_process_has_made_is_not_read_again_and_gives_the_same_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    artifacts = made_artifacts()
+    run = make_run(tmp_path / "run", artifacts)
+    page = write_report(run).read_bytes()
+    monkeypatch.delattr(hdf5, "read")
+    assert write_report(run, in_memory={content_digest(one): one for one in artifacts.values()}).read_bytes() == page
+
+
 def test_a_failed_run_says_which_stage_failed_why_and_what_to_do(tmp_path: Path) -> None:
     artifacts = made_artifacts()
     run = make_run(tmp_path / "run", {"block": artifacts["block"]}, status="failed")
@@ -195,11 +207,14 @@ def test_a_run_that_made_nothing_still_has_a_page(tmp_path: Path) -> None:
     assert "not complete: 0 of 3 stages done" in write_report(run).read_text(encoding="utf-8")
 
 
-def test_an_altered_artifact_is_named_and_not_shown(tmp_path: Path) -> None:
-    run = make_run(tmp_path / "run", made_artifacts())
+@pytest.mark.parametrize("in_memory", [False, True])
+def test_an_altered_artifact_is_named_and_not_shown(tmp_path: Path, in_memory: bool) -> None:
+    artifacts = made_artifacts()
+    run = make_run(tmp_path / "run", artifacts)
     path = store.artifact_path(run, "bundle")
     path.write_bytes(path.read_bytes()[:-1])
-    text = write_report(run).read_text(encoding="utf-8")
+    made = {content_digest(one): one for one in artifacts.values()} if in_memory else {}
+    text = write_report(run, in_memory=made).read_text(encoding="utf-8")
     assert "The artifact cannot be shown" in text
     assert "altered since it was written" in text
 

@@ -145,7 +145,9 @@ def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: b
     codes = catalogue.codes(uses)
     kernels = kernels_of(codes)
     remove_unused(folder, kernels)
-    take_carried(missing(kernels))
+    if not (lacking := missing(kernels)):
+        return None
+    take_carried(lacking)
     if not (lacking := missing(kernels_of(codes, at_once=True))):  # others are compiled when a block needs them
         return None
     if not quiet:

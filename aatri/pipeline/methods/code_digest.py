@@ -24,6 +24,7 @@ SHORT = 12
 PACKAGE = Path(aatri.__file__).resolve().parent
 _STAGES = PACKAGE / "stages" if (PACKAGE / "stages" / "block").is_dir() else PACKAGE.parent / "stages"
 BUILT_IN = {"aatri.stages": _STAGES, "aatri": PACKAGE}
+_KINDS = ("imports", "at_once")
 _PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -45,7 +46,7 @@ class CodeReader:
         self._cache = cache
         self._files: dict[str, dict[str, Any]] = {}
         self._codes: dict[tuple[str, Path], Code] = {}
-        self._imported: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
+        self._imported: dict[tuple[str, str], dict[str, list[tuple[str, str]]]] = {}
         self._places: dict[str, dict[str, tuple[str, str] | None]] = {}  # by own root and dotted name
         self._folders: dict[str, frozenset[str]] = {}
 
@@ -72,45 +73,38 @@ class CodeReader:
         own, folder = _own_root(module, path)
         roots = {name: str(place) for name, place in {**BUILT_IN, own: folder}.items()}
         root = str(folder)
-        files: dict[str, str] = {}
-        digests: dict[str, str] = {}
-        waiting = [(module, str(path))]
-        while waiting:
-            name, file = waiting.pop()
-            if name in files:
-                continue
-            files[name], digests[name] = file, self._file(file)["digest"]
-            waiting += [module for module in self._imports(name, file, root, roots) if module[0] not in files]
-        at_once: set[str] = set()
-        waiting = [(module, str(path))]
-        while waiting:
-            name, file = waiting.pop()
-            if name not in at_once:
-                at_once.add(name)
-                waiting += self._imports(name, file, root, roots, kind="at_once")
-        lines = "".join(f"{name} {digests[name]}\n" for name in sorted(files))
+        reached: dict[str, dict[str, str]] = {kind: {} for kind in _KINDS}
+        for kind, files in reached.items():
+            waiting = [(module, str(path))]
+            while waiting:
+                name, file = waiting.pop()
+                if name not in files:
+                    files[name] = file
+                    waiting += self._imports(name, file, root, roots)[kind]
+        files = dict(sorted(reached["imports"].items()))
+        digests = {name: self._file(file)["digest"] for name, file in files.items()}
+        lines = "".join(f"{name} {digest}\n" for name, digest in digests.items())
         of_all = hashlib.sha256(f"{_PYTHON}\n{lines}".encode()).hexdigest()
-        short = {name: digests[name][:SHORT] for name in sorted(files)}
-        return Code(of_all, dict(sorted(files.items())), short, frozenset(at_once))
+        short = {name: digest[:SHORT] for name, digest in digests.items()}
+        return Code(of_all, files, short, frozenset(reached["at_once"]))
 
     def _file(self, file: str) -> dict[str, Any]:
         if file not in self._files:
             self._files[file] = of_file(Path(file), self._cache, _read)
         return self._files[file]
 
-    def _imports(
-        self, name: str, file: str, own: str, roots: Mapping[str, str], kind: str = "imports"
-    ) -> list[tuple[str, str]]:
-        """The modules of the roots that a file imports, or imports `at_once`."""
-        if (file, own, kind) not in self._imported:
-            names = {
-                _absolute(level, imported, name) if level else imported for level, imported in self._file(file)[kind]
-            }
-            places = self._places.setdefault(own, {})
-            places.update({unseen: self._locate(unseen, roots) for unseen in names if unseen not in places})
-            located = (places[imported] for imported in sorted(names))
-            self._imported[file, own, kind] = list(dict.fromkeys(module for module in located if module is not None))
-        return self._imported[file, own, kind]
+    def _imports(self, name: str, file: str, own: str, roots: Mapping[str, str]) -> dict[str, list[tuple[str, str]]]:
+        """The modules of the roots that a file `imports`, and of these what it imports `at_once`."""
+        if (file, own) not in self._imported:
+            places, modules = self._places.setdefault(own, {}), dict[str, list[tuple[str, str]]]()
+            for kind in _KINDS:
+                pairs = self._file(file)[kind]
+                names = [_absolute(level, imported, name) if level else imported for level, imported in pairs]
+                places.update({unseen: self._locate(unseen, roots) for unseen in names if unseen not in places})
+                located = dict.fromkeys(places[imported] for imported in names)
+                modules[kind] = [module for module in located if module is not None]
+            self._imported[file, own] = modules
+        return self._imported[file, own]
 
     def _locate(self, name: str, roots: Mapping[str, str]) -> tuple[str, str] | None:
         """Module and file of a dotted name, or of the module that it is an attribute of; packages are not followed."""
@@ -163,8 +157,7 @@ def _read(path: Path) -> dict[str, Any]:
     at_once: set[tuple[int, str]] = set()
     _look_through(tree, imports, at_once)
     digest = hashlib.sha256(ast.dump(tree, include_attributes=False).encode()).hexdigest()
-    kinds = {"imports": imports, "at_once": at_once}
-    return {"digest": digest, **{kind: [list(pair) for pair in sorted(pairs)] for kind, pairs in kinds.items()}}
+    return {"digest": digest, **{k: [list(one) for one in sorted(of)] for k, of in zip(_KINDS, (imports, at_once))}}
 
 
 def _look_through(node: ast.AST, imports: set[tuple[int, str]], at_once: set[tuple[int, str]]) -> None:

@@ -193,9 +193,6 @@ class _Workers:
         begun.add_done_callback(pass_on)
         return outcome
 
-    def forget(self, needed: set[str]) -> None:
-        """Nothing is kept here."""
-
     def close(self) -> None:
         """Give up what is under way: without a record it does not exist."""
         self._client.unsubscribe_topic(self._topic)

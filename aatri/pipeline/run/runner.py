@@ -63,7 +63,8 @@ class Listener(Protocol):
 class RunSettings:
     """How to run: what the command line says beside the pipeline itself.
 
-    `cluster` is that of `dask_pool`; `compiled` comes back when some modules have been compiled.
+    `cluster` is that of `dask_pool`; `compiled` comes back when some modules have been compiled; `in_memory` gets what
+    is made in this process, by content digest, for who reads the results next.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -76,6 +77,7 @@ class RunSettings:
     source: StageSource = field(default_factory=StageSource)
     request: Mapping[str, Any] = field(default_factory=dict)
     compiled: Callable[[Iterable[str]], object] | None = None
+    in_memory: dict[str, Any] = field(default_factory=dict)
 
 
 def run_pipeline(
@@ -152,7 +154,13 @@ class _Run:
         try:
             self._show_what_is_fresh()
             self.events.add("started", command=self.settings.command, stale=[d.stage for d in self.planned.stale])
-            with pool(self.settings.jobs, self._tell, cluster=self.settings.cluster, run=self.spec.run) as workers:
+            with pool(
+                self.settings.jobs,
+                self._tell,
+                cluster=self.settings.cluster,
+                run=self.spec.run,
+                in_memory=self.settings.in_memory,
+            ) as workers:
                 self._work(workers)
             status = "failed" if self.problems else self._judge()
         except AatriError:
@@ -236,8 +244,6 @@ class _Run:
                 return
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                 self._end(under_way.pop(future), future.result())
-            sources = {s for n in waiting for s in n.inputs.values()} & set(self.records)
-            workers.forget({self.records[s]["output"]["content_digest"] for s in sources})
 
     def _goes_on(self) -> bool:
         return self.settings.keep_going or not self.problems

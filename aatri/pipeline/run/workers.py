@@ -51,9 +51,6 @@ class WorkerPool(Protocol):
     def submit(self, task: Task) -> Future[TaskOutcome]:
         """Begin a task."""
 
-    def forget(self, needed: set[str]) -> None:
-        """Keep no artifact but those with these content digests."""
-
 
 def share_cores(jobs: int) -> None:
     """Set the threads of a process, before numpy is imported in it.
@@ -98,8 +95,13 @@ def _memory_limit() -> float:
 
 
 @contextlib.contextmanager
-def pool(jobs: int, tell: Tell, *, cluster: Any = "", run: Path = Path()) -> Iterator[WorkerPool]:
-    """A pool for so many stages at once, or the workers of a cluster; `tell` takes stage, event and its values."""
+def pool(
+    jobs: int, tell: Tell, *, cluster: Any = "", run: Path = Path(), in_memory: dict[str, Artifact] | None = None
+) -> Iterator[WorkerPool]:
+    """A pool for so many stages at once, or the workers of a cluster; `tell` takes stage, event and its values.
+
+    Artifacts made in this process are left `in_memory` by content digest, as far as `MOST_KEPT_BYTES` permits.
+    """
     share_cores(jobs)
     _take_buffers()
     if cluster:
@@ -109,35 +111,32 @@ def pool(jobs: int, tell: Tell, *, cluster: Any = "", run: Path = Path()) -> Ite
             yield workers
         return
     if jobs == 1:
-        yield _Here(tell)
+        yield _Here(tell, {} if in_memory is None else in_memory)
         return
     with _Processes(jobs, tell) as processes:
         yield processes
 
 
 class _Here:
-    """In this process; artifacts stay in memory until their last user has run, large ones only for the next stage."""
+    """In this process; artifacts stay in memory for stages and the report, large ones only for the next stage."""
 
     jobs = 1
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
-        self._memory: dict[str, Artifact] = {}
+    def __init__(self, tell: Tell, in_memory: dict[str, Artifact]) -> None:
+        self._tell, self._memory = tell, in_memory
 
     def submit(self, task: Task) -> Future[TaskOutcome]:
         from aatri.pipeline.run.worker import perform
-        from aatri.tables.hdf5 import size_of
+        from aatri.tables.schema import size_of
 
         if sum(map(size_of, self._memory.values())) > MOST_KEPT_BYTES:
-            self.forget({str(record["output"]["content_digest"]) for record in task.inputs.values()})
+            needed = {str(record["output"]["content_digest"]) for record in task.inputs.values()}
+            for digest in self._memory.keys() - needed:
+                del self._memory[digest]
         _give_back()
         future: Future[TaskOutcome] = Future()
         future.set_result(perform(task, lambda *event: self._tell(task.stage, *event), self._memory))
         return future
-
-    def forget(self, needed: set[str]) -> None:
-        for digest in [d for d in self._memory if d not in needed]:
-            del self._memory[digest]
 
 
 _MMAP_THRESHOLD, _LARGE_BYTES = -3, 4 << 20
@@ -196,9 +195,6 @@ class _Processes:
         except BrokenProcessPool:
             outcome.set_result(failed(ResourceError("a worker process was ended from outside: no more can be started")))
         return outcome
-
-    def forget(self, needed: set[str]) -> None:
-        """Nothing is kept here."""
 
     def _listen(self, tell: Tell) -> None:
         while (event := self._events.get()) is not None:

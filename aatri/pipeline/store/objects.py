@@ -48,6 +48,7 @@ def commit_object(run: Path, stage: str, key: str, artifact: Artifact, record: M
         If the disk is full or writing is not allowed; then there is no artifact.
     """
     from aatri.tables import hdf5
+    from aatri.tables.schema import rows_of
 
     base, at = base_of(run), (OBJECTS, stage, key)
     clock = time.perf_counter()
@@ -70,7 +71,7 @@ def commit_object(run: Path, stage: str, key: str, artifact: Artifact, record: M
             "sha256": sha256,
             "size": size,
             "content_digest": content_digest,
-            "rows": hdf5.rows_of(artifact),
+            "rows": rows_of(artifact),
         }
         if inside.kind(run, "running", f"{stage}.log") == "file":
             log = inside.path_of(run, "running", f"{stage}.log")
@@ -130,8 +131,8 @@ def artifact_of(run: Path, record: Mapping[str, Any]) -> Path:
         raise ArtifactError(what, where=str(error.filename), remedy="aatri run") from error
 
 
-def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
-    """The artifact of a record, its file checked against it.
+def load_object(run: Path, record: Mapping[str, Any], kind: type[A], in_memory: Mapping[str, Artifact] = {}) -> A:
+    """The artifact of a record, its file checked against it; one that is `in_memory` by its digest is not read.
 
     Raises
     ------
@@ -147,4 +148,5 @@ def load_object(run: Path, record: Mapping[str, Any], kind: type[A]) -> A:
             where=str(path),
             remedy="aatri run makes it again",
         )
-    return hdf5.read(path, kind)
+    kept = in_memory.get(record["output"]["content_digest"])
+    return kept if isinstance(kept, kind) else hdf5.read(path, kind)

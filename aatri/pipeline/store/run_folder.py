@@ -202,15 +202,15 @@ def artifact_path(run: Path, stage: str) -> Path:
     return artifact_of(run, existing_record(run, stage))
 
 
-def load(run: Path, stage: str, kind: type[A]) -> A:
-    """The current artifact of a stage, its file checked against the record.
+def load(run: Path, stage: str, kind: type[A], in_memory: Mapping[str, Artifact] = {}) -> A:
+    """The current artifact of a stage, its file checked against the record; what is `in_memory` is not read.
 
     Raises
     ------
     ArtifactError
         If there is none, or the file is not the one that was written.
     """
-    return load_object(run, existing_record(run, stage), kind)
+    return load_object(run, existing_record(run, stage), kind, in_memory)
 
 
 def _set_aside(run: Path, stage: str) -> None:

@@ -58,6 +58,8 @@ class RunView:
     """Artifacts that `last` has read: large ones are not read twice."""
     unreadable: dict[str, AatriError] = field(default_factory=dict, repr=False)
     """By stage, what `last` could not read: a file that is gone or damaged, or of another version."""
+    in_memory: Mapping[str, Artifact] = field(default_factory=dict, repr=False)
+    """Artifacts by content digest, made by this process: of them only the files are checked."""
 
     def of_kind(self, kind: type[Artifact]) -> list[StageView]:
         """The finished stages with artifacts of a kind, in order."""
@@ -107,7 +109,7 @@ class RunView:
             return self.kept[stage.name]
         if stage.kind not in KINDS:
             raise ArtifactError(f"no kind of artifact: {stage.kind!r}", where=stage.name)
-        return store.load(self.folder, stage.name, KINDS[stage.kind])
+        return store.load(self.folder, stage.name, KINDS[stage.kind], self.in_memory)
 
     def last(self, kind: type[A]) -> A | None:
         """The last readable artifact of a kind; of Evaluations that of a result."""
@@ -134,7 +136,7 @@ class RunView:
         return artifacts
 
 
-def view(folder: Path) -> RunView:
+def view(folder: Path, in_memory: Mapping[str, Artifact] = {}) -> RunView:
     """Read a run folder.
 
     Raises
@@ -145,7 +147,8 @@ def view(folder: Path) -> RunView:
     overview = store.read_overview(folder)
     if overview is None:
         raise ArtifactError("not the folder of a run", where=str(folder), remedy="aatri run makes one")
-    return RunView(folder, overview, tuple(_stage(folder, entry) for entry in overview.get("stages", [])))
+    stages = tuple(_stage(folder, entry) for entry in overview.get("stages", []))
+    return RunView(folder, overview, stages, in_memory=in_memory)
 
 
 def _stage(folder: Path, entry: Mapping[str, Any]) -> StageView:
