@@ -11,6 +11,11 @@ import math
 WEAK_SHARE = 0.95
 """The quantile of the standard deviations of all points that is held against it: a few weak points are no matter."""
 
+# --- after: left out
+
+RESECTING = 6
+"""Known points that orient an image: four do, or five of which three lie on a line; six leave one to check."""
+
 # --- after: hinge image
 
 TIE_POINTS = 3

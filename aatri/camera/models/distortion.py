@@ -122,7 +122,8 @@ def _refuse_folded_brown(distortion: Distortion, xy_mm: Float) -> None:
     if row is not None:
         raise InputError(
             f"brown distortion folds inside the format, on the way to ({xy_mm[row, 0]:.3f}, {xy_mm[row, 1]:.3f}) mm",
-            remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement",
+            remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement; or "
+            "`format` and pixel size, if no image point lies so far out",
         )
 
 

@@ -1,17 +1,21 @@
 """What takes no part in an adjustment.
 
 Seen: images, points and observations that are in the block and not in the result.
-Test: none; they are named. Image points go with their image or point.
+Test: none; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted points and
+more have no orientation in which these fit.
 """
 
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Int
 from aatri.checks.finding import Finding
+from aatri.checks.limits import RESECTING
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import BundleResult
+
+OTHER_IMAGE = "check the numbers of their points, their camera, and whether the measurements are of another image"
 
 
 def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
@@ -24,13 +28,15 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     images = np.asarray(inputs.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
     tied = touched_points(inputs)
     points = np.asarray(inputs.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
-    for ids, total, what, reason in (
-        (points, len(inputs.point_ids), "points", "too few usable rays"),
-        (images, len(inputs.image_ids), "images", "no start or too few points"),
+    unfit = np.isin(images, np.asarray(inputs.image_ids)[_adjusted_points(inputs, result) >= RESECTING])
+    for ids, total, what, reason, remedy in (
+        (points, len(inputs.point_ids), "points", "too few usable rays", ""),
+        (images[~unfit], len(inputs.image_ids), "images", "no start or too few points", ""),
+        (images[unfit], len(inputs.image_ids), "images", "their points fit no orientation", OTHER_IMAGE),
     ):
         if len(ids) and (what == "points" or inputs.rays is not None):
             text = f"left out, {reason} ({len(ids)} of {total} {what})"
-            findings.append(Finding("left_out", "warning", text, ids=tuple(ids.tolist())))
+            findings.append(Finding("left_out", "warning", text, remedy, ids=tuple(ids.tolist())))
     if inputs.rays is None and len(images):
         text = f"no image points are adjusted: {len(images)} of {len(inputs.image_ids)} images take no part"
         findings.append(Finding("left_out", "note", text))
@@ -38,6 +44,14 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     for o in result.observations:
         findings += _unused(o, tied, n_rays)
     return [*findings, *_idle(result)]
+
+
+def _adjusted_points(inputs: BundleInput, result: BundleResult) -> Int:
+    """How many adjusted points each image shows, (n_images,)."""
+    if inputs.rays is None:
+        return np.zeros(len(inputs.image_ids), dtype=np.int64)
+    rows = inputs.rays.active & result.point_adjusted[inputs.rays.point]
+    return np.bincount(inputs.rays.image[rows], minlength=len(inputs.image_ids))
 
 
 def _idle(result: BundleResult) -> list[Finding]:

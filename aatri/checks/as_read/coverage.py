@@ -5,7 +5,9 @@
 
 Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
 rays, which some adjustments survive with another principal distance.
-Test: a share below a twentieth, or a reach beyond twice the half diagonal. Where neither format nor marks are given,
+Test: a share below a twentieth, or a reach beyond twice the half diagonal: of the format, where ten times as large it
+holds points that span an angle as cameras have. All points in one quarter are a warning: the format is too large, or
+the origin another. Where neither format nor marks are given,
 the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
 An imprecision of more than 0.008 is a warning: it may be a target in the middle of all images, or a camera of little
 weight. It is an error where all cameras are so and the standard deviation would be a usual one in a smaller unit.
@@ -31,6 +33,7 @@ UNITS_MM = {"0.1 um": 1e-4, "um": 1e-3, "0.01 mm": 1e-2, "cm": 10.0, "inches": 2
 """Units in which photo coordinates are met with, other than mm."""
 
 REMEDY = "check the unit of the image coordinates: `image_coordinates` of the camera, pixel size, all lengths in mm"
+FORMAT_REMEDY = "check `format` of the camera, in mm for film, in pixels for digital images"
 SIGMA_REMEDY = "check `sigma: {image: ...}`, the columns sx and sy, and their unit `units.sigma_image`"
 
 
@@ -52,6 +55,7 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
             continue
         size, reach = np.ptp(xy, axis=0), float(np.linalg.norm(xy, axis=1).max())
         level: Level = "note"
+        remedy = REMEDY
         share = float((size / (2 * half)).max())
         field = float(np.degrees(2 * np.arctan(reach / c)))
         text = f"its {len(xy)} image points span {field:.3g} deg, up to {reach:.4g} mm from the middle of the image"
@@ -66,9 +70,14 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
             text += f"the {2 * half[0]:.4g} x {2 * half[1]:.4g} mm of the image"
         elif reach > BEYOND_FORMAT * float(np.linalg.norm(half)):
             level, text = "error", f"{text}, which is {half[0]:.4g} x {half[1]:.4g} mm in half"
+            if reach < 10 * float(np.linalg.norm(half)) and USUAL_FIELD_DEG[0] <= field <= USUAL_FIELD_DEG[1]:
+                remedy = FORMAT_REMEDY + "; ten times as large it holds them"
+        elif ((xy < 0).all(axis=0) | (xy > 0).all(axis=0)).all():
+            level, remedy = "warning", FORMAT_REMEDY + ", and `origin` of the pixels"
+            text = f"its {len(xy)} image points all lie in one quarter of the image"
         else:
             continue
-        findings.append(Finding("coverage", level, text, REMEDY * (level != "note"), where=f"camera {name}"))
+        findings.append(Finding("coverage", level, text, remedy * (level != "note"), where=f"camera {name}"))
     return findings
 
 

@@ -196,6 +196,23 @@ def test_without_a_format_the_angle_that_points_span_is_a_warning(factor: float)
     assert f"span {np.degrees(2 * np.arctan(reach / 153.0)):.3g} deg" in finding.sentence
 
 
+def test_a_format_in_cm_is_told_as_such_and_not_the_coordinates() -> None:
+    (error,) = coverage(replace(FILM, half_format_mm=0.1 * FILM.half_format_mm), OF, XY)
+    assert error.level == "error"
+    assert "`format`" in error.remedy
+    assert "ten times as large it holds them" in error.remedy
+    assert "unit of the image coordinates" not in error.remedy
+
+
+def test_points_of_all_images_in_one_quarter_of_the_format_are_a_warning() -> None:
+    """Pixels that count from a corner of an image said to be twice as wide and high: its middle is their corner."""
+    (warning,) = coverage(FILM, OF, 0.5 * XY + [-60.0, 60.0])
+    assert (warning.level, warning.where) == ("warning", "camera wide")
+    assert "one quarter" in warning.sentence
+    assert "`format`" in warning.remedy
+    assert coverage(FILM, OF, 0.5 * XY + [0.0, 60.0]) == []
+
+
 def test_a_small_target_in_the_middle_is_a_warning_and_few_points_are_nothing() -> None:
     (finding,) = coverage(FILM, OF, 0.07 * XY)
     assert finding.level == "warning"

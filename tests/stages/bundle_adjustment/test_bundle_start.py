@@ -15,6 +15,7 @@ from aatri.stages.image_refinement.systematic import SystematicOptions, systemat
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.bundle_adjustment.test_bundle_input import CORNERS, OF, assert_is_the_block, exterior_rows, rows_of
 from tests.stages.chain import simulated
+from tests.stages.film_blocks import Told
 from tests.stages.hand_block import (
     Heard,
     angles_deg,
@@ -42,6 +43,20 @@ def test_a_block_of_control_alone_starts_by_resection_of_every_image() -> None:
     sigma = np.sqrt(np.einsum("nii->ni", solution.images.covariance))[:, :3]
     assert (np.abs(error) < 5 * sigma + 0.01).all()
     assert 0.8 < solution.sigma0 < 1.2
+
+
+def test_an_image_with_the_points_of_another_order_is_left_out_and_its_points_are_said_to_fit_no_orientation() -> None:
+    block = _without_exterior(30)
+    points = block.image_points
+    of_second = np.flatnonzero(points.image == 1)
+    xy = points.xy.copy()
+    xy[of_second] = np.random.default_rng(2).permutation(xy[of_second])
+    block, told = replace(block, image_points=replace(points, xy=xy)), Told()
+    solution = bundle(block, systematic(block, calibrated(block)), context=told)
+    assert solution.images.id[~solution.images.oriented].tolist() == [block.images.id[1]]
+    (text,) = [text for text in told.warnings if "left out" in text and "images)" in text]
+    assert "their points fit no orientation (1 of 6 images)" in text
+    assert "numbers of their points" in text
 
 
 def test_with_too_little_control_in_every_image_what_is_missing_is_said() -> None:
