@@ -81,6 +81,11 @@ def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR) ->
     return robust_closed_form(x[full], places.observed_m[full])[0]
 
 
+def looks_upwards(to: Similarity, up: Float) -> bool:
+    """Whether images look upwards on the ground, `up` being against their mean viewing direction in the body."""
+    return float((to.rotation @ up)[2]) < -UPWARDS * float(np.linalg.norm(up))
+
+
 def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:
     """Whether places lie where they are given, as near as those of right ids do; `x` are they in the body."""
     off = np.where(places.given, transform(start, x) - places.observed_m, 0.0)
@@ -147,8 +152,7 @@ def searched_start(
         except (ConvergenceError, GeometryError) as error:
             failure = failure or error
             continue
-        upwards = float((to_ground.rotation @ body.up)[2]) < -UPWARDS * float(np.linalg.norm(body.up))
-        ends.append((upwards, cost, to_ground))
+        ends.append((looks_upwards(to_ground, body.up), cost, to_ground))
     if not ends:
         raise failure or GeometryError("nothing is observed of it", remedy="give control or observed positions")
     _, cost, to_ground = min(ends, key=lambda end: end[:2])

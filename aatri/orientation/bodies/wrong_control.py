@@ -2,7 +2,8 @@
 
 A similarity of all that is known in full, control and positions, is fitted as given, and with each two control points
 exchanged. Two are exchanged if that leaves less than `EXPLAINED` of the sum of distances, and no other two leave less
-than `SECOND` times as much. They do not take part in the start, and are held against the orientation by the others.
+than `SECOND` times as much. Points in a plane may fit mirrored, too: what makes the images look upwards is none. They
+do not take part in the start, and are held against the orientation by the others.
 
 Where few points are known in full the others, distances, attitudes, positions that drift ... tell too
 (`exchanged_by_all`): all that is observed is adjusted as given, and with each two control points exchanged, and sums of
@@ -28,7 +29,15 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
-from aatri.orientation.bodies.datum_start import ITERATIONS, UPWARDS, Observe, closed_start, fitted, searched_start
+from aatri.orientation.bodies.datum_start import (
+    ITERATIONS,
+    UPWARDS,
+    Observe,
+    closed_start,
+    fitted,
+    looks_upwards,
+    searched_start,
+)
 from aatri.orientation.bodies.free_body import FreeBody, state_of
 from aatri.units import length
 
@@ -58,15 +67,23 @@ FLAT = 1e-3
 """Misfit, as a share of the extent, of points that are not mirrored: they fit, or lie in a plane and fit either way."""
 
 
-def exchanged_of(places: GivenPlaces, fewest: int = FEWEST) -> Int:
-    """Two control points with each other's number, among places known in full; none otherwise."""
+def exchanged_of(places: GivenPlaces, up: Float, fewest: int = FEWEST) -> Int:
+    """Two control points with each other's number, among places known in full; none otherwise.
+
+    Parameters
+    ----------
+    up : (3,) float64
+        Direction against the mean viewing direction, in the body.
+    """
     full = np.flatnonzero(places.given.all(axis=1) & np.isin(places.kind, [CONTROL, POSITION]))
     full = full[np.argsort(places.kind[full] != CONTROL, kind="stable")]
     n_control = int((places.kind[full] == CONTROL).sum())
-    return full[exchanged_control(places.xyz[full], places.observed_m[full], n_control, fewest)]
+    return full[exchanged_control(places.xyz[full], places.observed_m[full], n_control, fewest, up)]
 
 
-def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: int = FEWEST) -> Bool:
+def exchanged_control(
+    x: Float, X: Float, n_control: int | None = None, fewest: int = FEWEST, up: Float | None = None
+) -> Bool:
     """Which of some points are exchanged, (n,): two of them, or none.
 
     Parameters
@@ -77,6 +94,8 @@ def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: 
         The first points are control, the others positions, whose numbers nobody exchanges; default: all are control.
     fewest : int
         Of all points.
+    up : (3,) float64, optional
+        See `exchanged_of`.
     """
     exchanged = np.zeros(len(x), dtype=bool)
     control = len(x) if n_control is None else n_control
@@ -87,7 +106,10 @@ def exchanged_control(x: Float, X: Float, n_control: int | None = None, fewest: 
     x, X = x[sample], X[sample]
 
     def misfit(order: list[int]) -> float:
-        return float(np.linalg.norm(transform(closed_form(x, X[order]), x) - X[order], axis=1).sum())
+        to = closed_form(x, X[order])
+        if up is not None and order != as_given and looks_upwards(to, up):
+            return float("inf")
+        return float(np.linalg.norm(transform(to, x) - X[order], axis=1).sum())
 
     as_given = list(range(len(x)))
     left = []
@@ -130,6 +152,8 @@ def exchanged_by_all(
         places = places.take(use[places.row])
         start = closed_start(places, places.xyz @ level.rotation)
         if start is not None:
+            if of is not body and looks_upwards(start, body.up):
+                return float("inf")
             return fitted(observe, of, use, start, iterations)
         try:
             return searched_start(observe, of, use)[1] if len(control) <= MOST_SEARCHED else float("inf")
@@ -182,11 +206,13 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     reason = _mirrored(kept, to, up)
     if not reason:
         return
-    two = places.name[exchanged_of(places, 3)].tolist()
+    two = places.name[exchanged_of(places, up, 3)].tolist()
     if two:
         text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
     remedy = "declare the axes of the control in their true order, [north, east, up] or [east, north, up]"
+    if kept.given.all(axis=1).sum() < FEWEST_MIRRORED:
+        remedy += "; check which control point has which number: so few look alike mirrored and with two exchanged"
     if not (kept.kind == CONTROL).any():
         remedy = "check which image each id and each position belongs to, and the axes of the positions"
     raise MirroredError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")

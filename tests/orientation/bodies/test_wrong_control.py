@@ -47,6 +47,28 @@ def test_two_of_three_are_found_beside_positions_which_nobody_exchanges(seed: in
     assert not exchanged_control(x[:3], wrong[:3]).any()  # without them two of three cannot be left out
 
 
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (2, 3), (0, 3)])
+def test_two_corners_of_a_square_are_told_from_the_other_two_which_fit_mirrored(pair: tuple[int, int]) -> None:
+    """With both pairs exchanged the square is turned over: all fit as well, and the images look upwards."""
+    X = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    x = X + np.random.default_rng(6).normal(0, 1e-4, X.shape)
+    wrong = X.copy()
+    wrong[list(pair)] = X[list(pair[::-1])]
+    assert not exchanged_control(x, wrong, fewest=4).any()
+    assert np.flatnonzero(exchanged_control(x, wrong, fewest=4, up=np.array([0.0, 0.0, 1.0]))).tolist() == list(pair)
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
+def test_two_of_four_corners_of_flat_ground_are_named(pair: tuple[int, int]) -> None:
+    corners = np.array([[0.0, 0, 10], [1000, 0, 10], [1000, 1000, 10], [0, 1000, 10]])
+    error = np.zeros((4, 3))
+    error[list(pair)] = corners[list(pair[::-1])] - corners[list(pair)]
+    first, second = (f"point {k + 1}" for k in pair)
+    with pytest.raises(GeometryError, match=f"{first} and {second} fit with each other's number"):
+        MadeBody(corners).control(range(4), [ALL] * 4, 0.02, error).oriented()
+
+
 GROUND = np.concatenate([CORNERS, [[1000.0, 1100.0, 12.0], [1000.0, 100.0, 25.0]]])
 
 
@@ -97,8 +119,9 @@ def places(n: int, relief_m: float, mirrored: bool, seed: int) -> GivenPlaces:
 def test_images_that_look_upwards_are_owed_to_what_orients_them(kind: str, blamed: str) -> None:
     few = replace(places(4, 20.0, False, 1), kind=np.full(4, kind))
     up = np.array([0.0, 0.0, -1.0])
-    with pytest.raises(GeometryError, match=blamed):
+    with pytest.raises(GeometryError, match=blamed) as raised:
         refuse_mirrored(few, np.ones(4, dtype=bool), Similarity(np.zeros(3), 1.0, np.eye(3)), up, "body")
+    assert ("which control point has which number" in raised.value.remedy) == (kind == "control")
 
 
 def judged(n: int, relief_m: float, mirrored: bool, seed: int) -> None:
