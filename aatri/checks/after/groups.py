@@ -7,7 +7,7 @@ contradicts its own tests where a group that is kept moves a coordinate by more 
 the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 
 import numpy as np
@@ -17,12 +17,14 @@ from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
-from aatri.observations.carried_vectors import LEVER_ARM
+from aatri.observations.carried_vectors import BORESIGHT, LEVER_ARM
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import FOOT_M, about
+
+LENGTHS = {"": 1.0, " in mm": 1e-3, " in cm": 1e-2, " in dm": 0.1, " in feet": FOOT_M}
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 
@@ -47,17 +49,23 @@ def contradicts(accepted: AcceptedGroup) -> bool:
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
 
 
-def wrong_groups(groups: tuple[AcceptedGroup, ...], lever_arms_m: Mapping[str, Float]) -> list[Finding]:
-    """A warning for each group, contradictions first; `lever_arms_m` are those given, by camera."""
+def wrong_groups(
+    groups: tuple[AcceptedGroup, ...], lever_arms_m: Mapping[str, Float], boresights_rad: Mapping[str, Float]
+) -> list[Finding]:
+    """A warning for each group, contradictions first; lever arms and boresights are those given, by camera."""
     in_order = sorted(groups, key=lambda accepted: not contradicts(accepted))
-    return [_finding(accepted, lever_arms_m) for accepted in in_order]
+    return [_finding(accepted, lever_arms_m, boresights_rad) for accepted in in_order]
 
 
-def _finding(accepted: AcceptedGroup, lever_arms_m: Mapping[str, Float]) -> Finding:
+def _finding(
+    accepted: AcceptedGroup, lever_arms_m: Mapping[str, Float], boresights_rad: Mapping[str, Float]
+) -> Finding:
     g = accepted.group
     text, remedy = _TEXTS[g.kind, g.cause](g)
     if g.cause == LEVER_ARM and lever_arms_m[g.unit].any():
         remedy = _other_lever_arm(g, lever_arms_m[g.unit]) or remedy
+    if g.cause == BORESIGHT and boresights_rad[g.unit].any():
+        remedy += _other_boresight(g, boresights_rad[g.unit])
     if g.moved:
         text += f"; it moves {g.moved} by {about(g.change_m)} (up to {g.harm:.3g} standard deviations)"
     others = tuple(_alternative(*one) for one in g.or_else[:3])
@@ -122,23 +130,46 @@ def _lever_arm(g: Group) -> tuple[str, str]:
 
 def _other_lever_arm(g: Group, given_m: Float) -> str:
     """How the lever arm that was given is to be read to explain the shift; empty where no reading does."""
-    limit = float(chdtri(3, OTHER_LEVER_ARM))
-    if ((g.value / g.sigma) ** 2).sum() <= limit:  # as it is
+    if _agree(g.value, g.sigma):  # as it is
         return ""
     fitting_m, without = given_m + g.value, ""
-    if ((fitting_m / g.sigma) ** 2).sum() <= limit:  # as one in mm may, too
+    if _agree(fitting_m, g.sigma):  # as one in mm may, too
         without = "the positions fit those of the projection centres: leave out `lever_arm`, or `refers_to: antenna`"
-    for unit, factor in (("", 1.0), (" in mm", 1e-3), (" in cm", 1e-2), (" in feet", FOOT_M)):
-        for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
-            read_m = factor * np.array(signs) * given_m
-            fits = (((fitting_m - read_m) / g.sigma) ** 2).sum() <= limit
-            if fits and np.linalg.norm(read_m) >= SHORTEST_ARM_M:
-                turned = [axis for axis, sign, m in zip("xyz", signs, given_m) if sign < 0 and m]
-                reading = f" with the opposite sign of {', '.join(turned)}" if turned else ""
-                arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)
-                text = f"the lever arm given fits read{unit}{reading}: {arm} m; give `lever_arm` so, in m"
-                return f"{without}; or {text}" if without else text
+    for reading, read_m in _readings(given_m, LENGTHS):
+        if _agree(fitting_m - read_m, g.sigma) and np.linalg.norm(read_m) >= SHORTEST_ARM_M:
+            arm = ", ".join(f"{m:.6g}" for m in read_m + 0.0)
+            text = f"the lever arm given fits read{reading}: {arm} m; give `lever_arm` so, in m"
+            return f"{without}; or {text}" if without else text
     return without
+
+
+def _other_boresight(g: Group, given_rad: Float) -> str:
+    """How the boresight that was given is to be read to explain the offset; empty where no reading does.
+
+    Small turns of angles b and v together are b + v, but for |b| |v| / 2, which counts as uncertain.
+    """
+    fitting, sigma = given_rad + g.value[:3], g.sigma[:3]
+    sigma = np.hypot(sigma, 0.5 * np.linalg.norm(given_rad) * np.linalg.norm(g.value[:3]))
+    for reading, read in _readings(given_rad, {"": 1.0}):
+        if _agree(fitting - read, sigma) and not _agree(given_rad - read, sigma):
+            turns = ", ".join(f"{angle:.6g}" for angle in np.degrees(read) + 0.0)
+            return f"; the boresight given fits read{reading}: {turns} deg"
+    return ""
+
+
+def _agree(difference: Float, sigma: Float) -> bool:
+    return float(((difference / sigma) ** 2).sum()) <= float(chdtri(3, OTHER_LEVER_ARM))
+
+
+def _readings(given: Float, units: Mapping[str, float]) -> Iterator[tuple[str, Float]]:
+    """Readings of three values in other units and with opposite signs, in words and the values; the simplest first."""
+    for unit, factor in units.items():
+        for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
+            turned = [axis for axis, sign, value in zip("xyz", signs, given) if sign < 0 and value]
+            yield (
+                unit + f" with the opposite sign of {', '.join(turned)}" * bool(turned),
+                factor * np.array(signs) * given,
+            )
 
 
 def _shift_of_attitudes(g: Group) -> tuple[str, str]:
@@ -247,7 +278,7 @@ _TEXTS: dict[tuple[str, str], Callable[[Group], tuple[str, str]]] = {
     ("position", LEVER_ARM): _lever_arm,
     ("attitude", "shift"): _shift_of_attitudes,
     ("attitude", "drift"): _drift_of_attitudes,
-    ("attitude", "boresight"): _boresight,
+    ("attitude", BORESIGHT): _boresight,
     ("image_point", "principal distance"): _principal_distance,
     ("image_point", "principal point"): _principal_point,
     ("image_point", "radial distortion"): _radial,

@@ -52,7 +52,10 @@ def findings_after(
     """
     inputs, result = done.inputs, done.result
     images, cameras = source.block.images, source.block.cameras
-    named = wrong_groups(groups, dict(zip(cameras.id.tolist(), cameras.lever_arm_m)))
+    arms, boresights = (
+        dict(zip(cameras.id.tolist(), values)) for values in (cameras.lever_arm_m, cameras.boresight_rad)
+    )
+    named = wrong_groups(groups, arms, boresights)
     explained = done.scale != 1.0 or any(map(contradicts, groups))
     cause = next((group for group in named if group.contradicts), None)
     carried = [one.group.sigma0 for one in groups if contradicts(one) and not one.left_out]

@@ -89,6 +89,25 @@ def test_a_common_offset_of_a_fixed_boresight_is_a_warning_with_its_value() -> N
     np.testing.assert_allclose(values, [0.0, 3.0, 0.0], atol=0.02)
 
 
+@pytest.mark.parametrize(("signs", "turned"), [((-1, -1, -1), "x, y, z"), ((1, 1, -1), "z"), ((1, -1, 1), "y")])
+def test_a_boresight_of_opposite_sign_is_told_with_the_reading_that_fits(signs: tuple[int, ...], turned: str) -> None:
+    heard, block = Told(), flown(2, boresight="known")
+    given = replace(block.cameras, boresight_rad=np.radians([BORESIGHT * signs]))
+    block = replace(block, cameras=given)
+    bundle(block, calibrated(block), start_of(block), options=BundleOptions(max_sigma0=1e9), context=heard)
+    (text,) = [text for text in heard.warnings if "common offset" in text]
+    assert f"the boresight given fits read with the opposite sign of {turned}: 0.3, -0.2, 1 deg" in text
+
+
+def test_a_boresight_that_is_wrong_otherwise_has_no_reading() -> None:
+    heard, block = Told(), flown(2, boresight="known")
+    given = replace(block.cameras, boresight_rad=np.radians([[0.7, -0.2, 1.0]]))
+    block = replace(block, cameras=given)
+    bundle(block, calibrated(block), start_of(block), options=BundleOptions(max_sigma0=1e9), context=heard)
+    assert [text for text in heard.warnings if "common offset" in text]
+    assert not [text for text in heard.warnings if "boresight given fits" in text]
+
+
 @pytest.mark.slow
 def test_a_small_offset_is_told_after_the_adjustment_and_a_right_one_is_not() -> None:
     heard = Told()

@@ -265,12 +265,20 @@ def test_what_explains_as_much_once_it_is_adjusted_is_named_too(tmp_path: Path, 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "how"),
-    [(-1.0, " with the opposite sign of x, y, z"), ([1, 1, -1], " with the opposite sign of z"), (1e3, " in mm")],
+    [
+        (-1.0, " with the opposite sign of x, y, z"),
+        ([1, 1, -1], " with the opposite sign of z"),
+        (1e3, " in mm"),
+        (10, " in dm"),
+    ],
 )
 def test_a_lever_arm_in_another_unit_or_of_another_sign_is_told_with_the_reading_that_fits(
     tmp_path: Path, factor: float | list[int], how: str
 ) -> None:
-    small, arm_m = flown(strips=2, per_strip=4), np.array([0.6, -0.8, -2.0]) / (300 if factor == 1e3 else 1)
+    small, arm_m = (
+        flown(strips=2, per_strip=4),
+        np.array([0.6, -0.8, -2.0]) / (300 if how == " in mm" else 3 if how == " in dm" else 1),
+    )
     small.position_m = {i: x + small.rotation[i] @ arm_m for i, x in small.position_m.items()}
     small.camera["lever_arm"] = (factor * arm_m).tolist()
     exterior = small.write(tmp_path / "block") / "exterior.csv"
@@ -288,6 +296,5 @@ def test_a_lever_arm_beside_positions_of_the_projection_centres_is_told_to_be_le
     exterior = small.write(tmp_path / "block") / "exterior.csv"
     lines = exterior.read_text().splitlines()
     exterior.write_text("\n".join([lines[0] + ",refers_to", *(line + ",antenna" for line in lines[1:]), ""]))
-    warnings = adjusted_by("graph", tmp_path / "block").warnings
-    (text,) = [text for text in warnings if "leave out `lever_arm`" in text]
+    (text,) = [text for text in adjusted_by("graph", tmp_path / "block").warnings if "leave out `lever_arm`" in text]
     assert "read in mm" not in text
