@@ -6,9 +6,11 @@ import re
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
+from aatri.artifacts.suspects import staying_out
 from tests.campaigns.false_alarms import KINDS, left_out
 from tests.campaigns.legal.flight import scene_of
 from tests.campaigns.legal.judged import Ear, read, through
@@ -56,3 +58,26 @@ def test_what_only_a_long_tail_explains_is_used_and_named() -> None:
         assert {(image, point) for image, point, _ in names} <= used
         named += len(names)
     assert named >= 4
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize(
+    ("kind", "way"), [("film", "chain"), ("uav", "graph"), ("uav", "chain"), ("positions", "graph")]
+)
+def test_an_image_that_is_measured_badly_is_weighted_so_and_blames_nothing_else(kind: str, way: str) -> None:
+    """Eight times the standard deviation in every point of one image, as of a blurred one."""
+    cell, notes = replace(KINDS[kind], seed=4), Notes()
+    block = read(scene_of(cell), notes)
+    points, rng = block.image_points, np.random.default_rng(1)
+    blurred = int(np.argmax(np.bincount(points.image)))
+    sigma = points.sigma_mm / np.nan_to_num(block.cameras.pixel_size_mm, nan=1.0)
+    noise = 8.0 * sigma * rng.normal(size=sigma.shape) * (points.image == blurred)[:, None]
+    spoilt = replace(block, image_points=replace(points, xy=points.xy + noise))
+    made = through(cell, spoilt, way, notes)["bundle"]
+    assert isinstance(made, Solution)
+    name = str(block.images.id[blurred])
+    (factor,) = re.findall(rf"of image {name} ([\d.]+)", " ".join(notes.warnings))
+    assert 5.5 < float(factor) < 11.0
+    out = made.suspects.take(staying_out(made.suspects))
+    assert not set(out.kind.tolist()) - {"image_point", "model_tie", "strip_tie"}  # ties are made of such points
+    assert set(out.image[out.kind == "image_point"].tolist()) <= {name}

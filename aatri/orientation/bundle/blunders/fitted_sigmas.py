@@ -13,6 +13,7 @@ from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.noisy_images import noisiest_image
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.scaling import Scaling
@@ -26,6 +27,10 @@ HARMLESS = 2.0
 
 MOST_SCALINGS = 5
 """Adjustments until the standard deviations fit."""
+
+
+MOST_NOISY = 0.1
+"""Share of the images: what more of them have is an error of something else."""
 
 
 class FittedSigmas(Rejections):
@@ -55,6 +60,7 @@ class FittedSigmas(Rejections):
 
     def _with_fitting_sigmas(self, tested: TestedBlock) -> TestedBlock:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
+        tested = self._with_noisy_image_apart(tested)
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scales = self.scaling.classes.scales(tested.result)
             scaling, factor = self.scaling.after(scales)
@@ -68,9 +74,35 @@ class FittedSigmas(Rejections):
             self._rescale(scaling, factor, from_result(self.block, tested.result))
             if (factor == 1.0).all():
                 break
-            self.block = replace(self.block, observed=self.all.without(self.block.observed, tested.active))
-            tested = self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tested.active)
+            tested = self._adjusted_again(tested)
         return tested
+
+    def _adjusted_again(self, tested: TestedBlock) -> TestedBlock:
+        self.block = replace(self.block, observed=self.all.without(self.block.observed, tested.active))
+        return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tested.active)
+
+    def _with_noisy_image_apart(self, tested: TestedBlock) -> TestedBlock:
+        """With standard deviations of its own for an image that seems noisy, where nothing is far out beside it."""
+        before = self.scaling, self.block, self.all
+        if not self._takes_image_apart(tested.result, None):
+            return tested
+        beside = self._adjusted_again(tested)
+        if not self._is_harmful(beside, beside.active):
+            return beside
+        self.scaling, self.block, self.all = before
+        return tested
+
+    def _takes_image_apart(self, result: BundleResult, least_squares: BundleResult | None) -> bool:
+        """Whether an image seems noisy, whose points have standard deviations of their own from here."""
+        classes = self.scaling.classes
+        if self.options.sigmas == "given" or len(classes.apart) >= MOST_NOISY * len(self.block.image_ids):
+            return False
+        image = noisiest_image(result, least_squares, classes.number, classes.apart)
+        if image is None:
+            return False
+        scaling, factor = self.scaling.with_image(self.all.observed, image, str(self.block.image_ids[image]))
+        self._rescale(scaling, factor, from_result(self.block, result))
+        return True
 
     def _rescale(self, scaling: Scaling, factor: Float, start: BundleInput) -> None:
         self.scaling = scaling

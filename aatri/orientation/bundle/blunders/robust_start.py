@@ -56,10 +56,11 @@ class RobustStart(FittedSigmas):
         result = self._robust_from(moved, initial, active)
         least_squares = self._least_squares_beside(result, initial, active)
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
-            scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
-            self._rescale(scaling, factor, from_result(self.block, result))
-            if (factor == 1.0).all():
-                break
+            if not self._takes_image_apart(result, least_squares):
+                scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
+                self._rescale(scaling, factor, from_result(self.block, result))
+                if (factor == 1.0).all():
+                    break
             rescaled = self._initial_least_squares(active)
             result = self._robust_from(self.block, rescaled, active)
             least_squares = self._least_squares_beside(result, rescaled, active)

@@ -1,9 +1,10 @@
 """Standard deviations that fit the residuals, class by class, before anything is rejected.
 
 A class is a kind of observation, its plan and height where they are measured apart, the image points of each camera,
-and the groups that the tables name. Its scale is estimated robustly (`adjustment.statistics.class_scales`). Where it
-contradicts the standard deviations given, these times the scale are those of the search and of the result: its weights,
-covariances, tests and sigma0. All others stay as given.
+the groups that the tables name, and an image whose points err by more than others' (`noisy_images`). Its scale is
+estimated robustly (`adjustment.statistics.class_scales`). Where it contradicts the standard deviations given, these
+times the scale are those of the search and of the result: its weights, covariances, tests and sigma0. All others stay
+as given.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
-from aatri.orientation.bundle.blunders.tested_block import gains_of, least_squares_covariance, residuals_and_redundancy
+from aatri.orientation.bundle.blunders.noisy_images import APART, NOISY, is_of_images
+from aatri.orientation.bundle.blunders.tested_block import gains_of, residuals_and_redundancy, residuals_beside
 from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
@@ -35,6 +37,8 @@ SETTLED = 1.1
 
 MOST_TOGETHER = 150
 """Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
+
+OF_IMAGE = " of image "
 
 NO_ERRORS = 0.02
 """Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
@@ -49,6 +53,8 @@ class Classes:
     """(g,) int64. Number of the kind that each class belongs to."""
     number: tuple[Int, ...]
     """Tuple of (n, m) int32. Class of every component of each of the observations; -1 none."""
+    apart: tuple[int, ...] = ()
+    """Images that are classes of their own."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
@@ -66,6 +72,22 @@ class Classes:
             names += classes
             kinds += [numbers.setdefault((o.kind, -1 if o.set_rows is None else place), len(numbers))] * len(classes)
         return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
+
+    @property
+    def base(self) -> Int:
+        """Class of which each is a part, (g,): itself but for those of images."""
+        return np.array([self.names.index(name.split(OF_IMAGE)[0]) for name in self.names], dtype=np.int64)
+
+    def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> Classes:
+        """With classes of its own for an image."""
+        names, kind, number = list(self.names), self.kind, list(self.number)
+        for i, o in enumerate(observed):
+            rows = dict(o.records.touches)[POSE] == image if is_of_images(o) else np.zeros(len(o), dtype=bool)
+            for k in np.unique(number[i][rows]).tolist():
+                number[i] = np.where(rows[:, None] & (number[i] == k), np.int32(len(names)), number[i])
+                kind = np.append(kind, kind[k])
+                names.append(f"{names[k]}{OF_IMAGE}{name}")
+        return Classes(tuple(names), kind, tuple(number), (*self.apart, image))
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
@@ -110,12 +132,7 @@ class Classes:
         for i, (observations, number) in enumerate(zip(result.observations, self.number)):
             o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
             if o.is_measured and len(rows):
-                H = (
-                    observations.covariance
-                    if least_squares is None
-                    else least_squares_covariance(observations, least_squares, i)
-                )
-                v, r = residuals_and_redundancy(replace(observations, covariance=H), result.adjusted.state, rows)
+                v, r = residuals_beside(result, least_squares, i, rows)
                 parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel()))
         v, r, group = (np.concatenate(values) for values in zip(*parts))
         return v, r, group
@@ -206,6 +223,13 @@ class Scaling:
         classes = Classes.of(block)
         return cls(classes, np.ones(len(classes.names)))
 
+    def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> tuple[Scaling, Float]:
+        """With classes of its own for an image, of much larger standard deviations; the factors this changes by."""
+        classes = self.classes.with_image(observed, image, name)
+        larger = np.where(classes.base != np.arange(len(classes.base)), APART, 1.0)
+        larger[: len(self.factor)] = 1.0
+        return Scaling(classes, self.factor[classes.base] * larger), larger
+
     def after(self, scales: ClassScales) -> tuple[Scaling, Float]:
         """With what an adjustment asks for, and the factors that this changes by."""
         changed_class = self.changed & scales.estimable & (np.abs(np.log(scales.scale)) > np.log(SETTLED))
@@ -214,6 +238,8 @@ class Scaling:
             np.abs(np.log(self.factor * factor)) < np.log(MATTERS)
         )  # after others have been set right
         after = np.where(near_a_priori, 1.0, self.factor * factor)
+        base = self.classes.base
+        after = np.where(after < NOISY * after[base], after[base], after)  # an image like others
         error_free = after < NO_ERRORS
         if self.without_errors is not None:
             error_free |= self.without_errors

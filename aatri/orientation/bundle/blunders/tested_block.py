@@ -1,6 +1,6 @@
 """Tests of the records of a bundle: the largest |w| of each, of predictions where it is rejected."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,3 +116,13 @@ def gains_of(observations: AdjustedObservations, state: State, rows: Int) -> Flo
 def least_squares_covariance(observations: AdjustedObservations, least_squares: BundleResult | None, i: int) -> Float:
     """Covariances of the adjusted values as least squares has them; zero where it failed."""
     return np.zeros_like(observations.covariance) if least_squares is None else least_squares.observations[i].covariance
+
+
+def residuals_beside(
+    result: BundleResult, least_squares: BundleResult | None, i: int, rows: Int
+) -> tuple[Float, Float]:
+    """`residuals_and_redundancy` of the i-th observations; by the covariances of least squares, if there are such."""
+    observations = result.observations[i]
+    if least_squares is not None:
+        observations = replace(observations, covariance=least_squares_covariance(observations, least_squares, i))
+    return residuals_and_redundancy(observations, result.adjusted.state, rows)
