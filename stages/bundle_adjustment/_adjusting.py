@@ -25,7 +25,7 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
     with_datum_again,
     with_sets_again,
 )
-from aatri.orientation.bundle.blunders.failed_search import without_search
+from aatri.orientation.bundle.blunders.failed_search import searched_again
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
@@ -100,7 +100,7 @@ def _searched(
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
                 raise
-            done = without_search(inputs, adjust, failure)
+            done, groups = searched_again(inputs, partial(with_datum_again, adjust=in_groups), adjust, failure)
     if options.self_calibration is None or not options.self_calibration.remove:
         return done, groups
     rebuilt, before = partial(with_parameters, source), done.notes

@@ -1,18 +1,85 @@
-"""A block whose search for gross errors fails, although least squares of all its observations fits them.
+"""A block whose search for gross errors fails.
 
-Without some observations, or by other weights, weak points may run away, and with them the search. Nothing calls for
-rejections where sigma0 of least squares is not above what chance explains: that result stands, and a warning says that
-nothing was searched for. Where sigma0 is larger the failure stands.
+A point whose rays at the start miss each other by `SCATTERED` times as much as those of most points is none: two have
+one number, or it is measured far off. Where there are few such points their rays begin as rejected, and the search is
+made again; it takes back what fits.
+
+Else least squares of all observations may fit them. Without some observations, or by other weights, weak points may run
+away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what chance
+explains: that result stands, and a warning says that nothing was searched for. Where sigma0 is larger the failure
+stands.
 """
 
+import contextlib
+from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.arrays import Bool
 from aatri.errors import AatriError, ConvergenceError, GeometryError
+from aatri.geometry.intersection import intersect_rays
 from aatri.notes import Note
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
+
+SCATTERED = 30.0
+MOST_SCATTERED = 0.01
+"""Share of the points: where more are scattered, the start is wrong."""
+
+Search = Callable[[BundleInput], tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]]
+
+
+def searched_again(
+    block: BundleInput, search: Search, adjust: Adjust, failure: AatriError
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
+    """The search without scattered points, or least squares without a search.
+
+    Parameters
+    ----------
+    failure : AatriError
+        Of the search.
+
+    Raises
+    ------
+    AatriError
+        The failure of the search, where neither helps.
+    """
+    fewer = without_scattered_points(block)
+    if fewer is not block:
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            return search(fewer)
+    return without_search(block, adjust, failure), ()
+
+
+def without_scattered_points(block: BundleInput) -> BundleInput:
+    """The block with the rays of scattered points rejected; itself where there are none, or more than a few."""
+    rays = block.rays
+    if rays is None:
+        return block
+    use = np.flatnonzero(rays.active & block.poses.oriented[rays.image])
+    X0, direction, point = block.poses.position_m[rays.image[use]], rays.directions(block.poses, use), rays.point[use]
+    away_m = intersect_rays(X0, direction, point, len(block.point_ids))[point] - X0
+    length = np.linalg.norm(direction, axis=1) * np.linalg.norm(away_m, axis=1)
+    miss = np.zeros(len(block.point_ids))
+    np.maximum.at(miss, point, np.nan_to_num(np.linalg.norm(np.cross(direction, away_m), axis=1) / length))
+    scattered = miss > SCATTERED * float(np.median(miss[miss > 0])) if (miss > 0).any() else miss > 0
+    if not 0 < scattered.sum() <= max(1.0, MOST_SCATTERED * len(scattered)):
+        return block
+    return replace(block, observed=tuple(_without_rays(o, scattered) for o in block.observed))
+
+
+def _without_rays(o: Observed, points: Bool) -> Observed:
+    groups = dict(o.records.touches)
+    if o.exact or not {POSE, POINT} <= set(groups):
+        return o
+    rejected = points[groups[POINT]]
+    return o.again().without(rejected if o.rejected is None else rejected | o.rejected)
 
 
 def without_search(block: BundleInput, adjust: Adjust, failure: AatriError) -> AdjustedBlock:

@@ -1,0 +1,41 @@
+"""A search that fails is made again without points whose rays are those of two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aatri.errors import ConvergenceError
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.failed_search import searched_again, without_scattered_points
+from aatri.orientation.bundle.blunders.robust import AdjustOptions
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.made_bundle import made_bundle
+from tests.orientation.bundle.parts import settings
+
+
+def _least_squares(block: BundleInput, _: AdjustOptions) -> BundleResult:
+    return adjust_bundle(block, settings(datum="free"))
+
+
+def test_rays_of_two_points_with_one_number_begin_as_rejected() -> None:
+    parts, failure, out = made_bundle(), ConvergenceError("no convergence"), list[int]()
+    rays = parts.rays
+    of_point = np.flatnonzero(rays.point == 5)
+    xy_mm = rays.xy_mm.copy()
+    xy_mm[of_point[:2]] += 40.0
+    block = replace(parts, rays=replace(rays, xy_mm=xy_mm)).together()
+
+    def searching(inputs: BundleInput) -> Any:
+        (of_rays,) = [o for o in inputs.observed if o.kind == "image_point"]
+        out.extend(np.flatnonzero(~of_rays.records.active).tolist())
+        return _least_squares(inputs, AdjustOptions()), ()
+
+    result, _ = searched_again(block, searching, _least_squares, failure)
+    assert out == of_point.tolist()
+    assert result.adjusted.sigma0 < 1.3
+    clean = parts.together()
+    assert without_scattered_points(clean) is clean
