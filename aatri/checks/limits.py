@@ -122,6 +122,9 @@ CERTAIN_MISFIT, NOTHING_FITS = 0.25, 0.5
 
 # --- at start
 
+HIGHEST_FLIGHT_M = 40_000.0
+"""Above the points: aircraft and balloons with cameras have flown up to 38 km; what is higher goes round the Earth."""
+
 BEHIND, UPWARDS, CONTROL_MARGIN = 0.05, 0.7, 0.1
 """A larger share of points behind their camera is no matter of a few wrong points; an image whose points lie higher by
 more than the second share of their distance looks upwards (45 degrees), or the other way than before by this cosine; so

@@ -2,10 +2,10 @@
 
 Seen: heights of the wrong sign, exchanged axes, angles of another convention; control with a wrong id or coordinate.
 Test: more than 5 % of the points of a camera lie behind it; all its images look up at points above them, where
-something says which way is up (the model of another program may lie as it likes); a control point projects beyond the
-format, by more than a tenth of it, of an image that shows it (orientations are approximate). Where most of it does,
-the orientations are wrong, and not so many coordinates. After the adjustment: all images of a camera look the other
-way than at the start, as mirrored images of flat ground do, which fit from below it.
+something says which way is up (the model of another program may lie as it likes); they are higher than any flight; a
+control point projects beyond the format, by more than a tenth of it, of an image that shows it (orientations are
+approximate). Where most of it does, the orientations are wrong, and not so many coordinates. After the adjustment: all
+images of a camera look the other way than at the start, as mirrored images of flat ground do, which fit from below it.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
-from aatri.checks.limits import BEHIND, CONTROL_MARGIN, FEWEST_OF_MOST, UPWARDS
+from aatri.checks.limits import BEHIND, CONTROL_MARGIN, FEWEST_OF_MOST, HIGHEST_FLIGHT_M, UPWARDS
 from aatri.codes import OBSERVED_VALUE
 from aatri.observations.control import control_of
 from aatri.observations.poses import Poses
@@ -49,8 +49,14 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
     for k in np.unique(camera).tolist():
         of_camera, where = camera == k, f"camera {block.cameras.id[k]}"
         behind = float(np.mean(depth[of_camera] <= 0))
-        text = f"{length(float(np.median(height[of_camera])))} above its points"
-        findings.append(Finding("orientations", "note", text, where=where))
+        above_m = float(np.median(height[of_camera]))
+        text = f"{length(above_m)} above its points"
+        if above_m > HIGHEST_FLIGHT_M:
+            remedy = "check the unit of control and positions, and the principal distance"
+            text = f"{text}, where only satellites are"
+            findings.append(Finding("orientations", "warning", text, remedy, where=where, statistic=above_m))
+        else:
+            findings.append(Finding("orientations", "note", text, where=where))
         if behind > BEHIND:
             text, remedy = f"{behind:.0%} of its points lie behind it", "check axes, angles and the sign of heights"
             findings.append(Finding("orientations", "warning", text, remedy, where=where, statistic=behind))
