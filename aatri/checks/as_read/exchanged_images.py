@@ -12,7 +12,8 @@ Test: a sign test of the points, each once: for or against the order at more of 
 the share of the larger image in the points of both where these differ, for an image of few points shares few. The
 probability times the number of pairs of images is below `NOT_EXCHANGED`; and by a plane conformal fit of the common
 points the farther image lies nearer to each neighbour: cloud and water take points away, not places. Of pairs that
-explain each other's neighbours the one stays that most points are for.
+explain each other's neighbours the one stays that most points are for. Strips in which every second image shares more
+all along are of a camera that swings to and fro, and in order.
 Source: McNemar 1947 (sign test of correlated proportions).
 """
 
@@ -68,6 +69,23 @@ class _Strips:
         dz, dw = z - z.mean(), w - w.mean()
         return float(abs(z.mean() - (dw.conj() @ dz) / max((dw.conj() @ dw).real, 1e-30) * w.mean()))
 
+    def swung(self, exchanged: set[int]) -> Int:
+        """Strips in most of which two images share more than either does with the one between them.
+
+        An exchanged image may be such a one between.
+        """
+        between = np.flatnonzero((self.beside >= 0).all(axis=1))
+        seen = [
+            [self.shown(k)[0] for k in (a, k, b)] for k, (a, b) in zip(between.tolist(), self.beside[between].tolist())
+        ]
+        share = [[len(np.intersect1d(s[i], s[j])) for i, j in ((0, 2), (0, 1), (1, 2))] for s in seen]
+        more = np.array([ends > max(before, after) for ends, before, after in share], dtype=bool)
+        n = int(self.strip.max()) + 1
+        most = np.maximum(
+            0.5 * np.bincount(self.strip[between], minlength=n), np.bincount(self.strip[list(exchanged)], minlength=n)
+        )
+        return np.flatnonzero(np.bincount(self.strip[between], more, n) > most)
+
 
 def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
     """Warnings of pairs of images that fit the order of their strips with their ids exchanged.
@@ -83,15 +101,16 @@ def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
     strips = _strips_of(block, xy_mm, usable)
     n = int((strips.beside >= 0).any(axis=1).sum())
     judged = [(*_sign_test(strips, *pair), pair) for pair in _pairs_out_of_order(strips)]
-    findings: list[Finding] = []
+    pairs: list[tuple[tuple[int, int], float]] = []
     exchanged: set[int] = set()
     for _, probability, pair in sorted(judged):
         probability *= n * (n - 1) / 2
         by = {*pair, *strips.beside[list(pair)].ravel().tolist()}
         if probability < NOT_EXCHANGED and not by & exchanged:  # an image out of place says nothing of its neighbours
             exchanged |= set(pair)
-            findings.append(_finding(block, *pair, probability))
-    return findings
+            pairs.append((pair, probability))
+    swung = strips.swung(exchanged) if pairs else ()
+    return [_finding(block, *pair, p) for pair, p in pairs if not np.isin(strips.strip[list(pair)], swung).any()]
 
 
 def _strips_of(block: Block, xy_mm: Float, usable: Bool) -> _Strips:

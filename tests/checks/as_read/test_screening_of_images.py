@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aatri.progress import Silent
 from tests.checks.as_read.test_screening import Written, rejects
 from tests.reading import read_block
-from tests.small_blocks import Small, Told, flown
+from tests.small_blocks import Small, Told, flown, measure
 
 
 def more_images(points: int) -> Written:
@@ -125,3 +127,17 @@ def test_images_in_order_stay_unnamed_under_clouds_and_with_few_points(tmp_path:
     few = {(i, p): xy for (i, p), xy in cloudy.items() if i not in ("104", "301") or p.endswith(("1", "4"))}
     small.rays = few
     assert exchanged_by_screening(small, tmp_path / "cloudy") == []
+
+
+@pytest.mark.parametrize(("axis", "base_m"), [("x", 60.0), ("x", 100.0), ("y", 60.0), ("y", 100.0)])
+def test_images_of_a_camera_that_swings_to_and_fro_are_in_order(tmp_path: Path, axis: str, base_m: float) -> None:
+    """25 degrees to the sides, or fore and aft: the ground of every second image lies nearer than that of the next."""
+    small, rng = flown(1, 8), np.random.default_rng(1)
+    for k, name in enumerate(sorted(small.position_m)):
+        swing = Rotation.from_euler(axis, 25.0 * (-1) ** k, degrees=True)
+        small.rotation[name] = small.rotation[name] @ swing.as_matrix()
+        small.position_m[name] = np.array([300.0 + base_m * k, *small.position_m[name][1:]])
+    ground = rng.uniform([-200, -400, 0], [8 * base_m + 800, 1400, 30], (400, 3))
+    small.xyz_m, small.control = {f"p{k}": X for k, X in enumerate(ground)}, {}
+    measure(small, rng)
+    assert exchanged_by_screening(small, tmp_path / "b") == []
