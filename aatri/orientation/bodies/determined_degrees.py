@@ -14,7 +14,6 @@ plan and height have nothing to do with each other. N is what the elimination of
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjusting.tied_problem import TiedProblem
@@ -108,7 +107,8 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
     if not empty.any() and _above_rank(unit):
         return {}
-    null = eigh(unit, subset_by_value=(-np.inf, RANK))[1]
+    values, vectors = np.linalg.eigh(unit)  # LAPACK's choice by value fails where eigenvalues are double
+    null = vectors[:, values <= RANK]
     weight = (null**2).sum(1)
     strip, coefficient = np.divmod(kept, basis.size)
     involved = np.bincount(strip, weight)

@@ -81,3 +81,12 @@ def test_an_image_that_is_measured_badly_is_weighted_so_and_blames_nothing_else(
     out = made.suspects.take(staying_out(made.suspects))
     assert not set(out.kind.tolist()) - {"image_point", "model_tie", "strip_tie"}  # ties are made of such points
     assert set(out.image[out.kind == "image_point"].tolist()) <= {name}
+
+
+@pytest.mark.slow(after=1)
+def test_a_strip_block_whose_normal_matrix_has_double_eigenvalues_is_adjusted() -> None:
+    """LAPACK's dsyevr ended in an internal error of its own."""
+    cell, notes = replace(KINDS["positions"], seed=309, noise="t5"), Notes()
+    made = through(cell, read(scene_of(cell), notes), "chain", notes)["initial"]
+    assert isinstance(made, Solution)
+    assert made.images.oriented.all()
