@@ -48,11 +48,10 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
-from aatri.checks.after.groups import contradicts
 from aatri.checks.after.of_bundle import findings_after
 from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
-from aatri.checks.finding import report
+from aatri.checks.finding import Finding, report
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
@@ -219,7 +218,7 @@ def bundle(
         orderings=orderings,
         variance_components=adjusted.components,
         point_covariances=point_covariances(block, done.result, source.frame, options.point_covariances),
-        contradictions=sum(map(contradicts, groups)),
+        contradictions=sum(isinstance(one, Finding) and one.contradicts for one in findings),
         proposed_numbers=proposed,
     )
     if information is not None and adjusted.share is not None:

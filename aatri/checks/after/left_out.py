@@ -2,16 +2,20 @@
 
 Seen: images, points and observations that are in the block and not in the result.
 Test: none; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted points and
-more have no orientation in which these fit.
+more have no orientation in which these fit. Control, or positions, of which all are left out are off by the same where
+their n differences lie as near to each other as chance has it once in a thousand blocks: (spread / size)^(n - 1).
 """
 
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Bool, Int
 from aatri.checks.finding import Finding
 from aatri.checks.limits import RESECTING
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
+from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import BundleResult
 
@@ -44,6 +48,27 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     for o in result.observations:
         findings += _unused(o, tied, n_rays)
     return [*findings, *_idle(result)]
+
+
+def left_out_alike(result: BundleResult) -> list[Finding]:
+    """Control or positions that are all left out, and are off by the same: which of both is right nobody knows."""
+    findings = []
+    for kind, name in ((CONTROL, "control points"), (POSITION, "positions")):
+        of_kind = [o for o in result.observations if o.observed.kind == kind and o.observed.records.rows == 3]
+        if not of_kind or any(o.used.any() for o in of_kind):
+            continue
+        v = np.concatenate([o.residuals(result.adjusted.state) for o in of_kind])
+        v = v[np.isfinite(v).all(axis=1)]
+        shift = np.median(v, axis=0) if len(v) > 1 else np.zeros(3)
+        spread = np.abs(v - shift).max(axis=0, initial=0.0)
+        if ((spread / np.maximum(np.abs(shift), 1e-9)) ** max(len(v) - 1, 0) < ALARM).any():
+            values = ", ".join(f"{x:.2f}" for x in -shift)
+            text = f"all {len(v)} {name} are left out, off by the same, {values} m in X, Y, Z: control and positions "
+            text += "count from different surfaces, or are in other frames"
+            remedy = "declare `vertical` of the frames, or `undulation`, or leave the constant open: "
+            remedy += "positions: {drift: shift, per: block}"
+            findings.append(Finding("left_out", "warning", text, remedy, contradicts=True))
+    return findings
 
 
 def _adjusted_points(inputs: BundleInput, result: BundleResult) -> Int:

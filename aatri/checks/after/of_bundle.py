@@ -14,7 +14,7 @@ from aatri.checks.after.few_rays import points_of_few_rays
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
-from aatri.checks.after.left_out import left_out
+from aatri.checks.after.left_out import left_out, left_out_alike
 from aatri.checks.after.parameters import parameter_findings
 from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.sigmas import sigmas_that_do_not_fit
@@ -66,6 +66,7 @@ def findings_after(
         *attitude_conventions(source, inputs, result.adjusted.state, before=False),
         *done.notes,
         *result.notes,
+        *([] if any(map(contradicts, groups)) else left_out_alike(result)),
         *left_out(inputs, result),
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),

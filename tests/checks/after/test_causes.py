@@ -13,10 +13,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.after.hinge_image import hanging_parts
+from aatri.checks.after.left_out import left_out_alike
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.smooth_signal import smooth_signal
@@ -24,11 +26,13 @@ from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OWN_DATUM
 from aatri.errors import GeometryError
+from aatri.observations.poses import POINT
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.refinement.collocation import collocate
 from aatri.stages.block.models import ModelsOptions, models
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.model_adjustment.given_models import given_models
+from tests.orientation.bodies.made_body import MadeBody
 from tests.small_blocks import adjusted_by, flown
 from tests.stages.chain import run_chain, simulated
 from tests.stages.film_blocks import Told
@@ -280,3 +284,17 @@ def test_a_sigma0_beyond_its_limit_is_a_result_only_where_a_cause_explains_it(
     cause = Finding("groups", "warning", "camera c asks for another principal distance", "check it", contradicts=True)
     (finding,) = sigma0(result, max_sigma0, cause=cause, with_cause=with_cause)
     assert finding.level == level
+
+
+@pytest.mark.parametrize(("heights", "count"), [((47.0, 47.02, 46.99), 1), ((47.0, 12.0, -30.0), 0), ((47.0,), 0)])
+def test_control_that_is_left_out_as_a_whole_and_off_by_the_same_is_told(
+    heights: tuple[float, ...], count: int
+) -> None:
+    rows = np.arange(len(heights))
+    off = np.column_stack([[0.1, -0.2, 0.15][: len(rows)], [0.2, 0.1, -0.1][: len(rows)], heights])
+    (control,) = MadeBody(np.zeros((3, 3))).control(range(len(rows)), [[True] * 3] * len(rows), 0.1).observed
+    out = AdjustedObservations(control.without(rows >= 0), rows, rows < 0, np.zeros((len(rows), 3, 3)))
+    result = cast(BundleResult, SimpleNamespace(observations=(out,), adjusted=SimpleNamespace(state={POINT: off})))
+    findings = left_out_alike(result)
+    assert [f.contradicts for f in findings] == [True] * count
+    assert all("-47.00 m in X, Y, Z" in f.sentence for f in findings)
