@@ -11,6 +11,7 @@ Exit codes
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
 
 LONGEST = 10_000
@@ -88,6 +89,10 @@ class ResourceError(AatriError, OSError):
     """Disk, memory, lock or permission: trying again later makes sense."""
 
     exit_code = 8
+
+
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+"""What the system says where a disk is full, fails or may not be written."""
 
 
 def lacks_memory(error: BaseException) -> bool:

@@ -18,8 +18,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.suspects import Uncontrolled
-
-IMAGE_POINT = "image_point"
+from aatri.observations.image_points import KIND as IMAGE_POINT
 
 
 def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | None = None) -> Uncontrolled:

@@ -157,7 +157,6 @@ TRUTH = frozenset({"true_images", "true_points", "gross_errors"})
 class Block(Artifact):
     """The project as given."""
 
-    kind: ClassVar[str] = "Block"
     schema_version: ClassVar[int] = 3
 
     name: str = attribute(doc="name of the block")

@@ -1,7 +1,6 @@
 """Evaluation: accuracy of a Solution, empirical and theoretical, summarised and per point; errors of free strips."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -154,9 +153,6 @@ class LayoutPoints(Table):
 @dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
     """Accuracy of a Solution, or of free strips; what has moved between two epochs; what a layout is worth."""
-
-    kind: ClassVar[str] = "Evaluation"
-    schema_version: ClassVar[int] = 1
 
     verdict: str = attribute(doc="one sentence: what is known of the accuracy, and from what")
     figures: Figures = table()

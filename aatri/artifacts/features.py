@@ -1,7 +1,6 @@
 """Features, Matches, ScanMarks: what is found in the pixels of one image, and what agrees between two."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from aatri.arrays import Float, Int
 from aatri.tables.schema import Artifact, Table, attribute, column, table
@@ -22,9 +21,6 @@ class Keypoints(Table):
 class Features(Artifact):
     """Features of one image."""
 
-    kind: ClassVar[str] = "Features"
-    schema_version: ClassVar[int] = 1
-
     keypoints: Keypoints = table()
 
 
@@ -39,9 +35,6 @@ class MatchedKeypoints(Table):
 @dataclass(frozen=True, eq=False)
 class Matches(Artifact):
     """Matches of one pair of images."""
-
-    kind: ClassVar[str] = "Matches"
-    schema_version: ClassVar[int] = 1
 
     pairs: MatchedKeypoints = table()
 
@@ -59,9 +52,6 @@ class FoundMarks(Table):
 @dataclass(frozen=True, eq=False)
 class ScanMarks(Artifact):
     """Places of fiducial marks in one scan."""
-
-    kind: ClassVar[str] = "ScanMarks"
-    schema_version: ClassVar[int] = 1
 
     width_px: int = attribute(unit="px", doc="of the scan")
     height_px: int = attribute(unit="px", doc="of the scan")

@@ -87,7 +87,6 @@ class Corrections(Table):
 class ImagePoints(Artifact):
     """Photo coordinates after interior orientation, and after image refinement."""
 
-    kind: ClassVar[str] = "ImagePoints"
     schema_version: ClassVar[int] = 2
 
     images: ImageIds = table()

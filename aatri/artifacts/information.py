@@ -9,7 +9,6 @@ block could have them too, and everything that was eliminated.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -74,8 +73,6 @@ class CameraDigests(Table):
 @dataclass(frozen=True, eq=False)
 class Information(Artifact):
     """Reduced normal equations of a block."""
-
-    kind: ClassVar[str] = "Information"
 
     block: str = attribute(doc="name of the block")
     frame: str = attribute(doc="first frame of the block: axes, crs, vertical, undulation, earth curvature")

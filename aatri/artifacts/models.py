@@ -5,7 +5,6 @@ unit of length is the base. `left_from_right` turns a direction of the right ima
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
@@ -92,9 +91,6 @@ class Turns(Table):
 @dataclass(frozen=True, eq=False)
 class Models(Artifact):
     """Relative orientations of neighbouring images, and their model points."""
-
-    kind: ClassVar[str] = "Models"
-    schema_version: ClassVar[int] = 1
 
     images: ImageIds = table()
     points: PointIds = table()

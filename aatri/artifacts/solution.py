@@ -6,7 +6,6 @@ not applied to them. NaN is *not determined*; covariances of methods that give n
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -220,9 +219,6 @@ class Iterations(Table):
 @dataclass(frozen=True, eq=False)
 class Solution(Artifact):
     """Orientations, ground points, cameras: the result of an orientation or adjustment."""
-
-    kind: ClassVar[str] = "Solution"
-    schema_version: ClassVar[int] = 1
 
     method: str = attribute(doc="role/variant that made it")
     observations: int = attribute(doc="number of observations")

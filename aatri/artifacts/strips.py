@@ -5,7 +5,6 @@ Block that is broken by a missing model gives several strips here, and a row in 
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
@@ -106,9 +105,6 @@ class PlacedPoints(Table):
 @dataclass(frozen=True, eq=False)
 class Strips(Artifact):
     """Free strips."""
-
-    kind: ClassVar[str] = "Strips"
-    schema_version: ClassVar[int] = 1
 
     images: ImageIds = table()
     points: PointIds = table()

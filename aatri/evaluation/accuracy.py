@@ -36,7 +36,7 @@ from aatri.evaluation.differences import (
 )
 from aatri.evaluation.expected_ratios import expected_ratios
 from aatri.evaluation.leave_one_out import leave_one_out, left_out_figures
-from aatri.evaluation.orientations import AXES, observed_position_figures, true_orientation_figures
+from aatri.evaluation.orientations import by_axis, observed_position_figures, true_orientation_figures
 from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, verdict
 from aatri.units import together
@@ -136,9 +136,9 @@ def _control_figures(control: PointDifferences, rejected: int) -> dict[str, floa
     return {
         "control_points": len(control.point),
         **({"control_rejected_points": rejected} if rejected else {}),
-        **_by_axis("control_rmse_{}_m", rmse(control.difference_m)),
-        **_by_axis("control_bias_{}_m", bias(control.difference_m)),
-        **_by_axis("control_max_{}_m", largest(control.difference_m)),
+        **by_axis("control_rmse_{}_m", rmse(control.difference_m)),
+        **by_axis("control_bias_{}_m", bias(control.difference_m)),
+        **by_axis("control_max_{}_m", largest(control.difference_m)),
     }
 
 
@@ -147,36 +147,36 @@ def _check_figures(check: PointDifferences, outside: Bool | None, confidence: fl
     low, high = rmse_interval(root, counts(check.difference_m), confidence)
     figures = {
         "check_points": float(len(check.point)),
-        **_by_axis("check_rmse_{}_m", root),
-        **_by_axis("check_rmse_{}_low_m", low),
-        **_by_axis("check_rmse_{}_high_m", high),
-        **_by_axis("check_bias_{}_m", bias(check.difference_m)),
-        **_by_axis("check_max_{}_m", largest(check.difference_m)),
-        **_by_axis("check_theory_rmse_{}_m", rmse(check.sigma_m)),
-        **_by_axis("check_theory_ratio_{}", _ratio(check, rmse(check.sigma_m))),
+        **by_axis("check_rmse_{}_m", root),
+        **by_axis("check_rmse_{}_low_m", low),
+        **by_axis("check_rmse_{}_high_m", high),
+        **by_axis("check_bias_{}_m", bias(check.difference_m)),
+        **by_axis("check_max_{}_m", largest(check.difference_m)),
+        **by_axis("check_theory_rmse_{}_m", rmse(check.sigma_m)),
+        **by_axis("check_theory_ratio_{}", _ratio(check, rmse(check.sigma_m))),
     }
     if outside is not None and outside.any():
         figures |= {
             "check_outside_points": float(outside.sum()),
-            **_by_axis("check_inside_rmse_{}_m", rmse(check.difference_m[~outside])),
-            **_by_axis("check_outside_rmse_{}_m", rmse(check.difference_m[outside])),
+            **by_axis("check_inside_rmse_{}_m", rmse(check.difference_m[~outside])),
+            **by_axis("check_outside_rmse_{}_m", rmse(check.difference_m[outside])),
         }
     return figures
 
 
 def _truth_figures(truth: PointDifferences, solution: Solution, theory_m: Float) -> dict[str, float]:
     theory = rmse(theory_m)
-    figures = _by_axis("theory_rmse_{}_m", theory)
+    figures = by_axis("theory_rmse_{}_m", theory)
     if not len(truth.point):
         return figures
     root = rmse(truth.difference_m)
     return {
         "truth_points": float(len(truth.point)),
-        **_by_axis("truth_rmse_{}_m", root),
-        **_by_axis("truth_bias_{}_m", bias(truth.difference_m)),
-        **_by_axis("truth_max_{}_m", largest(truth.difference_m)),
+        **by_axis("truth_rmse_{}_m", root),
+        **by_axis("truth_bias_{}_m", bias(truth.difference_m)),
+        **by_axis("truth_max_{}_m", largest(truth.difference_m)),
         **figures,
-        **_by_axis("truth_over_theory_{}", _ratio(truth, theory)),
+        **by_axis("truth_over_theory_{}", _ratio(truth, theory)),
         "truth_nees": _nees(truth.difference_m, solution.points.covariance_m2[truth.point]),
     }
 
@@ -225,7 +225,3 @@ def _table(block: Block, solution: Solution, parts: dict[str, PointDifferences])
         sigma_m=np.concatenate([part.sigma_m for part in parts.values()]),
         rays=solution.points.rays[rows],
     )
-
-
-def _by_axis(name: str, values: Float) -> dict[str, float]:
-    return {name.format(axis): float(value) for axis, value in zip(AXES, values)}

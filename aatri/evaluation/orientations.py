@@ -40,11 +40,11 @@ def true_orientation_figures(block: Block, solution: Solution) -> dict[str, floa
     variance = np.einsum("nii->ni", images.covariance[rows])
     sigma_angle = np.sqrt(variance[:, 3:].sum(axis=1))[:, None]
     return {
-        **_by_axis("truth_position_rmse_{}_m", rmse(position)),
+        **by_axis("truth_position_rmse_{}_m", rmse(position)),
         "truth_position_max_m": float(largest(position.reshape(-1, 1))[0]),
         "truth_rotation_rmse_rad": float(rmse(angle)[0]),
         "truth_rotation_max_rad": float(largest(angle)[0]),
-        **_by_axis("theory_position_rmse_{}_m", rmse(np.sqrt(variance[:, :3]))),
+        **by_axis("theory_position_rmse_{}_m", rmse(np.sqrt(variance[:, :3]))),
         "theory_rotation_rmse_rad": float(rmse(sigma_angle)[0]),
     }
 
@@ -66,8 +66,9 @@ def observed_position_figures(block: Block, solution: Solution) -> dict[str, flo
     offset = np.einsum("nij,nj->ni", solution.images.ground_from_image[exterior.image], lever)
     offset[exterior.refers_to != ANTENNA] = 0.0
     difference = solution.images.position_m[exterior.image] + offset - exterior.position_m
-    return {**_by_axis("position_rmse_{}_m", rmse(difference)), **_by_axis("position_bias_{}_m", bias(difference))}
+    return {**by_axis("position_rmse_{}_m", rmse(difference)), **by_axis("position_bias_{}_m", bias(difference))}
 
 
-def _by_axis(name: str, values: Float) -> dict[str, float]:
+def by_axis(name: str, values: Float) -> dict[str, float]:
+    """Figures of X, Y and Z by their names."""
     return {name.format(axis): float(value) for axis, value in zip(AXES, values)}

@@ -37,6 +37,9 @@ class Frame:
         return "latitude" in self.axes
 
 
+WGS84 = Frame("wgs84", ("longitude", "latitude", "height"), "EPSG:4979")
+
+
 def convert(xyz: Float, covariance_m2: Float, source: Frame, target: Frame) -> tuple[Float, Float]:
     """Convert coordinates with covariances.
 

@@ -146,6 +146,10 @@ def angle_covariance(rotation: npt.ArrayLike, covariance: npt.ArrayLike, system:
     return np.asarray(G_inverse @ np.asarray(covariance) @ G_inverse.swapaxes(-1, -2))
 
 
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Axes east, north, up from north, east, down."""
+
+
 def body_from_mount(mount_deg: npt.ArrayLike) -> Float:
     """The body of the carrier from the axes of its camera, (n, 3, 3)."""
     return np.asarray(_axis(np.radians(np.asarray(mount_deg, dtype=np.float64)), 2) @ np.diag([1.0, -1.0, -1.0]))

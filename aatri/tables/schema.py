@@ -153,12 +153,13 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Artifact:
-    """Base of all kinds: `kind` and `schema_version` are class attributes; fields are attributes and tables."""
+    """Base of all kinds: `kind`, the name of the class, and `schema_version`; fields are attributes and tables."""
 
     kind: ClassVar[str] = ""
     schema_version: ClassVar[int] = 1
 
     def __init_subclass__(cls) -> None:
+        cls.kind = vars(cls).get("kind", cls.__name__)
         cls.__repr__ = Artifact._summary  # type: ignore[assignment]
 
     def _summary(self) -> str:

@@ -20,7 +20,7 @@ from aatri.errors import ArtifactError, InputError, SpecError
 from aatri.pipeline.store import run_folder as store
 from tests.made_solutions import made_block, made_solution
 from tests.made_up_stages import made_up_registry, write_pipeline
-from tests.pipeline.made_runs import bare_record
+from tests.pipeline.made_runs import bare_record, commit
 from tests.report.test_page import made_artifacts, make_run
 
 LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
@@ -40,7 +40,7 @@ def opened(tmp_path: Path) -> aatri.api.Run:  # type: ignore[name-defined]
     )
     block = made_block()
     for name, artifact in (("block", block), ("bundle", made_solution(block))):
-        store.commit(run, name, "0123456789ab", artifact, bare_record() | {"metrics": artifact.metrics()})
+        commit(run, name, "0123456789ab", artifact, bare_record() | {"metrics": artifact.metrics()})
     return aatri.open(run)
 
 

@@ -16,6 +16,9 @@ from aatri.pipeline.run.runner import RunSettings, run_pipeline
 from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use, with_variant
 from aatri.pipeline.spec.pipeline_file import Spec, load_spec
+from aatri.pipeline.store.objects import commit_object
+from aatri.pipeline.store.run_folder import make_current
+from aatri.tables.schema import Artifact
 from tests.made_up_stages import made_up_registry
 
 SOURCE = StageSource("tests.made_up_stages:made_up_registry")
@@ -120,3 +123,10 @@ def read_events(run: Path) -> list[dict[str, Any]]:
         with contextlib.suppress(ValueError):
             events.append(json.loads(line))
     return events
+
+
+def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Bring an artifact and its record to the disk and make it the current one, as a run does; returns the record."""
+    full = commit_object(run, stage, key, artifact, record)
+    make_current(run, full)
+    return full

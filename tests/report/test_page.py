@@ -23,7 +23,7 @@ from aatri.report.view.run_view import view
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
 from tests.made_solutions import made_block, made_solution
-from tests.pipeline.made_runs import bare_record
+from tests.pipeline.made_runs import bare_record, commit
 
 STAGES = [
     ("block", "block/tables", {}, "Block"),
@@ -78,7 +78,7 @@ def make_run(folder: Path, artifacts, *, status="done", declared=STAGES, **recor
             | {"options": {"a": 1.5}, "seed": 1, "metrics": artifact.metrics(), "environment": {"numpy": "2.0"}}
             | record
         )
-        store.commit(folder, name, "0123456789ab", artifact, full)
+        commit(folder, name, "0123456789ab", artifact, full)
     return folder
 
 

@@ -13,7 +13,7 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.frames.tangent import TangentFrame
-from aatri.geometry.similarity import Similarity
+from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -147,7 +147,7 @@ def oriented_by(
     ConvergenceError
         If the first kinds contradict each other, and attitudes do not tell what is wrong.
     """
-    kinds = {o.kind for o in ground.of(body, chosen, attitudes=True)(NOWHERE) if not o.components}
+    kinds = {o.kind for o in ground.of(body, chosen, attitudes=True)(IDENTITY) if not o.components}
     first: tuple[str, ...] = (*PLACES, *DISTANCES) if settings.stiff else PLACES
     ways: list[tuple[tuple[str, ...], float]] = [(first, settings.weakest)]
     ways += [((*first, ATTITUDE), settings.weakest)] if ATTITUDE in kinds else []
@@ -232,9 +232,6 @@ def _of_more(oriented: OrientedBody, first: Sequence[str], what: str, failure: s
         turned_images = several(turned, "image")
         text = f"{what}: attitudes of {turned_images} take part, as control and positions do not place it: {failure}"
     return Note("note", text)
-
-
-NOWHERE = Similarity(np.zeros(3), 1.0, np.eye(3))
 
 
 def _drifting(ground: GroundObserved, body: FreeBody) -> bool:

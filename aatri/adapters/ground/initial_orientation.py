@@ -11,7 +11,6 @@ from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
     HARDLY,
-    NOWHERE,
     Chosen,
     GroundObserved,
     by_time_offsets,
@@ -34,7 +33,7 @@ from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
-from aatri.geometry.similarity import Similarity, compose
+from aatri.geometry.similarity import IDENTITY, Similarity, compose
 from aatri.ids import several, shown
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -93,7 +92,7 @@ def to_ground(
     """
     block, settings = ground.block, OrientationSettings(limit, stiff=True)
     done, notes, failed = list[OnGround](), list[Note](), list[tuple[ImageComponent, str, AatriError]]()
-    if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(NOWHERE)) for c in components):
+    if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(IDENTITY)) for c in components):
         part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
         return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
     for number, component in enumerate(components, 1):
@@ -211,7 +210,7 @@ def _free(
     own, similarity = first_base_one(component)
     body = body_of(own, rays)
     seen = ground.of(body, everything, attitudes=True)
-    observed = seen(NOWHERE)
+    observed = seen(IDENTITY)
     scaled = sum(len(o) for o in observed if o.kind in DISTANCES)
     turned = sum(len(o) for o in observed if o.kind == ATTITUDE)
     datum = [f"its scale that of {several(scaled, 'distance')}" if scaled else "the first base is 1"]

@@ -11,9 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import NOWHERE, PLACES, GroundObserved, everything, oriented_by
+from aatri.adapters.ground.ground_observed import PLACES, GroundObserved, everything, oriented_by
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.similarity import IDENTITY
 from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.observed import Observed
@@ -47,7 +48,7 @@ def oriented_by_the_others(
         raise failure
     single = [
         (o, row)
-        for o in ground.of(body, everything)(NOWHERE)
+        for o in ground.of(body, everything)(IDENTITY)
         if o.kind not in PLACES and not o.components and o.records.rows == 1
         for row in range(len(o))
     ]

@@ -9,7 +9,7 @@ from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.frames.heights import height_above_sea_level, is_tangent_frame
-from aatri.geometry.rotations import angle_axes, body_from_mount
+from aatri.geometry.rotations import ENU_FROM_NED, angle_axes, body_from_mount
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.refinement.flying_height import heights_by_bases_m, station_heights_m
@@ -17,9 +17,6 @@ from aatri.units import EARTH_RADIUS_M
 
 MOST_TILT_RAD = np.deg2rad(5.0)
 """Up to this tilt the closed forms for vertical images serve."""
-
-UP_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Axes east, north, up from north, east, down."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ def _level_by_angles(block: Block, tangent: bool) -> Float:
     angles = np.where(complete[:, None], exterior.angles_rad, 0.0)
     level: Float = angle_axes(angles, block.rotation)[0]
     if block.rotation == "roll-pitch-heading":
-        level = UP_FROM_NED @ level @ body_from_mount(block.cameras.mount_deg[block.images.camera[exterior.image]])
+        level = ENU_FROM_NED @ level @ body_from_mount(block.cameras.mount_deg[block.images.camera[exterior.image]])
     elif tangent:
         level = _level_axes(np.nan_to_num(exterior.position_m)) @ level
     return np.where(complete[:, None, None], level, np.nan)

@@ -26,13 +26,13 @@ from aatri.camera.models.brown import brown_basis, brown_derivative
 Array = npt.NDArray[Any]
 Residual = tuple[Array, Array, Array]
 
-_INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
-_SQUARE = (_INTERIOR[0], "q", *_INTERIOR[1:])
+INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
+_SQUARE = (INTERIOR[0], "q", *INTERIOR[1:])
 
 PARAMETERS: dict[str, tuple[str, ...]] = {
-    "pinhole": _INTERIOR,
-    "brown": (*_INTERIOR, "as", *BROWN),
-    "bal": (_INTERIOR[0], *projection.PARAMETERS["bal"][1:]),
+    "pinhole": INTERIOR,
+    "brown": (*INTERIOR, "as", *BROWN),
+    "bal": (INTERIOR[0], *projection.PARAMETERS["bal"][1:]),
     "opencv": (*_SQUARE, *projection.PARAMETERS["opencv"][4:]),
     "polynomial": (*_SQUARE, *projection.PARAMETERS["polynomial"][4:]),
     "fisheye": (*_SQUARE, *projection.PARAMETERS["fisheye"][4:]),

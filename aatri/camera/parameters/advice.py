@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.camera.models.brown import brown_basis
-from aatri.camera.parameters.exterior_effects import share_in_span
+from aatri.camera.parameters.exterior_effects import EXTERIOR, share_in_span
 
 WARNED = 0.95
 """Correlations from here on are worth a warning."""
@@ -178,11 +178,8 @@ def _reason(first: str, second: str, kinds: Mapping[str, str]) -> str:
     return "hold or weight the less significant of the two, or add images that separate them (turned, oblique)"
 
 
-_ORIENTATION = ("X0", "Y0", "Z0", "phi", "omega", "kappa")
-
-
 _TWO_WORDS = ("shift", "drift", "lever", "time", "boresight")
-_SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
+SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
 """Other names of the same, of camera models."""
 
 
@@ -190,4 +187,4 @@ def _kind(name: str) -> str:
     words = name.split()
     if words[0] in _TWO_WORDS:
         return " ".join(words[:2]).lower()
-    return words[0] if words[0] in _ORIENTATION else _SHORT.get(words[0], words[0].lower())
+    return words[0] if words[0] in EXTERIOR else SHORT.get(words[0], words[0].lower())

@@ -16,12 +16,10 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CONTROL_SHARE
-from aatri.observations.control import control_of
+from aatri.observations.control import PARTS, control_of
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.result import BundleResult
 from aatri.units import about
-
-PARTS = (("plan", (0, 1)), ("height", (2,)))
 
 
 def error_budget(block: Block, result: BundleResult) -> list[Finding]:

@@ -20,13 +20,13 @@ from aatri.adjustment.statistics.significance import (
     joint_test,
     parameter_tests,
 )
-from aatri.camera.parameters.advice import WARNED, advise
+from aatri.camera.parameters.advice import SHORT, WARNED, advise
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CALIBRATION_CHANGED, MOST_UNITS_TOLD, MOVED_SIGMAS
 from aatri.ids import shown
 from aatri.observations.poses import CAMERA, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.parameter_estimates import SHORT, column_kinds, parameter_names, unit_estimates
+from aatri.orientation.bundle.parameter_estimates import column_kinds, parameter_names, unit_estimates
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 
 _POSE = ("X0", "Y0", "Z0", "omega", "phi", "kappa")

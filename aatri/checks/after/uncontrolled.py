@@ -12,9 +12,9 @@ from aatri.adjustment.statistics.uncontrolled import BELOW
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.finding import Finding
 from aatri.ids import several
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM_PRIOR
 
-IMAGE_POINT = "image_point"
 WHERE = f"(redundancy number below {BELOW:g}): a gross error along it shows nowhere (table `uncontrolled`)"
 
 

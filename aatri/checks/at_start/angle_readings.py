@@ -12,9 +12,8 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.checks.limits import AGREEING_READING, SAME_READING, UNLIKELY_SIGMAS
-from aatri.geometry.rotations import angle_axes, body_from_mount
+from aatri.geometry.rotations import ENU_FROM_NED, angle_axes, body_from_mount
 
-NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 UNITS = {
     "gon, declared as degrees": 0.9,
     "degrees, declared as gon": 1 / 0.9,
@@ -76,7 +75,7 @@ def readings_of(angles: Float, declared: str) -> Iterator[tuple[str, Float]]:
     def observed(angles_rad: Float, system: str, *, transposed: bool = False) -> Float:
         R, _ = angle_axes(angles_rad, system)
         R = R.swapaxes(1, 2) if transposed else R
-        return NED @ R @ body_from_mount(np.zeros(len(R))) if system == "roll-pitch-heading" else R
+        return ENU_FROM_NED @ R @ body_from_mount(np.zeros(len(R))) if system == "roll-pitch-heading" else R
 
     for what, turn in HEADINGS.items() if declared == "roll-pitch-heading" else ():
         yield f"roll-pitch-heading with heading counted from {what}", observed(turn(angles), "roll-pitch-heading")

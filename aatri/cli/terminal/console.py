@@ -15,15 +15,13 @@ from typing import Any, ParamSpec, TypeVar
 
 import typer
 
-from aatri.errors import AatriError, Errors, ResourceError, SpecError, lacks_memory
+from aatri.errors import DISK, AatriError, Errors, ResourceError, SpecError, lacks_memory
 from aatri.ids import clipped
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
-
-_LACKS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
 def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
@@ -57,7 +55,7 @@ def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
                     SpecError(f"no file can have this name: {error.strerror}", where=clipped(str(error.filename or "")))
                 )
                 raise typer.Exit(SpecError.exit_code) from None
-            if isinstance(error, OSError) and error.errno in _LACKS:
+            if isinstance(error, OSError) and error.errno in DISK:
                 report_error(ResourceError(str(error.strerror), where=str(error.filename or "")))
                 raise typer.Exit(ResourceError.exit_code) from None
             narrate(f"error: internal error (a bug): {type(error).__name__}: {error}")

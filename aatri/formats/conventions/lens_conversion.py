@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.camera.models.calibration import INTERIOR
 from aatri.errors import InputError
 from aatri.formats.conventions.lens import FORMS, Lens, correction
 from aatri.progress import SILENT, Reporter
@@ -30,8 +31,6 @@ OPENINGS = (0.1, 100.0)
 
 WITHOUT_DISTORTION_READ = "or export image points and camera of undistorted images from the other program"
 WITHOUT_DISTORTION_WRITTEN = "or `aatri export` a run without `--measured`: image points and camera without distortion"
-
-INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 
 OURS = ("none", "bal", "opencv", "fisheye", "brown")
 """Models of aatri, the simpler first."""

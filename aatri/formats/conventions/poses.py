@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.geometry.rotations import angle_axes, angles_from_rotation, body_from_mount
+from aatri.geometry.rotations import ENU_FROM_NED, angle_axes, angles_from_rotation, body_from_mount
 
 Y_UP = np.array([1.0, -1.0, -1.0])
 """Diagonal of D: camera axes of vision to photogrammetric ones, and back."""
@@ -46,9 +46,6 @@ CONVENTIONS = {
     "pix4d": PoseConvention("vision", "image_from_ground"),
 }
 """What a rotation matrix means, by program. Angles omega, phi, kappa are those of `opk`: R = Rx Ry Rz."""
-
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""East, north, up of north, east, down."""
 
 UPPER_EDGE_AHEAD_DEG = 90
 """Mount of a camera that looks straight down with its upper edge ahead: image x is to the right of the nose."""

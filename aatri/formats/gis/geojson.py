@@ -18,11 +18,10 @@ from aatri.formats.parts.of_block import frame_of
 from aatri.formats.parts.one_frame import geographic
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import write_files
-from aatri.frames.conversion import Frame, convert, crs_of
+from aatri.frames.conversion import WGS84, Frame, convert, crs_of
 from aatri.frames.heights import is_tangent_frame
 from aatri.progress import SILENT, Reporter
 
-WGS84 = Frame("wgs84", ("longitude", "latitude", "height"), "EPSG:4979")
 DIGITS = 10
 """Decimals of degrees: 0.01 mm."""
 

@@ -16,6 +16,7 @@ from aatri.errors import GeometryError, InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import stated_rotation
+from aatri.formats.micmac.v1 import CONVENTION
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import full_control
 from aatri.formats.results.oriented_block import OrientedBlock
@@ -28,7 +29,6 @@ from aatri.progress import SILENT, Reporter
 ORIENTATIONS = "Ori-aatri"
 EXACT_M = 1e-4
 MOST_PAIRS = 10
-CONVENTION = "eConvApero_DistM2C"
 
 
 def write_micmac(

@@ -23,9 +23,10 @@ from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.navigation.photograph import ENDINGS, WITHOUT_EXIF, Photograph, read_photograph
-from aatri.formats.navigation.xmp import GEOGRAPHIC, drone_numbers, drone_packet, of_gimbal
+from aatri.formats.navigation.xmp import drone_numbers, drone_packet, of_gimbal
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.text_file import missing
+from aatri.frames.conversion import WGS84
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
@@ -77,7 +78,7 @@ def read_photographs(
     names = _names([p.path for p in photos])
     camera, tables = _cameras(photos, names, notes)
     flight = _flights(photos, camera, flight_gap_s, shift)
-    parts = BlockParts("photos", [p.path for p in photos], name=folder.resolve().stem, frame=GEOGRAPHIC, notes=notes)
+    parts = BlockParts("photos", [p.path for p in photos], name=folder.resolve().stem, frame=WGS84, notes=notes)
     at = {"file": np.arange(len(photos)), "line": -1}
     parts.cameras, parts.camera_parameters = tables
     parts.images = {

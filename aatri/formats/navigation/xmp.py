@@ -26,20 +26,18 @@ from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
-from aatri.formats.conventions.poses import ENU_FROM_NED
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.xml_tree import XmlElement, decoded_xml, read_xml
-from aatri.frames.conversion import Frame
-from aatri.geometry.rotations import rotation_from_angles
+from aatri.frames.conversion import WGS84
+from aatri.geometry.rotations import ENU_FROM_NED, rotation_from_angles
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 from aatri.regular_file import open_regular
 
 PHOTOGRAPHS = (".jpg", ".jpeg", ".xmp", ".tif", ".tiff", ".dng")
 """Endings of files that have a packet; it is looked for by its content."""
-GEOGRAPHIC = Frame("wgs84", ("longitude", "latitude", "height"), "EPSG:4979")
 BODY_FROM_CAMERA = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """M: the camera (x right, y up, z back) in the gimbal (x forward, y right, z down)."""
 
@@ -77,7 +75,7 @@ def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SIL
     observed = np.isfinite(sigma).all(axis=1)
     place = np.array([[t["GpsLongitude"], t["GpsLatitude"], t["AbsoluteAltitude"]] for t in stated])
     angles = np.radians([[t.get(f"Gimbal{axis}Degree", np.nan) for axis in ("Roll", "Pitch", "Yaw")] for t in stated])
-    parts = BlockParts("dji_xmp", files, name=path.stem, frame=GEOGRAPHIC)
+    parts = BlockParts("dji_xmp", files, name=path.stem, frame=WGS84)
     at = {
         "file": list(range(len(files))),
         "line": [packet.line if p.suffix.lower() == ".xmp" else -1 for p, packet in packets],

@@ -28,6 +28,7 @@ from aatri.codes import APPROXIMATE
 from aatri.formats.conventions.lens import FORMS, Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
+from aatri.formats.conventions.poses import Y_UP
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.parts.one_frame import topocentric
@@ -41,7 +42,6 @@ MODELS = [name.removeprefix("opensfm-") for name in FORMS if name.startswith("op
 """What OpenSfM calls its models."""
 
 WANTED = "a reconstruction.json of OpenSfM"
-Y_UP = np.array([1.0, -1.0, -1.0])
 
 
 def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:

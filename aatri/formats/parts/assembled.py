@@ -13,6 +13,8 @@ import numpy as np
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block, DistortionTable, Frames
 from aatri.artifacts.builder import block_of
+from aatri.camera.models.brown import PARAMETERS as BROWN
+from aatri.camera.models.calibration import INTERIOR
 from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
@@ -30,7 +32,6 @@ from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import columns_of, same_rows, tables_of
 
-INTERIOR = ("principal_distance", "principal_point.x", "principal_point.y")
 CAMERAS_BESIDE = (
     "add the file with the cameras, or the photographs, as a further `--from`, in a pipeline under `sources`; a camera "
     "of known numbers is a text file of the lines `Name = cam`, `focal = 4100`, `PPAx = 3000`, `PPAy = 2000`, "
@@ -38,7 +39,6 @@ CAMERAS_BESIDE = (
 )
 ANOTHER_LIST = 14.0
 """Standard deviations between two measurements of a point, ten of their difference: half of them no errors reach."""
-OF_MEASUREMENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 
 def assembled(
@@ -285,7 +285,7 @@ def _held_or_free(cameras: Rows, parameters: Rows, calibrate: bool) -> Rows:
     }
     made: list[tuple[str, str, float, float, bool]] = []
     for camera, model in zip(cameras["id"].tolist(), cameras["distortion"].tolist()):
-        names = FORWARD.get(model, OF_MEASUREMENTS if model == "brown" else ())
+        names = FORWARD.get(model, BROWN if model == "brown" else ())
         own = [name for owner, name in stated if owner == camera]
         for name in dict.fromkeys([*names, *own, *INTERIOR]):
             k = stated.get((camera, name))

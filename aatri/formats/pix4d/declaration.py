@@ -1,16 +1,13 @@
 """What Pix4D's parameters are recognised by, and what they carry."""
 
 from aatri.formats.parts.format import FileView, Format, all_files
-from aatri.formats.pix4d.reader import read_pix4d
-
-HEAD = "fileName imageWidth imageHeight"
+from aatri.formats.pix4d.reader import ENDING, HEAD, read_pix4d
 
 
 def _recognised(view: FileView) -> str:
     if not view.is_folder:
         return f"a first line {HEAD}" if view.head.startswith(HEAD) else ""
-    ending = "calibrated_camera_parameters.txt"
-    return next((name for name in view.names if name.endswith(ending) and _recognised(view.of(name))), "")
+    return next((name for name in view.names if name.endswith(ENDING) and _recognised(view.of(name))), "")
 
 
 PIX4D = Format(

@@ -12,7 +12,7 @@ from aatri.adjustment.statistics.removal import stepwise_removal
 from aatri.adjustment.statistics.significance import Estimates, estimates
 from aatri.arrays import Bool
 from aatri.camera.models import calibration
-from aatri.camera.parameters.advice import kinds_of_columns
+from aatri.camera.parameters.advice import SHORT, kinds_of_columns
 from aatri.notes import Note
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import CAMERA, is_additional
@@ -26,9 +26,6 @@ COUNTED = (
 
 MOST_COLUMNS = 2000
 """Image points that tell what a parameter does."""
-
-SHORT = {"principal_distance": "c", "principal_point.x": "x0", "principal_point.y": "y0"}
-"""Names of camera models as advice knows them."""
 
 
 def unit_estimates(group: AdjustedParameters, unit: int, result: BundleResult) -> Estimates | None:

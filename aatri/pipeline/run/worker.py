@@ -5,7 +5,6 @@ is seeded by the run's seed and the stage's name, so that adding a stage changes
 current one is not decided here: a worker only adds to the store, so that any scheduler may call it.
 """
 
-import errno
 import importlib
 import json
 import math
@@ -21,7 +20,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from aatri.errors import AatriError, PluginError, ResourceError, lacks_memory
+from aatri.errors import DISK, AatriError, PluginError, ResourceError, lacks_memory
 from aatri.pipeline.methods.registry import Registry
 from aatri.pipeline.run.context import LoggedContext, Tell, drop_checkpoints
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
@@ -33,8 +32,6 @@ from aatri.pipeline.store.provenance import environment, now
 from aatri.plugin import Options, StageCard
 from aatri.progress import Workers
 from aatri.tables.schema import Artifact
-
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
 def perform(
@@ -197,7 +194,7 @@ def _as_reported(error: Exception, stage: str) -> AatriError:
     """What the system lacks as ResourceError; anything else is a bug."""
     if lacks_memory(error):
         return ResourceError(f"{stage} ran out of memory", remedy="a machine with more memory, or a smaller block")
-    if isinstance(error, OSError) and error.errno in _DISK:
+    if isinstance(error, OSError) and error.errno in DISK:
         return ResourceError(f"{stage}: {error.strerror}", where=str(error.filename or ""))
     return AatriError(f"internal error in {stage} (a bug): {type(error).__name__}: {error}")
 

@@ -26,9 +26,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from aatri.errors import ArtifactError, SpecError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.cache import file_sha256
-from aatri.pipeline.store.inside import on_disk, write_json
-from aatri.pipeline.store.objects import OBJECTS, artifact_file, artifact_of, base_of, commit_object, load_object
-from aatri.pipeline.store.records import read_failure, read_overview, read_record
+from aatri.pipeline.store.inside import on_disk
+from aatri.pipeline.store.inside import write_json as write_json
+from aatri.pipeline.store.objects import OBJECTS, artifact_file, artifact_of, base_of, load_object
+from aatri.pipeline.store.records import read_failure, read_record
+from aatri.pipeline.store.records import read_overview as read_overview
 
 if TYPE_CHECKING:
     from aatri.tables.schema import Artifact
@@ -128,13 +130,6 @@ def is_current(run: Path, record: Mapping[str, Any]) -> bool:
         return current == record and _leads_to(link, target) and failure(run, stage) is None
     except (ArtifactError, FileNotFoundError):
         return False
-
-
-def commit(run: Path, stage: str, key: str, artifact: Artifact, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Bring an artifact and its record to the disk and make it the current one; returns the record."""
-    full = commit_object(run, stage, key, artifact, record)
-    make_current(run, full)
-    return full
 
 
 def fail(run: Path, stage: str, error: Mapping[str, Any]) -> Path:
@@ -246,21 +241,3 @@ def _link(source: Path, link: Path) -> None:
         except OSError:
             shutil.copyfile(source, temporary)
     temporary.replace(link)
-
-
-__all__ = [
-    "artifact_path",
-    "begin",
-    "check_is_run",
-    "commit",
-    "current_record",
-    "fail",
-    "failure",
-    "is_current",
-    "last_record",
-    "load",
-    "make_current",
-    "read_overview",
-    "withdraw",
-    "write_json",
-]

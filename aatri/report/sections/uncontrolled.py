@@ -2,14 +2,12 @@
 
 import numpy as np
 
+from aatri.adjustment.statistics.uncontrolled import BELOW as UNCONTROLLED
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.ids import shown
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes
 from aatri.report.view.numbers import number, spoken
 from aatri.units import digits
-
-UNCONTROLLED = 0.01
-"""A smaller redundancy number means that no gross error of the observation can be seen; so the table is made."""
 
 
 def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:

@@ -33,7 +33,7 @@ from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.cache import file_sha256
 from aatri.tables import hdf5
 from tests.made_up_stages import Numbers, Total, Values, made_up_registry, write_pipeline
-from tests.pipeline.made_runs import bare_record
+from tests.pipeline.made_runs import bare_record, commit
 
 
 class Quiet:
@@ -241,7 +241,7 @@ def test_writing_twice_under_one_key_keeps_the_record_last(tmp_path: Path) -> No
     store.begin(tmp_path / "out", {})
     artifact = Numbers(values=Values(value=np.ones(2)))
     for _ in range(2):
-        record = store.commit(tmp_path / "out", "a", "k", artifact, bare_record())
+        record = commit(tmp_path / "out", "a", "k", artifact, bare_record())
     assert store.load(tmp_path / "out", "a", Numbers).values.value.tolist() == [1.0, 1.0]
     assert record["output"]["size"] == store.artifact_path(tmp_path / "out", "a").stat().st_size
 
