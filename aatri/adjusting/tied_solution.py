@@ -23,8 +23,7 @@ from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.kernels.spectra import is_steady
-from aatri.adjustment.statistics.record_tests import RecordTests
-from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
+from aatri.adjustment.statistics.record_tests import BELOW, RecordTests, uncontrolled_directions
 from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State

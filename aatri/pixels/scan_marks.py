@@ -4,9 +4,14 @@
 
 A film lies in a scanner in four ways, on either side, so that calibrated marks may lie at eight sets of places. Each
 place is looked at once; only windows of the file are read.
+
+Pictures of marks, drawn with antialiased edges, their centre in the middle of the picture.
+
+cross   two strokes of a width, as long as the mark        dot    a disc        ring   a disc without its inner part
 """
 
 import json
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +19,6 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
 from aatri.pixels.mark_search import best_place
 from aatri.pixels.reading import TIFF, Samples, check_content, size_px, whole_image, window
-from aatri.pixels.templates import drawn
 
 FEWEST = 3
 """Marks of a transformation with redundancy."""
@@ -144,3 +148,38 @@ def _fit(film_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[B
             return used, float(np.sqrt((residual**2).mean()))
         used[np.flatnonzero(used)[int(residual.argmax())]] = False
     return np.zeros(len(used), dtype=bool), np.inf
+
+
+Shape = Literal["cross", "dot", "ring"]
+FINE = 8
+"""Parts of a pixel along each side in which it is drawn."""
+BLUR_PX = 1.0
+"""Of film and scanner, standard deviation."""
+MARGIN = {"cross": 1.0, "dot": 1.4, "ring": 1.4}
+"""Side of the picture in sizes of the mark. A disc needs its background to be found; of a cross the corners of the
+picture must not reach beyond the dark ground that it stands on, which is seldom much larger."""
+
+
+def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:
+    """A mark, 1 on 0, (n, n) with n odd.
+
+    Parameters
+    ----------
+    size_px : float
+        Length of the strokes, or diameter.
+    stroke_px : float
+        Width of the strokes, or of the ring.
+    """
+    half = int(np.ceil(MARGIN[shape] * size_px / 2)) + 1
+    side = 2 * half + 1
+    at = (np.arange(side * FINE) + 0.5) / FINE - side / 2
+    x, y = np.meshgrid(at, at)
+    r, largest = np.hypot(x, y), np.maximum(abs(x), abs(y))
+    inside = {
+        "cross": (np.minimum(abs(x), abs(y)) < stroke_px / 2) & (largest < size_px / 2),
+        "dot": r < size_px / 2,
+        "ring": (r < size_px / 2) & (r > size_px / 2 - stroke_px),
+    }[shape]
+    from scipy.ndimage import gaussian_filter
+
+    return np.asarray(gaussian_filter(inside.reshape(side, FINE, side, FINE).mean(axis=(1, 3)), BLUR_PX))

@@ -29,9 +29,8 @@ from typing import Literal
 from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.ground.absolute_datum import StripsOfBlock
 from aatri.adapters.ground.absolute_orientation import Joining, orient_strips
-from aatri.adapters.ground.absolute_solution import absolute_solution
+from aatri.adapters.ground.absolute_solution import absolute_solution, tp_rows
 from aatri.adapters.ground.ground_observed import USES, ground_observed
-from aatri.adapters.ground.tp_frame import tp_rows
 from aatri.adapters.solution import check_same_block, stacked
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.dbat.decimal_commas import decimal_commas
+from aatri.formats.dbat.files import decimal_commas
 from tests.campaigns.fuzz_seeds import READERS, WUCAPS
 from tests.contract.made_files import colmap_model
 from tests.reading import read_colmap, read_wucaps

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pyproj import Proj
 
-from aatri.report.sections.frames import frame_tables
+from aatri.report.sections.block import frame_tables
 from aatri.report.sections.observations import of_images, of_the_network
 from aatri.report.sections.solution import position_pictures
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle

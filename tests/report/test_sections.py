@@ -15,9 +15,8 @@ from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
 from aatri.report.sections.reliability import groups, reliability_tables
 from aatri.report.sections.solution import orientations
-from aatri.report.sections.suspects import suspects_tables
+from aatri.report.sections.suspects import suspects_tables, uncontrolled_counts
 from aatri.report.sections.tables import lengths, observation_classes
-from aatri.report.sections.uncontrolled import uncontrolled_counts
 from aatri.report.verdict import _far_off
 from aatri.report.view.numbers import estimate, number
 from aatri.units import decimals, listed, rms_alike

@@ -26,9 +26,8 @@ from aatri.observations.poses import FILM, POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
 from aatri.observations.rolling_shutter import ROLLING, VELOCITY, by_velocity, flown_velocities
 from aatri.observations.ties import STRIP_TIE
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.block import BundleInput, ImageGroups
 from aatri.orientation.bundle.complete_start import complete_start
-from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.strip_numbering import strip_numbering
 
 

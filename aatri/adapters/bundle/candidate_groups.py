@@ -34,11 +34,10 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.block import BundleInput, ImageGroups
 from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
-from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
 

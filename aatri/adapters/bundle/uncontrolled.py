@@ -5,7 +5,7 @@ import numpy as np
 from aatri.adapters.observation_tables import uncontrolled_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
-from aatri.adjustment.statistics.uncontrolled import BELOW, uncontrolled_directions
+from aatri.adjustment.statistics.record_tests import BELOW, uncontrolled_directions
 from aatri.arrays import Float, Int
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.orientation.bundle.result import BundleResult

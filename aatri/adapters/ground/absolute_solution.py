@@ -1,4 +1,7 @@
-"""Strips on the ground as a Solution: orientations, residuals, suspects, parameters, what nothing controls."""
+"""Strips on the ground as a Solution: orientations, residuals, suspects, parameters, what nothing controls.
+
+The ground-photogrammetric frame tp of a component is that of the two of its control points that lie farthest apart.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -9,6 +12,7 @@ from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, fr
 from aatri.adapters.ground.absolute_orientation import OrientedStrips
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
+from aatri.adapters.strips.oriented_strips import transformation_rows
 from aatri.adapters.strips.tied_tables import (
     components_of,
     not_rejected,
@@ -26,8 +30,11 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, Uncontrolled
+from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, compose, transform
+from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.notes import Note
+from aatri.observations.control import control_of
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.components import strip_names
@@ -141,3 +148,26 @@ def _uncontrolled_tables(block: Block, strips: Strips, parts: Sequence[OrientedP
     if strips.uncontrolled is not None:
         tables.insert(0, not_seen_since(strips.uncontrolled, block, seen_twice))
     return stacked([Uncontrolled.empty(), *tables])
+
+
+TP = "tp"
+"""Transformation, and id of the frame."""
+
+
+def tp_rows(block: Block, strips: Strips, part: OrientedPart) -> StripTransformations:
+    """Parameters of the frame of a component, its levelled axes and unit; none if two points are not known in full.
+
+    (X, Y)tp = [b a; a -b] (N - N1, E - E1) + (X1, Y1),   Ztp = lambda (H - H1) + Z1
+    """
+    component, control = part.component, control_of(block)
+    _, rotations, _ = free_images(strips, component)
+    level = component.xyz @ levelling(rotations[:, :, 2].mean(axis=0)).T
+    in_full = np.isin(control.point, component.point) & control.given.all(axis=1)
+    xyz_m, place = control.xyz_m[in_full], np.searchsorted(component.point, control.point[in_full])
+    if len(xyz_m) < 2:
+        return StripTransformations.empty()
+    ends = farthest_apart(xyz_m[:, :2])
+    frame = two_point_frame(level[place[ends]], xyz_m[ends][:, [1, 0, 2]])
+    names = ("a", "b", "lambda", "N1_m", "E1_m", "H1_m", "X1", "Y1", "Z1")
+    values = [frame.a, frame.b, frame.scale, *frame.north_east_height_m, *frame.xyz_tp]
+    return transformation_rows(TP, TP, names, values)

@@ -10,7 +10,7 @@ from aatri.adapters.pairs.image_pairs import pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
-from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.adjustment.statistics.record_tests import BELOW
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

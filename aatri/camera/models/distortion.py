@@ -4,12 +4,18 @@
 ((1 + as) x, y): the aspect comes first. `opencv`, `polynomial`, `fisheye` and `bal` are forward models, ideal to
 distorted, in normalised coordinates: the measured coordinate divided by c is the distorted one, and is inverted by
 iteration. Their origin is the principal point; the v axis of the first two points down, the photo's y axis up.
+
+Radial lens distortion as a table of the calibration report: correction added outwards to the measured coordinate.
+
+Linear between the entries; 0 at the symmetry point; beyond the last entry its correction stays. Radii are from the
+symmetry point, and outwards is away from it.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from aatri.arrays import Float
 from aatri.camera.models import forward_models
@@ -17,7 +23,6 @@ from aatri.camera.models.brown import PARAMETERS as BROWN_PARAMETERS
 from aatri.camera.models.brown import brown_correction, brown_derivative
 from aatri.camera.models.folds import first_folded
 from aatri.camera.models.inversion import invert
-from aatri.camera.models.radial_table import table_correction
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
 
@@ -134,3 +139,47 @@ def _inverted(distortion: Distortion, xy_mm: Float) -> Float:
     distorted = xy_mm * y_down / c
     ideal = invert(lambda uv: forward(uv, distortion.parameters), distorted, what=distortion.model)
     return np.asarray(ideal * y_down * c)
+
+
+def table_correction(
+    xy_mm: Float, radius_mm: Float, correction_mm: Float, symmetry_point_mm: npt.ArrayLike = (0.0, 0.0)
+) -> Float:
+    """Correction to add to the measured photo coordinates.
+
+    Parameters
+    ----------
+    xy_mm : (n, 2) float64, mm, from the principal point
+    radius_mm, correction_mm : (m,) float64, mm
+        The table, radii from the symmetry point, ascending.
+    symmetry_point_mm : (2,) float64, mm, from the principal point
+
+    Returns
+    -------
+    (n, 2) float64, mm
+
+    Raises
+    ------
+    InputError
+        If the table is empty, its radii do not ascend, or its correction folds the image.
+    """
+    nodes, values = _checked(radius_mm, correction_mm)
+    offset = xy_mm - np.asarray(symmetry_point_mm)
+    r = np.sqrt((offset**2).sum(axis=1))
+    outwards = np.interp(r, nodes, values)
+    return np.asarray(offset * np.divide(outwards, r, out=np.zeros_like(r), where=r > 0)[:, None])
+
+
+def _checked(radius_mm: Float, correction_mm: Float) -> tuple[Float, Float]:
+    nodes, values = np.asarray(radius_mm, dtype=np.float64), np.asarray(correction_mm, dtype=np.float64)
+    if len(nodes) and nodes[0] > 0:
+        nodes, values = np.concatenate([[0.0], nodes]), np.concatenate([[0.0], values])
+    if len(nodes) < 2 or nodes[0] != 0 or (np.diff(nodes) <= 0).any():
+        raise InputError(
+            f"the distortion table has the radii {nodes.tolist()}", remedy="give at least one; they must ascend from 0"
+        )
+    if (np.diff(nodes + values) <= 0).any():
+        raise InputError(
+            "the distortion table folds the image: corrected radii do not ascend",
+            remedy="corrections are in micrometres, added outwards to the measured coordinate",
+        )
+    return nodes, values

@@ -8,7 +8,7 @@ known by that alone, in image after image: such are counted. Image points in no 
 
 import numpy as np
 
-from aatri.adjustment.statistics.uncontrolled import BELOW
+from aatri.adjustment.statistics.record_tests import BELOW
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.finding import Finding
 from aatri.ids import several

@@ -17,13 +17,21 @@ px, py are counted from the upper left corner of the format, y down. Angles are 
 `id, name, X, Y, Z` with no standard deviation (fixed), one for all, or three; `#` begins a comment.
 
 Source: the files of the DBAT data folder; Börlin & Grussenmeyer, Bundle adjustment with and without damping, 2013.
+
+Decimal commas in lines whose cells are between commas: `1001, a, 10,5, 20, 30` reads as X 10, Y 5, Z 20, sigma 30.
+
+Two cells of digits alone, side by side without a blank, may be one number. They are taken for two unless something
+speaks against it: a blank after other commas between numbers of the line, more cells than most lines have, or that no
+number of the file has a decimal point or an exponent.
 """
 
+import re
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 from aatri.errors import InputError, raise_all
-from aatri.formats.dbat.decimal_commas import decimal_commas
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated
 from aatri.ids import clipped, several
@@ -240,3 +248,23 @@ def _control_point(entry: TextLine) -> ObjectPoint:
     if min(sigma) < 0:
         raise entry.error(f"a standard deviation of {min(sigma):g}", "it is 0 (fixed) or positive")
     return ObjectPoint(tuple(value[:3]), tuple(sigma), entry)
+
+
+_PAIR = re.compile(r"(?<![0-9.])[+-]?[0-9]+,[0-9]+(?![0-9.])")
+WITHOUT_SIGMA = 5
+"""Cells of a line `id, name, X, Y, Z`: more are standard deviations, or parts of numbers."""
+
+
+def decimal_commas(lines: Sequence[str]) -> list[str]:
+    """For each line the first pair of cells that may be a number with a decimal comma; empty where there is none."""
+    numbers = [line.split(",", 2)[2] if line.count(",") > 1 else "" for line in lines]
+    cells = [line.count(",") + 1 for line in lines]
+    usual = Counter(cells).most_common(1)[0][0] if cells else 0
+    with_points = any(sign in text for text in numbers for sign in ".eE")
+    commas = []
+    for text, count in zip(numbers, cells):
+        pair = _PAIR.search(text) if count > WITHOUT_SIGMA else None
+        uneven = re.search(r",\s", text) is not None
+        suspect = pair is not None and (uneven or count > usual or not with_points)
+        commas.append(pair.group() if pair and suspect else "")
+    return commas

@@ -28,6 +28,7 @@ from aatri.artifacts.solution import (
     Parameters,
     Residuals,
     Solution,
+    StripTransformations,
     Tests,
 )
 from aatri.artifacts.suspects import Suspects
@@ -42,11 +43,11 @@ from aatri.formats.results.column_names import (
     standard_deviations,
 )
 from aatri.formats.results.covariance_tables import covariance_tables
-from aatri.formats.results.frame_tp import frame_tp
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
+from aatri.geometry.two_point import TwoPointFrame
 from aatri.observations.poses import ADDITIONAL
 
 Columns = Mapping[str, npt.NDArray[Any]]
@@ -259,3 +260,13 @@ def _cells(values: npt.NDArray[Any]) -> list[str]:
     if values.dtype.kind == "U":
         return [shielded(text) for text in values.tolist()]
     return [str(value) for value in values.tolist()]
+
+
+def frame_tp(transformations: StripTransformations) -> TwoPointFrame | None:
+    """The frame tp that an absolute orientation has started from; None if it has none."""
+    rows = transformations.take(transformations.model == "tp")
+    if not len(rows):
+        return None
+    value = dict(zip(rows.parameter.tolist(), rows.value.tolist()))
+    ground, tp = ([value[name] for name in names] for names in (("N1_m", "E1_m", "H1_m"), ("X1", "Y1", "Z1")))
+    return TwoPointFrame(value["a"], value["b"], np.array(ground), np.array(tp))

@@ -17,10 +17,9 @@ from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.exterior import exterior_columns
 from aatri.formats.tables.geodetic import geodetic_columns
-from aatri.formats.tables.geographic import with_metric_frame
+from aatri.formats.tables.geographic import map_or_not, with_metric_frame
 from aatri.formats.tables.ground import ground_point_columns
 from aatri.formats.tables.images import fiducial_point_columns, image_columns, image_point_columns
-from aatri.formats.tables.map_or_not import map_or_not
 from aatri.formats.tables.portable import Bodies, joined, without_bodies
 from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.rigs import rig_member_table

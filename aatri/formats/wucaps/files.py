@@ -20,9 +20,8 @@ from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import TextLine, word_lines
-from aatri.formats.wucaps.ends import ends
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
-from aatri.formats.wucaps.observations import Columns, observations
+from aatri.formats.wucaps.observations import Columns, ends, observations
 from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 

@@ -18,8 +18,15 @@ from aatri.arrays import finite_rows
 from aatri.artifacts.block import OBSERVED_VALUE, PROJECTION_CENTRE, Block
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.text.text_line import TextLine
-from aatri.formats.wucaps.ends import ends
 from aatri.notes import Note
+
+END = ("-99", "-99.0")
+
+
+def ends(entry: TextLine) -> bool:
+    """Whether a line ends a list."""
+    return entry.words[0] in END
+
 
 NAME = "PRENPI"
 LENGTHS, ANGLES = ("distance", "horizontal_distance", "height_difference"), ("azimuth", "zenith", "angle")

@@ -20,9 +20,8 @@ from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, InputError, ResourceError, raise_all
 from aatri.formats.parts.format import Writing
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.wucaps.ends import END
+from aatri.formats.wucaps.observations import END, observation_lines
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
-from aatri.formats.wucaps.observations import observation_lines
 from aatri.formats.wucaps.result_files import result_lines
 from aatri.ids import several, shown
 from aatri.notes import Note, tell

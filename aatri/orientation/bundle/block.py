@@ -6,6 +6,8 @@ least as many as its free unknowns, and one of them ties it to something else. W
 first iteration, and named; with it go the observations that touch it, so that the rule is applied until nothing
 changes, and so for a plane, line ... whose points are fewer than its unknowns. Other unknowns (drift, film, camera ...)
 take part if an observation ties them to something else.
+
+Images have camera, strip and flight in common; errors and standard deviations may be common to them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,15 +17,32 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int, finite_rows
+from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.level import PLANE, Level
 from aatri.observations.observed import Holds, Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_unknowns
-from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.seen_distances import median_distance_m, seen_distances_m
 from aatri.orientation.bundle.strip_numbering import StripNumbering
+
+
+@dataclass(frozen=True)
+class ImageGroups:
+    """Camera, strip, flight and time of all images."""
+
+    cameras: Text
+    """(k,) str. Ids of all cameras."""
+    corner_mm: Float
+    """(k,), mm. Half the diagonal of their formats; NaN unknown."""
+    camera: Int
+    """(n,). Of each image, among these."""
+    strip: Text
+    flight: Text
+    """(n,) str. Empty without."""
+    time_s: Float
+    sequence: Float
+    """(n,). Time, and place in the strip."""
 
 
 @dataclass(frozen=True)

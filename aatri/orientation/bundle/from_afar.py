@@ -1,13 +1,19 @@
 """Bundle adjustment from bad starts: where it fails, once more from a start that collinearity in object space gives.
 
 The direct adjustment is tried first. If it does not converge, strays and ends with a sigma0 far above 1, or
-turns images over (most of their points behind them), it is tried again: with relative control from a start without it
-(`latent_start`); then from starts by `space_start`: with rotations
-held at first or not, image points down-weighted or as they are. The best result counts, at once if another start leads
-to the same. What still does not fit is oriented by resection to the points that the other images determine. A result
-with images turned over is none: over flat ground their residuals are as small as the right ones.
+turns images over (most of their points behind them), it is tried again: with relative control from a start without it;
+then from starts by `space_start`: with rotations held at first or not, image points down-weighted or as they are. The
+best result counts, at once if another start leads to the same. What still does not fit is oriented by resection to the
+points that the other images determine. A result with images turned over is none: over flat ground their residuals are
+as small as the right ones.
+
+Of blocks with relative control the start is made without the shapes first, then with shapes fitted to its points.
+Planes, lines and cylinders get their start from that of their points. Where images begin metres off, so do the points,
+each its own way, and a cylinder fitted to them may be another one, through points that nearly fit. The other
+observations alone give points that are right, to which every shape is fitted anew.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +22,11 @@ from aatri.adjustment.openness.open_directions import OpenError
 from aatri.arrays import Bool
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.ids import shown
+from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
-from aatri.orientation.bundle.latent_start import has_shapes, start_without_shapes
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
@@ -182,3 +188,37 @@ def _misfits(inputs: BundleInput, result: BundleResult) -> Bool:
 def _rank(inputs: BundleInput, result: BundleResult) -> tuple[int, float]:
     turned = turned_over(inputs.rays, result)
     return int(turned.sum()), result.adjusted.cost
+
+
+def has_shapes(observed: Sequence[Observed]) -> bool:
+    """Whether some observations are of points of a shape."""
+    return any(map(_is_shape, observed))
+
+
+def _is_shape(o: Observed) -> bool:
+    return o.refitted is not None and bool(len(o))
+
+
+def start_without_shapes(inputs: BundleInput, settings: BundleSettings, reporter: Reporter) -> BundleInput:
+    """The block with poses, points and shapes as the other observations give them.
+
+    Raises
+    ------
+    GeometryError, ConvergenceError
+        If the others do not determine the block.
+    """
+    other_observations = tuple(o for o in inputs.observed if not _is_shape(o))
+    adjusted_without = adjust_bundle(
+        replace(inputs, observed=other_observations),
+        replace(settings, covariances=False, weights=()),
+        reporter=reporter,
+    )
+    xyz = np.where(np.isfinite(adjusted_without.xyz_m), adjusted_without.xyz_m - inputs.origin_m, inputs.xyz_m)
+    poses = adjusted_without.poses.shifted(-inputs.origin_m).where(adjusted_without.image_adjusted, inputs.poses)
+    observed = []
+    for o in inputs.observed:
+        if o.refitted is not None and _is_shape(o):
+            fitted = o.refitted({POSE: poses, POINT: xyz})
+            o = fitted.without(o.rejected) if o.rejected is not None else fitted
+        observed.append(o)
+    return replace(inputs, poses=poses, xyz_m=xyz, observed=tuple(observed))

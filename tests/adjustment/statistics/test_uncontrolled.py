@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.statistics.uncontrolled import uncontrolled_directions
+from aatri.adjustment.statistics.record_tests import uncontrolled_directions
 
 
 def made(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,8 +9,7 @@ import pytest
 
 from aatri.camera.models import forward_models
 from aatri.camera.models.brown import PARAMETERS, brown_basis, brown_correction, brown_derivative
-from aatri.camera.models.distortion import Distortion, corner_points, corrected
-from aatri.camera.models.radial_table import table_correction
+from aatri.camera.models.distortion import Distortion, corner_points, corrected, table_correction
 from aatri.errors import InputError
 
 BROWN = {"k1": 5e-9, "k2": -2.2e-13, "k3": 3e-18, "p1": 5e-8, "p2": -3e-8, "b1": 1e-5, "b2": -2e-5}

@@ -11,7 +11,7 @@ from aatri.geometry.coplanarity import RayPairs, corrected
 from aatri.geometry.intersection import intersect_pair, projection_coefficients
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.classical_points import classical_points, connection_points
+from aatri.orientation.relative.connected_pairs import classical_points, connection_points
 from aatri.orientation.relative.distance_derivatives import log_distances
 from aatri.orientation.relative.kernels.model_points import PARALLEL, intersect
 from tests.complex_step import complex_step

@@ -7,7 +7,7 @@ import pytest
 
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.formats.results.frame_tp import frame_tp
+from aatri.formats.results.solution_tables import frame_tp
 from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from tests.made_strips import Heard, MadeBlock

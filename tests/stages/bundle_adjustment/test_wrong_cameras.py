@@ -10,7 +10,7 @@ import pytest
 from aatri.adapters.bundle.candidate_groups import strips_with_part_of_a_camera
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ConvergenceError
-from aatri.orientation.bundle.image_groups import ImageGroups
+from aatri.orientation.bundle.block import ImageGroups
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated

@@ -23,11 +23,10 @@ from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, is_additional
-from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.block import BundleInput, ImageGroups
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.noisy_images import APART, NOISY, is_of_images
 from aatri.orientation.bundle.blunders.tested_block import gains_of, residuals_and_redundancy, residuals_beside
-from aatri.orientation.bundle.image_groups import ImageGroups
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
 
