@@ -1,7 +1,7 @@
 """Observations that nothing controls.
 
 Seen: nothing: a gross error there changes no residual.
-Test: the redundancy number in the direction that the others control least is below `statistics.uncontrolled.BELOW`,
+Test: the redundancy number in the direction that the others control least is below `statistics.record_tests.BELOW`,
 where one of 41 standard deviations is found in 80 %. What is known beforehand of the film of single images is often
 known by that alone, in image after image: such are counted. Image points in no model take part only in the bundle.
 """
