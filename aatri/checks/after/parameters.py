@@ -3,8 +3,9 @@
 Seen: parameters that the data do not determine, that mean nothing, that stand for each other, or of another camera.
 Test: t of each parameter at 5 %, a-posteriori sigma0 and its redundancy applied; parameters of camera models only where
 they describe the lens; chi-square of the difference to a calibration at 0.1 %; a value given with a standard deviation
-that moves by more than ten of them; correlations of 0.95 and more. Correlations are looked for within a unit (a camera,
-a session, an image), and with the orientation of the image that has the most points of the unit.
+that moves by more than ten of them; a c below 0, an aspect below -1; correlations of 0.95 and more. Correlations are
+looked for within a unit (a camera, a session, an image), and with the orientation of the image that has the most points
+of the unit.
 """
 
 import numpy as np
@@ -96,7 +97,7 @@ def _unit(
     if len(idle):
         which = ", ".join(f"{e.names[i]} (|t| {abs(tests.t[i]):.1f})" for i in idle)
         findings.append(Finding("parameters", "note", f"{name}: not significant at 5 %: {which}"))
-    findings += _moved(group, unit)
+    findings += [*_moved(group, unit), *_mirrored(group, unit)]
     kinds = column_kinds(inputs) if is_additional(group.given.group) else {}
     advice = advise([*correlated_pairs(e, WARNED), *_pairs_with_pose(inputs, result, group, unit, e)], kinds)
     return [*findings, *(Finding("parameters", "warning", f"{name}: {a.text}") for a in advice)]
@@ -115,6 +116,20 @@ def _moved(group: AdjustedParameters, unit: int) -> list[Finding]:
     reason = "is it calibrated with this lens, focus and film?"
     text = f"parameters leave their given values: {', '.join(moved)}"
     return [Finding("parameters", "warning", text, reason, where=str(g.ids[unit]))]
+
+
+def _mirrored(group: AdjustedParameters, unit: int) -> list[Finding]:
+    """A free camera that has taken up mirrored images, which fit flat ground with a negative c or aspect."""
+    least = {"c": 0.0, "as": -1.0}
+    values = zip(parameter_names(group.given, unit), group.value[unit].tolist())
+    mirrored = [f"{name} {value:.5g}" for name, value in values if value < least.get(name, -np.inf)]
+    if not mirrored or group.given.group != CAMERA:
+        return []
+    text, remedy = (
+        f"its images are mirrored: {', '.join(mirrored)}",
+        "check the y axis of its image coordinates (pixel: y)",
+    )
+    return [Finding("parameters", "warning", text, remedy, where=f"camera {group.given.ids[unit]}")]
 
 
 def _pairs_with_pose(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -179,3 +180,17 @@ def test_a_datum_without_control_leaves_sigma0_and_the_camera_as_they_are(shared
     c = solution.parameters.value[solution.parameters.name == "principal_distance"][0]
     report = read_report(shared_data / "dbat/camcal/camcal-dbatreport-model3.txt")
     assert abs(c - report.interior["c"]) < 4 * report.interior_sigma["c"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mirror", [[1.0, -1.0], [-1.0, 1.0]])
+def test_mirrored_images_that_a_free_camera_takes_up_are_told(shared_data: Path, mirror: list[float]) -> None:
+    """The test field is flat: all fits as before with an aspect of -2, or a c of -7.457 mm too."""
+    block, told = _camcal(shared_data), Told()
+    points, size = block.image_points, block.cameras.format[0]
+    block = replace(block, image_points=replace(points, xy=size / 2 + (points.xy - size / 2) * mirror))
+    bundle(block, calibrated(block), context=told)
+    (text,) = [text for text in told.warnings if "mirrored: " in text]
+    assert ("c -7.457" in text) == (mirror[1] < 0)
+    assert "as -2.000" in text
+    assert "y axis of its image coordinates" in text
