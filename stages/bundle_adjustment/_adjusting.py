@@ -25,9 +25,9 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
     with_datum_again,
     with_sets_again,
 )
-from aatri.orientation.bundle.blunders.failed_search import searched_again
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.groups.failed_search import searched_again
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds

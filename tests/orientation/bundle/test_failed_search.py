@@ -24,12 +24,12 @@ from aatri.orientation.bundle import adjust, from_afar
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders import exact_coordinates, robust_start, tested_block
 from aatri.orientation.bundle.blunders.earlier_rejections import failing_once
-from aatri.orientation.bundle.blunders.failed_search import without_search
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robust_from_start
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.groups.failed_search import without_search
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import images_turned_over

@@ -10,8 +10,8 @@ import numpy as np
 from aatri.errors import ConvergenceError
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.failed_search import searched_again, without_scattered_points
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
+from aatri.orientation.bundle.groups.failed_search import searched_again, without_scattered_points
 from aatri.orientation.bundle.result import BundleResult
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import settings
