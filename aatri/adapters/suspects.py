@@ -15,7 +15,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.notes import Note
@@ -175,7 +175,7 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
         return Suspects.empty(), []
     suspects, notes = initial.suspects, []
     staying, of_block = staying_out(suspects), suspects.row >= 0
-    all_out = [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, kind)]
+    all_out = [] if taken_back else [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, staying, kind)]
     of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT
     for kinds, what in (
         (all_out, "all of their kind, taken back to be tested as a group"),
@@ -189,10 +189,11 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
     return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), notes
 
 
-def _all_left_out(solution: Solution, kind: str) -> bool:
-    """Whether there are several observations of a kind, and none took part."""
+def _all_left_out(solution: Solution, staying: Bool, kind: str) -> bool:
+    """Whether several observations of a kind were rejected, and none took part."""
     of_kind = solution.residuals.kind == kind
-    return int(of_kind.sum()) > 1 and not solution.residuals.active[of_kind].any()
+    rejected = int((staying & (solution.suspects.kind == kind)).sum())
+    return rejected > 1 and not solution.residuals.active[of_kind].any()
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

@@ -123,7 +123,8 @@ CERTAIN_MISFIT, NOTHING_FITS = 0.25, 0.5
 # --- at start
 
 HIGHEST_FLIGHT_M = 40_000.0
-"""Above the points: aircraft and balloons with cameras have flown up to 38 km; what is higher goes round the Earth."""
+"""Above the points: the highest that aircraft have flown is 37.7 km (FAI record of 1977), balloons with men 41 km
+(2014); photographs from space get this warning too."""
 
 BEHIND, UPWARDS, CONTROL_MARGIN = 0.05, 0.7, 0.1
 """A larger share of points behind their camera is no matter of a few wrong points; an image whose points lie higher by

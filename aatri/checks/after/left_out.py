@@ -1,16 +1,17 @@
 """What takes no part in an adjustment.
 
 Seen: images, points and observations that are in the block and not in the result.
-Test: none; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted points and
-more have no orientation in which these fit. Control, or positions, of which all are left out are off by the same where
-their n differences lie as near to each other as chance has it once in a thousand blocks: (spread / size)^(n - 1).
+Test: none for most; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted
+points and more have no orientation in which these fit. Control, or positions, of which all are left out are off by the
+same where their n differences lie as near to each other as chance has it once in a thousand blocks: (spread /
+size)^(n - 1), for each coordinate of both kinds.
 """
 
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.limits import ALARM
-from aatri.arrays import Bool, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.checks.finding import Finding
 from aatri.checks.limits import RESECTING
 from aatri.observations.control import KIND as CONTROL
@@ -54,14 +55,17 @@ def left_out_alike(result: BundleResult) -> list[Finding]:
     """Control or positions that are all left out, and are off by the same: which of both is right nobody knows."""
     findings = []
     for kind, name in ((CONTROL, "control points"), (POSITION, "positions")):
-        of_kind = [o for o in result.observations if o.observed.kind == kind and o.observed.records.rows == 3]
-        if not of_kind or any(o.used.any() for o in of_kind):
+        of_kind = [o for o in result.observations if o.observed.kind == kind]
+        single = [o for o in of_kind if o.observed.set_rows is None and o.observed.records.rows == 3]
+        if not single or any(o.used.any() for o in of_kind):
             continue
-        v = np.concatenate([o.residuals(result.adjusted.state) for o in of_kind])
-        v = v[np.isfinite(v).all(axis=1)]
-        shift = np.median(v, axis=0) if len(v) > 1 else np.zeros(3)
-        spread = np.abs(v - shift).max(axis=0, initial=0.0)
-        if ((spread / np.maximum(np.abs(shift), 1e-9)) ** max(len(v) - 1, 0) < ALARM).any():
+        v = np.concatenate([_differences(o, result) for o in single])
+        count, alike = np.isfinite(v).sum(axis=0), np.zeros(3, dtype=bool)
+        shift = np.array([np.median(x[np.isfinite(x)]) if np.isfinite(x).any() else np.nan for x in v.T])
+        for k in np.flatnonzero((count > 1) & (np.abs(shift) > 0)):
+            spread = np.nanmax(np.abs(v[:, k] - shift[k]))
+            alike[k] = (spread / abs(shift[k])) ** (count[k] - 1) < ALARM / 6
+        if alike.any():
             values = ", ".join(f"{x:.2f}" for x in -shift)
             text = f"all {len(v)} {name} are left out, off by the same, {values} m in X, Y, Z: control and positions "
             text += "count from different surfaces, or are in other frames"
@@ -69,6 +73,12 @@ def left_out_alike(result: BundleResult) -> list[Finding]:
             remedy += "positions: {drift: shift, per: block}"
             findings.append(Finding("left_out", "warning", text, remedy, contradicts=True))
     return findings
+
+
+def _differences(o: AdjustedObservations, result: BundleResult) -> Float:
+    """Computed minus given, NaN where nothing is given, (k, 3)."""
+    is_given = o.observed.records.observed_components()[o.rows]
+    return np.where(is_given, o.residuals(result.adjusted.state), np.nan)
 
 
 def _adjusted_points(inputs: BundleInput, result: BundleResult) -> Int:

@@ -70,11 +70,12 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
 def few_oriented(initial: Solution) -> list[Finding]:
     """Where an adjustment failed that began with the smaller part of the images, placed by strips: how to begin."""
     oriented = initial.images.oriented
-    if oriented.mean() >= 0.5 or initial.method.startswith("initial_orientation"):
+    if oriented.mean() >= 0.5 or not initial.method.startswith(("strip_adjustment", "absolute_orientation")):
         return []
     count = f"{int(oriented.sum())} of {len(oriented)}"
     text = f"the start ({initial.method}) orients {count} images, which may be the reason"
-    remedy = "initial_orientation/graph in place of the stages from models on orients image by image"
+    remedy = "use initial_orientation/graph instead of relative orientation, strips and what follows them: it orients "
+    remedy += "image by image"
     return [Finding("orientations", "warning", text, remedy, statistic=float(oriented.mean()))]
 
 

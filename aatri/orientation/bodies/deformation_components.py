@@ -18,7 +18,7 @@ With y'y the sum of squares of the adjustment and f the redundancy beside the nu
 maximum likelihood of the residuals, whose deviance is (y'y - (n, z)'g) / phi + f log phi + log |1 + N D / phi|: where
 it settles all is done, as components that do much the same creep towards each other for long.
 
-N has entries for bodies that meet, and so the cost grows with the bodies.
+N has entries for bodies that meet alone, so that the cost is proportional to their number.
 
 Source: Foerstner 1979, as adjustment.statistics.variance_components; Harville 1977 (phi).
 """
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from aatri.adjustment.elimination.block_matrix import BlockMatrix, block_matrix
+from aatri.adjustment.elimination.block_matrix import block_matrix
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.arrays import Float, Int
 
@@ -98,17 +98,21 @@ def deformation_components(
     members = np.maximum(np.bincount(component, minlength=n), 1)
     theta: Float = np.bincount(component, (g / share)[z] ** 2, minlength=n) / members
     phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
-    deviance = np.inf
+    deviance, clipped = np.inf, False
     for _ in range(ROUNDS):
         d = np.maximum(theta[component] * size[body], 1e-300)
         scale[z] = np.sqrt(d / phi)
         factor = matrix.factor(scale, added)
-        if factor is None:  # of points at infinity N is a difference of large numbers, and no longer semidefinite
-            matrix = _semidefinite(N)
+        if factor is None and not clipped:  # of points at infinity N is a difference of large numbers, and not definite
+            N, clipped = _semidefinite(N), True
+            matrix = block_matrix(N, np.zeros(len(z), dtype=np.int64), np.zeros((1, 1)))
+            scale = 1.0 / np.sqrt(np.maximum(N.diagonal(), 1e-300))
             continue
+        if factor is None:
+            break
         most_probable = scale * factor.solve(scale * g)
         local_redundancy, share = 1.0 - added * factor.inverse_diagonal(), most_probable[z] ** 2 / d
-        beside, local_redundancy = redundancy - local_redundancy[nuisance].sum(), local_redundancy[z]
+        beside, local_redundancy = max(redundancy - local_redundancy[nuisance].sum(), 1.0), local_redundancy[z]
         r = np.bincount(component, local_redundancy, minlength=n).astype(np.float64)
         theta = theta * np.bincount(component, share, minlength=n) / np.maximum(r, 1e-12)
         of_bodies = [np.bincount(body, x, minlength=n_bodies) + ESTIMABLE for x in (share, local_redundancy)]
@@ -126,11 +130,10 @@ def deformation_components(
     return DeformationComponents(theta, r, size, phi)
 
 
-def _semidefinite(N: csr_array) -> BlockMatrix:
-    """The nearest matrix without negative eigenvalues, in one block."""
+def _semidefinite(N: csr_array) -> csr_array:
+    """The nearest matrix without negative eigenvalues."""
     values, vectors = np.linalg.eigh(N.toarray())
-    nearest = csr_array((vectors * np.maximum(values, 0.0)) @ vectors.T)
-    return block_matrix(nearest, np.zeros(len(values), dtype=np.int64), np.zeros((1, 1)))
+    return csr_array((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _limit(first: Float, second: Float, third: Float) -> Float:

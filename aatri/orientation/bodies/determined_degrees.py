@@ -14,6 +14,7 @@ plan and height have nothing to do with each other. N is what the elimination of
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjusting.tied_problem import TiedProblem
@@ -107,8 +108,11 @@ def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:
     unit = np.where(empty[:, None] | empty[None, :], 0.0, N / np.outer(scale, scale))
     if not empty.any() and _above_rank(unit):
         return {}
-    values, vectors = np.linalg.eigh(unit)  # LAPACK's choice by value fails where eigenvalues are double
-    null = vectors[:, values <= RANK]
+    try:
+        null = eigh(unit, subset_by_value=(-np.inf, RANK))[1]
+    except np.linalg.LinAlgError:  # where eigenvalues are double, LAPACK's choice by value may fail
+        values, vectors = np.linalg.eigh(unit)
+        null = vectors[:, values <= RANK]
     weight = (null**2).sum(1)
     strip, coefficient = np.divmod(kept, basis.size)
     involved = np.bincount(strip, weight)

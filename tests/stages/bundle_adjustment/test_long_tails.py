@@ -76,7 +76,7 @@ def test_an_image_that_is_measured_badly_is_weighted_so_and_blames_nothing_else(
     made = through(cell, spoilt, way, notes)["bundle"]
     assert isinstance(made, Solution)
     name = str(block.images.id[blurred])
-    (factor,) = re.findall(rf"of image {name} ([\d.]+)", " ".join(notes.warnings))
+    (factor,) = re.findall(rf"of image {name}: its errors are ([\d.]+) times", " ".join(notes.warnings))
     assert 5.5 < float(factor) < 11.0
     out = made.suspects.take(staying_out(made.suspects))
     assert not set(out.kind.tolist()) - {"image_point", "model_tie", "strip_tie"}  # ties are made of such points

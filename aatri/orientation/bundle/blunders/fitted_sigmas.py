@@ -4,6 +4,7 @@ The standard deviations are those of `scaling`, estimated again until they stay,
 residuals that gross errors have smeared tell nothing of them, nor of the tails (`adjustment.statistics.long_tails`).
 """
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +30,8 @@ MOST_SCALINGS = 5
 """Adjustments until the standard deviations fit."""
 
 
-MOST_NOISY = 0.1
-"""Share of the images: what more of them have is an error of something else."""
+MOST_NOISY = 3
+"""Images, and no more than a tenth of all: what more of them have is an error of something else."""
 
 
 class FittedSigmas(Rejections):
@@ -86,18 +87,21 @@ class FittedSigmas(Rejections):
         before = self.scaling, self.block, self.all
         if not self._takes_image_apart(tested.result, None):
             return tested
-        beside = self._adjusted_again(tested)
-        if not self._is_harmful(beside, beside.active):
-            return beside
+        with contextlib.suppress(ConvergenceError, GeometryError):  # a trial
+            beside = self._adjusted_again(tested)
+            if not self._is_harmful(beside, beside.active):
+                return beside
         self.scaling, self.block, self.all = before
         return tested
 
     def _takes_image_apart(self, result: BundleResult, least_squares: BundleResult | None) -> bool:
         """Whether an image seems noisy, whose points have standard deviations of their own from here."""
         classes = self.scaling.classes
-        if self.options.sigmas == "given" or len(classes.apart) >= MOST_NOISY * len(self.block.image_ids):
+        if self.options.sigmas == "given" or len(classes.images) >= min(
+            MOST_NOISY, len(self.block.image_ids) // 10 + 1
+        ):
             return False
-        image = noisiest_image(result, least_squares, classes.number, classes.apart)
+        image = noisiest_image(result, least_squares, classes.number, classes.images)
         if image is None:
             return False
         scaling, factor = self.scaling.with_image(self.all.observed, image, str(self.block.image_ids[image]))

@@ -21,16 +21,21 @@ from aatri.orientation.bundle.blunders.tested_block import residuals_beside
 from aatri.orientation.bundle.result import BundleResult
 
 SUSPICIOUS = 1.5
+"""Worth a trial: what least squares leave of an image's errors is less than these; the scale in the end decides."""
+
 APART = 10.0
+"""So much that the others no longer follow the image; what it is in the end its residuals tell."""
+
 LEAST_REDUNDANCY = 5.0
-"""Of an image, for a suspicion: apart from the others it has several times as much."""
+"""Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
 
 NOISY = 2.0
-"""An image whose points err by less than so many times what others do is weighted like these: one of its errors in
-three is then larger than their standard deviation, where it is one in six."""
+"""An image whose points err by less than so many times what others do is weighted like these. From there on one of its
+errors in three is larger than two standard deviations, where it should be one in twenty."""
 
 MISNAMED = 50.0
-"""Points so much farther off have other points' numbers, or an image another's: no noise."""
+"""Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
+are usual."""
 
 
 def is_of_images(o: Observed) -> bool:
@@ -50,7 +55,7 @@ def noisiest_image(
     number : sequence of (n, m) int
         Class of every component of each of the observations.
     apart : sequence of int
-        Images that are classes of their own.
+        Images that have classes of their own.
     """
     parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
     for i, observations in enumerate(result.observations):
@@ -68,8 +73,10 @@ def noisiest_image(
     large[[k for k in apart if k < len(large)]] = False
     freedom = EFFICIENCY * np.maximum(redundancy, 1.0)
     by_chance = np.sqrt(chdtri(freedom, ALARM / max(len(redundancy), 1)) / freedom)
-    scale = np.zeros(len(redundancy))
+    scale, order = np.zeros(len(redundancy)), np.argsort(image, kind="stable")
+    last = np.cumsum(np.bincount(image))
     for k in np.flatnonzero(large & (redundancy >= LEAST_REDUNDANCY)).tolist():
-        of_image = robust_scale(v[image == k], r[image == k])
+        rows = order[last[k - 1] if k else 0 : last[k]]
+        of_image = robust_scale(v[rows], r[rows])
         scale[k] = of_image if max(SUSPICIOUS, by_chance[k]) < of_image < MISNAMED else 0.0
     return int(np.argmax(scale)) if scale.any() else None

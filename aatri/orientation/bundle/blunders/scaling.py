@@ -37,8 +37,6 @@ SETTLED = 1.1
 MOST_TOGETHER = 150
 """Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
 
-OF_IMAGE = " of image "
-
 NO_ERRORS = 0.02
 """Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
 
@@ -52,8 +50,10 @@ class Classes:
     """(g,) int64. Number of the kind that each class belongs to."""
     number: tuple[Int, ...]
     """Tuple of (n, m) int32. Class of every component of each of the observations; -1 none."""
-    apart: tuple[int, ...] = ()
-    """Images that are classes of their own."""
+    images: tuple[int, ...] = ()
+    """Images that have classes of their own."""
+    part_of: tuple[int, ...] = ()
+    """Of the last classes, which are those of images, the class of other images' points."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
@@ -75,18 +75,23 @@ class Classes:
     @property
     def base(self) -> Int:
         """Class of which each is a part, (g,): itself but for those of images."""
-        return np.array([self.names.index(name.split(OF_IMAGE)[0]) for name in self.names], dtype=np.int64)
+        return np.array([*range(len(self.names) - len(self.part_of)), *self.part_of], dtype=np.int64)
+
+    @property
+    def of_image(self) -> Bool:
+        """Classes of images, (g,)."""
+        return np.arange(len(self.names)) >= len(self.names) - len(self.part_of)
 
     def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> Classes:
         """With classes of its own for an image."""
-        names, kind, number = list(self.names), self.kind, list(self.number)
+        names, kind, number, part_of = list(self.names), self.kind, list(self.number), list(self.part_of)
         for i, o in enumerate(observed):
             rows = dict(o.records.touches)[POSE] == image if is_of_images(o) else np.zeros(len(o), dtype=bool)
             for k in np.unique(number[i][rows]).tolist():
                 number[i] = np.where(rows[:, None] & (number[i] == k), np.int32(len(names)), number[i])
-                kind = np.append(kind, kind[k])
-                names.append(f"{names[k]}{OF_IMAGE}{name}")
-        return Classes(tuple(names), kind, tuple(number), (*self.apart, image))
+                kind, part_of = np.append(kind, kind[k]), [*part_of, k]
+                names.append(f"{names[k]} of image {name}")
+        return Classes(tuple(names), kind, tuple(number), (*self.images, image), tuple(part_of))
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
@@ -144,7 +149,7 @@ class Classes:
             if len(kind_classes) < 2 or scales.redundancy[kind_classes].sum() < ESTIMABLE:
                 continue
             pooled = class_scales(v, r, np.where(np.isin(group, kind_classes), 0, -1), 1)
-            small = kind_classes[~scales.estimable[kind_classes]]
+            small = kind_classes[~scales.estimable[kind_classes] & ~self.of_image[kind_classes]]
             scale[small], redundancy[small], estimable[small] = pooled.scale, pooled.redundancy, pooled.estimable
         return ClassScales(scale, redundancy, estimable)
 
@@ -225,9 +230,9 @@ class Scaling:
     def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> tuple[Scaling, Float]:
         """With classes of its own for an image, of much larger standard deviations; the factors this changes by."""
         classes = self.classes.with_image(observed, image, name)
-        larger = np.where(classes.base != np.arange(len(classes.base)), APART, 1.0)
-        larger[: len(self.factor)] = 1.0
-        return Scaling(classes, self.factor[classes.base] * larger), larger
+        of_image = self.factor[list(classes.part_of[len(self.classes.part_of) :])]
+        larger = np.append(np.ones(len(self.factor)), np.full(len(of_image), APART))
+        return Scaling(classes, np.append(self.factor, of_image) * larger), larger
 
     def after(self, scales: ClassScales) -> tuple[Scaling, Float]:
         """With what an adjustment asks for, and the factors that this changes by."""
@@ -237,8 +242,9 @@ class Scaling:
             np.abs(np.log(self.factor * factor)) < np.log(MATTERS)
         )  # after others have been set right
         after = np.where(near_a_priori, 1.0, self.factor * factor)
-        base = self.classes.base
-        after = np.where(after < NOISY * after[base], after[base], after)  # an image like others
+        base, like_others = self.classes.base, self.classes.of_image & ~scales.estimable
+        like_others |= self.classes.of_image & (after < NOISY * after[base])
+        after = np.where(like_others, after[base], after)
         error_free = after < NO_ERRORS
         if self.without_errors is not None:
             error_free |= self.without_errors
@@ -261,14 +267,23 @@ class Scaling:
         """Standard deviations that do not fit; `of_result`: the result follows, not the tests alone."""
         if not self.changed.any():
             return []
-        changed_classes = tuple(f"{name} {f:.3g}" for name, f in zip(self.classes.names, self.factor) if f != 1.0)
+        factors = list(zip(self.classes.names, self.factor.tolist(), self.classes.of_image.tolist()))
+        changed_classes = tuple(f"{name} {f:.3g}" for name, f, _ in factors if f != 1.0)
         if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
             return [Note("note", text, changed_classes)]
-        unchanged_classes = list(dict.fromkeys(name for name, f in zip(self.classes.names, self.factor) if f == 1.0))
+        text = (
+            "{}: its errors are {:.3g} times the standard deviations given, and it is weighted so; is it blurred, or "
+        )
+        text += "measured badly? measure it again"
+        notes = [Note("warning", text.format(name, f)) for name, f, of_image in factors if of_image and f != 1.0]
+        changed_classes = tuple(f"{name} {f:.3g}" for name, f, of_image in factors if f != 1.0 and not of_image)
+        if not changed_classes:
+            return notes
+        unchanged_classes = list(dict.fromkeys(name for name, f, _ in factors if f == 1.0))
         text = (
             "standard deviations do not fit the residuals; weights and standard deviations of the result follow what "
             f"fits, times those given ({', '.join(unchanged_classes) + ' as given' if unchanged_classes else 'all'}; "
             "`blunders: {sigmas: given}` keeps them)"
         )
-        return [Note("warning", text, changed_classes)]
+        return [Note("warning", text, changed_classes), *notes]
