@@ -29,9 +29,10 @@ APART = 10.0
 LEAST_REDUNDANCY = 5.0
 """Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
 
-NOISY = 2.0
-"""An image whose points err by less than so many times what others do is weighted like these. From there on one of its
-errors in three is larger than two standard deviations, where it should be one in twenty."""
+NOISY = 1.6 / 0.6
+"""Images of one flight are of unlike quality; errors of 0.6 to 1.6 times the usual ones are no fault of any
+(`python -m tests.campaigns.false_alarms`), and an image that errs by less than the worst of them beside the best is
+weighted like others."""
 
 MISNAMED = 50.0
 """Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um

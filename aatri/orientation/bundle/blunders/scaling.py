@@ -267,20 +267,20 @@ class Scaling:
         """Standard deviations that do not fit; `of_result`: the result follows, not the tests alone."""
         if not self.changed.any():
             return []
-        factors = list(zip(self.classes.names, self.factor.tolist(), self.classes.of_image.tolist()))
-        changed_classes = tuple(f"{name} {f:.3g}" for name, f, _ in factors if f != 1.0)
+        beside, n = self.factor / self.factor[self.classes.base], int((~self.classes.of_image).sum())
+        of_images = [(name, f) for name, f in zip(self.classes.names[n:], beside[n:].tolist()) if f != 1.0]
+        factors = list(zip(self.classes.names[:n], self.factor.tolist()))
+        changed_classes = tuple(f"{name} {f:.3g}" for name, f in factors if f != 1.0)
         if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
-            return [Note("note", text, changed_classes)]
+            return [Note("note", text, (*changed_classes, *(f"{name} {f:.3g}" for name, f in of_images)))]
         text = (
-            "{}: its errors are {:.3g} times the standard deviations given, and it is weighted so; is it blurred, or "
+            "{}: its errors are {:.3g} times those of others, and it is weighted so; is it blurred, or measured badly? "
         )
-        text += "measured badly? measure it again"
-        notes = [Note("warning", text.format(name, f)) for name, f, of_image in factors if of_image and f != 1.0]
-        changed_classes = tuple(f"{name} {f:.3g}" for name, f, of_image in factors if f != 1.0 and not of_image)
+        notes = [Note("warning", f"{text.format(name, f)}measure it again") for name, f in of_images]
         if not changed_classes:
             return notes
-        unchanged_classes = list(dict.fromkeys(name for name, f, _ in factors if f == 1.0))
+        unchanged_classes = list(dict.fromkeys(name for name, f in factors if f == 1.0))
         text = (
             "standard deviations do not fit the residuals; weights and standard deviations of the result follow what "
             f"fits, times those given ({', '.join(unchanged_classes) + ' as given' if unchanged_classes else 'all'}; "
