@@ -216,7 +216,7 @@ def _start(
     if not any(not o.components for o in observed):
         raise OpenDatumError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
     all_places = given_places(observed, state_of(observed, body, level))
-    exchanged = all_places.row[exchanged_of(all_places.take(use[all_places.row]), body.up)]
+    exchanged = all_places.row[exchanged_of(all_places.take(use[all_places.row]), level.rotation @ body.up)]
     use[exchanged] = False
 
     def begin() -> Similarity:

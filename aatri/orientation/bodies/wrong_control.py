@@ -73,7 +73,7 @@ def exchanged_of(places: GivenPlaces, up: Float, fewest: int = FEWEST) -> Int:
     Parameters
     ----------
     up : (3,) float64
-        Direction against the mean viewing direction, in the body.
+        Direction against the mean viewing direction, in the axes of the places.
     """
     full = np.flatnonzero(places.given.all(axis=1) & np.isin(places.kind, [CONTROL, POSITION]))
     full = full[np.argsort(places.kind[full] != CONTROL, kind="stable")]
@@ -206,7 +206,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     reason = _mirrored(kept, to, up)
     if not reason:
         return
-    two = places.name[exchanged_of(places, up, 3)].tolist()
+    two = places.name[exchanged_of(places, to.rotation @ up, 3)].tolist()
     if two:
         text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
