@@ -83,6 +83,9 @@ FEWEST_COVERING, SMALL_COVERAGE, NO_COVERAGE, BEYOND_FORMAT = 20, 0.1, 0.05, 2.0
 """Image points of a camera below which they may lie together; shares of the format that they cover below which it is
 told, and is an error; times the half diagonal beyond which they are in another unit. Units differ by 25 and more."""
 
+FILLED = 0.7
+"""Share of a quarter of the format, along both sides, that the points of whole images reach: a target has less."""
+
 IMPRECISE, USUAL_SIGMA_MM = 0.008, (3e-4, 0.05)
 """Standard deviation of image points as a share of what the points span: half a pixel is 0.006 of a thermal image of
 80 x 60 pixels; 2 um of 22 cm of film read as mm are 0.009, 1 um of 10 cm of a digital frame 0.010. Standard deviations

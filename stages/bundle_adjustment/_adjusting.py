@@ -91,16 +91,19 @@ def _searched(
     def in_groups(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
         return search_with_groups(block, adjust, single, candidate_groups, searching)
 
+    def searched(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
+        try:
+            return with_datum_again(block, in_groups)
+        except (ConvergenceError, GeometryError) as failure:
+            if searching.method == "none":
+                raise
+            return searched_again(block, partial(with_datum_again, adjust=in_groups), adjust, failure)
+
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)
     else:
         inputs = with_sets_again(inputs if searching.method == "none" else without_exchanged(inputs))
-        try:
-            done, groups = with_datum_again(inputs, in_groups)
-        except (ConvergenceError, GeometryError) as failure:
-            if searching.method == "none":
-                raise
-            done, groups = searched_again(inputs, partial(with_datum_again, adjust=in_groups), adjust, failure)
+        done, groups = searched(inputs)
     if options.self_calibration is None or not options.self_calibration.remove:
         return done, groups
     rebuilt, before = partial(with_parameters, source), done.notes
@@ -108,7 +111,7 @@ def _searched(
     done = without_idle_parameters(done, adjust, rebuilt)
     if undecided and done.considered:  # parameters that are not worth keeping could take up what is wrong
         fewer = rebuilt(inputs, done.inputs.parameters)
-        without_idle, groups = with_datum_again(fewer, in_groups)
+        without_idle, groups = searched(fewer)
         removed = [note for note in done.notes if note not in before]
         done = replace(without_idle, notes=(*without_idle.notes, *removed), considered=done.considered)
     return done, groups

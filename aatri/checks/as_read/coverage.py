@@ -6,9 +6,9 @@
 Seen: millimetres read as micrometres, inches as millimetres, pixels as millimetres shrink or blow up the bundle of
 rays, which some adjustments survive with another principal distance.
 Test: a share below a twentieth, or a reach beyond twice the half diagonal: of the format, where ten times as large it
-holds points that span an angle as cameras have. All points in one quarter are a warning: the format is too large, or
-the origin another. Where neither format nor marks are given,
-the angle 2 atan(reach / c) that the points span must be one that a camera has; the units are named in which it would.
+holds points that span an angle as cameras have. All points in one quarter, which they fill, are a warning: the format
+is too large, or the origin another. Where neither format nor marks are given, the angle 2 atan(reach / c) that the
+points span must be one that a camera has; the units are named in which it would.
 An imprecision of more than 0.008 is a warning: it may be a target in the middle of all images, or a camera of little
 weight. It is an error where all cameras are so and the standard deviation would be a usual one in a smaller unit.
 """
@@ -22,6 +22,7 @@ from aatri.checks.limits import (
     BEYOND_FORMAT,
     FEWEST_COVERING,
     FIELD_OF_VIEW_DEG,
+    FILLED,
     IMPRECISE,
     NO_COVERAGE,
     SMALL_COVERAGE,
@@ -72,9 +73,9 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
             level, text = "error", f"{text}, which is {half[0]:.4g} x {half[1]:.4g} mm in half"
             if reach < 10 * float(np.linalg.norm(half)) and USUAL_FIELD_DEG[0] <= field <= USUAL_FIELD_DEG[1]:
                 remedy = FORMAT_REMEDY + "; ten times as large it holds them"
-        elif ((xy < 0).all(axis=0) | (xy > 0).all(axis=0)).all():
+        elif ((xy < 0).all(axis=0) | (xy > 0).all(axis=0)).all() and (size > FILLED * half).all():
             level, remedy = "warning", FORMAT_REMEDY + ", and `origin` of the pixels"
-            text = f"its {len(xy)} image points all lie in one quarter of the image"
+            text = f"its {len(xy)} image points all lie in one quarter of the image, and fill it"
         else:
             continue
         findings.append(Finding("coverage", level, text, remedy * (level != "note"), where=f"camera {name}"))

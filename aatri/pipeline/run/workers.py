@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -111,10 +111,19 @@ def pool(
             yield workers
         return
     if jobs == 1:
-        yield _Here(tell, {} if in_memory is None else in_memory)
+        kept: dict[str, Artifact] = {} if in_memory is None else in_memory
+        yield _Here(tell, kept)
+        if _bytes_of(kept) > MOST_KEPT_BYTES:
+            kept.clear()
         return
     with _Processes(jobs, tell) as processes:
         yield processes
+
+
+def _bytes_of(artifacts: Mapping[str, Artifact]) -> int:
+    from aatri.tables.schema import size_of
+
+    return sum(map(size_of, artifacts.values()))
 
 
 class _Here:
@@ -127,9 +136,8 @@ class _Here:
 
     def submit(self, task: Task) -> Future[TaskOutcome]:
         from aatri.pipeline.run.worker import perform
-        from aatri.tables.schema import size_of
 
-        if sum(map(size_of, self._memory.values())) > MOST_KEPT_BYTES:
+        if _bytes_of(self._memory) > MOST_KEPT_BYTES:
             needed = {str(record["output"]["content_digest"]) for record in task.inputs.values()}
             for digest in self._memory.keys() - needed:
                 del self._memory[digest]

@@ -198,7 +198,7 @@ def test_the_least_squares_that_a_search_begins_with_is_not_in_memory_beside_the
 
 
 def test_of_three_adjustments_of_a_search_the_last_alone_is_in_memory_beside_the_next() -> None:
-    """Three wrong image points of one image, which go one after the other; its other points are not asked for noise."""
+    """Three wrong image points of one image, which go one after the other; before, a trial of its noise."""
     parts = made_bundle()
     xy_mm, made, in_memory = parts.rays.xy_mm.copy(), list[weakref.ref[BundleResult]](), list[list[int]]()
     rows = np.flatnonzero(parts.rays.image == 0)[:3]
@@ -211,8 +211,8 @@ def test_of_three_adjustments_of_a_search_the_last_alone_is_in_memory_beside_the
         made.append(weakref.ref(result))
         return result
 
-    search(block, adjusted, SearchOptions(method="data_snooping", limit=5.0, sigmas="given"), 1e-3)
-    assert in_memory == [[], [0], [1]]
+    search(block, adjusted, SearchOptions(method="data_snooping", limit=5.0), 1e-3)
+    assert in_memory == [[], [0], [0], [2]]
 
 
 def test_a_ray_that_is_out_and_fits_wherever_it_is_has_no_test_control_has_one() -> None:

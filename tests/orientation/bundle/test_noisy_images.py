@@ -1,0 +1,72 @@
+"""An image whose points err by more than others' is told from gross errors, from small images and from chance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aatri.orientation.bundle.adjust import adjust_bundle
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.noisy_images import noisiest_image
+from aatri.orientation.bundle.blunders.robust import AdjustOptions
+from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.search import search
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
+from aatri.orientation.bundle.result import BundleResult
+from tests.orientation.bundle.made_bundle import made_bundle
+from tests.orientation.bundle.parts import Parts, settings
+
+IMAGE = 1
+
+
+def _least_squares(block: BundleInput, _: AdjustOptions) -> BundleResult:
+    return adjust_bundle(block, settings(datum="free"))
+
+
+def _with_noise(size: float, seed: int, points: int = 100) -> Parts:
+    """So many points of one image err by more, by the square of sizes that add; others of it are left out."""
+    parts = made_bundle()
+    rays, rng = parts.rays, np.random.default_rng(seed)
+    of_image = np.flatnonzero(rays.image == IMAGE)
+    xy_mm, active = rays.xy_mm.copy(), rays.active.copy()
+    xy_mm[of_image] += np.sqrt(size**2 - 1.0) * rays.sigma_mm[of_image] * rng.normal(size=(len(of_image), 2))
+    active[of_image[points:]] = False
+    return replace(parts, rays=replace(rays, xy_mm=xy_mm, active=active))
+
+
+def _factors(parts: Parts) -> dict[str, float]:
+    done = search(parts.together(), _least_squares, SearchOptions(), 1e-3)
+    texts = [note.text for note in done.notes if ": its errors are " in note.text]
+    return {text.split(": its")[0]: float(text.split("errors are ")[1].split()[0]) for text in texts}
+
+
+@pytest.mark.slow
+def test_a_noisy_image_is_told_with_the_size_of_its_errors() -> None:
+    factors = [_factors(_with_noise(6.0, seed)) for seed in range(8)]
+    assert all(len(one) == 1 and next(iter(one)).endswith(f"of image i{IMAGE}") for one in factors)
+    # each is known to some 1 / sqrt(2 * 40), eight to a third of it
+    assert np.mean([next(iter(one.values())) for one in factors]) == pytest.approx(6.0, rel=0.15)
+
+
+def test_an_image_within_the_usual_qualities_and_one_of_few_points_are_weighted_like_others() -> None:
+    assert _factors(_with_noise(1.6, 1)) == {}
+    assert _factors(_with_noise(6.0, 1, points=7)) == {}
+
+
+def test_clean_images_and_wrong_numbers_are_no_noise() -> None:
+    parts = made_bundle()
+    result = _least_squares(parts.together(), AdjustOptions())
+    number = Scaling.of(parts.together()).classes.number
+    assert noisiest_image(result, None, number, ()) is None
+    assert _factors(_with_noise(1.0, 0)) == {}
+
+
+def test_classes_of_an_image_are_parts_of_the_class_of_their_points() -> None:
+    block = made_bundle().together()
+    scaling = Scaling.of(block)
+    apart, factor = scaling.with_image(block.observed, IMAGE, "a of image b")
+    assert apart.classes.names == (*scaling.classes.names, f"{scaling.classes.names[0]} of image a of image b")
+    assert apart.classes.base.tolist() == [*range(len(scaling.factor)), 0]
+    assert factor.tolist() == [1.0] * len(scaling.factor) + [10.0]
