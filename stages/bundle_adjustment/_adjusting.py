@@ -12,7 +12,7 @@ from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import ObservationSource
@@ -88,16 +88,18 @@ def _searched(
             return with_readmission(block, adjust)
         return search_anew(block, adjust, searching, options.tolerance, squares)
 
-    def in_groups(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
-        return search_with_groups(block, adjust, single, candidate_groups, searching)
+    in_groups = partial(
+        search_with_groups, adjust=adjust, single=single, candidates_of=candidate_groups, options=searching
+    )
+    in_all = partial(with_datum_again, adjust=in_groups)
 
     def searched(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
         try:
-            return with_datum_again(block, in_groups)
+            return in_all(block)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
                 raise
-            return searched_again(block, partial(with_datum_again, adjust=in_groups), adjust, failure)
+            return searched_again(block, in_all, adjust, failure)
 
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)
