@@ -12,7 +12,7 @@ from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import KindOptions
 from aatri.observations.observed import ObservationSource
