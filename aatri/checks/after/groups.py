@@ -153,7 +153,7 @@ def _other_boresight(g: Group, given_rad: Float) -> str:
     for reading, read in _readings(given_rad, {"": 1.0}):
         if _agree(fitting - read, sigma) and not _agree(given_rad - read, sigma):
             turns = ", ".join(f"{angle:.6g}" for angle in np.degrees(read) + 0.0)
-            return f"; the boresight given fits read{reading}: {turns} deg"
+            return f"; the boresight given fits read{reading}: give `boresight` so, {turns} deg"
     return ""
 
 

@@ -29,8 +29,10 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
 
 SCATTERED = 30.0
+"""Starts of strips and graphs miss by some sigmas of the image points; a wrong number by hundreds and more."""
+
 MOST_SCATTERED = 0.01
-"""Share of the points: where more are scattered, the start is wrong."""
+"""Share of the points, but one in any case: where more are scattered, the start is wrong."""
 
 Search = Callable[[BundleInput], tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]]
 

@@ -9,7 +9,8 @@ with the standard deviations that the kind has by its own residuals. A cause of 
 that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are named
 too. Where single observations are tested as well, the group must gain more than the largest of them alone, and most of
 its members fit better with it: two or three wrong ones of a strip are no shift of it. Nor is one that carries
-neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of others. Marks know the first alone.
+neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of others. Of marks the gain alone
+counts.
 """
 
 from collections.abc import Iterator, Sequence
@@ -254,10 +255,10 @@ def share_without_largest(before: Float, after: Float) -> float:
 
 
 def most_fit_better(before: Float, after: Float, *, absorbed: bool = False) -> bool:
-    """Whether a group explains most of its members; of a lens that most rays absorb, of those that it changes."""
+    """Whether a group explains most of its members; of a lens that most rays absorb, of more than three it changes."""
     change, gain = ((after - before) ** 2).sum(axis=1), (before**2 - after**2).sum(axis=1)
     better = gain[(not absorbed) | (change >= 0.5 * change.mean())] > 0
-    return bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
+    return (not absorbed or len(better) > 3) and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
 
 
 def _whitened_effect(whitener: Float, effect: Float) -> Float:
