@@ -9,8 +9,7 @@ with the standard deviations that the kind has by its own residuals. A cause of 
 that gains no more than `SEPARABLE` beyond it; others that explain as much cannot be told apart from it, and are named
 too. Where single observations are tested as well, the group must gain more than the largest of them alone, and most of
 its members fit better with it: two or three wrong ones of a strip are no shift of it. Nor is one that carries
-neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of others. Of marks the gain alone
-counts.
+neighbours along which nothing holds: a share `EXPLAINS` of the gain must be that of others. Of marks the gain counts.
 """
 
 from collections.abc import Iterator, Sequence
