@@ -70,3 +70,17 @@ def test_classes_of_an_image_are_parts_of_the_class_of_their_points() -> None:
     assert apart.classes.names == (*scaling.classes.names, f"{scaling.classes.names[0]} of image a of image b")
     assert apart.classes.base.tolist() == [*range(len(scaling.factor)), 0]
     assert factor.tolist() == [1.0] * len(scaling.factor) + [10.0]
+
+
+@pytest.mark.parametrize("method", ["data_snooping", "robust_snooping"])
+def test_some_wrong_points_of_an_image_are_no_noise(method: str) -> None:
+    """Three of its 23 points by 40 standard deviations: they go, the image keeps its standard deviations."""
+    parts = made_bundle()
+    rows = np.flatnonzero(parts.rays.image == IMAGE)[:3]
+    xy_mm = parts.rays.xy_mm.copy()
+    xy_mm[rows] += 40.0 * parts.rays.sigma_mm[rows] * np.random.default_rng(3).choice([-1.0, 1.0], (3, 2))
+    block = replace(parts, rays=replace(parts.rays, xy_mm=xy_mm)).together()
+    done = search(block, _least_squares, SearchOptions(method=method), 1e-3)
+    assert not [note.text for note in done.notes if ": its errors are " in note.text]
+    (rays,) = [o for o in done.result.observations if o.observed.kind == "image_point"]
+    assert set(rows.tolist()) <= set(np.flatnonzero(~rays.used).tolist())

@@ -60,8 +60,22 @@ class FittedSigmas(Rejections):
         self.smeared = False
 
     def _with_fitting_sigmas(self, tested: TestedBlock) -> TestedBlock:
-        """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear."""
-        tested = self._with_noisy_image_apart(tested)
+        """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear.
+
+        A noisy image has its own where that leaves nothing above the limit: gross errors of an image smear the rest of
+        it, and are for a robust adjustment to tell from noise. Else all is as if nobody had tried.
+        """
+        before = self.scaling, self.block, self.all
+        apart = self._with_noisy_image_apart(tested)
+        fitted = self._with_scales(apart)
+        above_limit = bool((fitted.active & (fitted.test > self.options.limit)).any())
+        if apart is tested or (self.scaling.noisy and not (self.smeared or above_limit)):
+            return fitted
+        self.scaling, self.block, self.all = before
+        return self._with_scales(tested)
+
+    def _with_scales(self, tested: TestedBlock) -> TestedBlock:
+        """Adjusted until the scales of the classes stay, or something is far out of them."""
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             scales = self.scaling.classes.scales(tested.result)
             scaling, factor = self.scaling.after(scales)

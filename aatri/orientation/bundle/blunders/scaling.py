@@ -259,6 +259,11 @@ class Scaling:
         return np.asarray(self.factor != 1.0)
 
     @property
+    def noisy(self) -> bool:
+        """Whether the points of an image have larger standard deviations than others of their class."""
+        return bool((self.factor != self.factor[self.classes.base]).any())
+
+    @property
     def main_factor(self) -> float:
         """Factor of the class with the most redundancy; times sigma0 it is the ratio to those given."""
         return 1.0 if self.last is None else float(self.factor[self.last.main])
