@@ -11,6 +11,7 @@ ties are off together, and smoothly.
 import numpy as np
 from scipy.spatial import cKDTree
 
+from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
@@ -101,7 +102,8 @@ def bent(
     """Ties above the limit that are so because their body bends there, (n,).
 
     They are not off the median of their neighbours in the overlap, and the nearest ties below the limit are not far
-    below it: a bend begins slowly, while ties that are wrong together begin at once.
+    below it: a bend begins slowly, while ties that are wrong together begin at once. Or they agree with the nearest
+    below the limit: what these do not say is no more than chance.
 
     Parameters
     ----------
@@ -126,9 +128,13 @@ def bent(
             continue
         near = rows[cKDTree(xyz[rows, :2]).query(xyz[asked, :2], NEIGHBOURS + 1)[1]]
         beside = np.where((near == asked[:, None])[:, :, None], np.nan, residual[near])
-        off = np.einsum("nij,nj->ni", whitener[asked], residual[asked] - np.nanmedian(beside, axis=1))
+        border = below[cKDTree(xyz[below, :2]).query(xyz[asked, :2], NEIGHBOURS)[1]]
         share = np.einsum("nii->ni", redundancy[asked]) * (1 + MEDIAN_OF_NEIGHBOURS)
-        agrees = (np.abs(off) <= limit * np.sqrt(np.maximum(share, 0.0))).all(axis=1)
-        border = below[cKDTree(xyz[below, :2]).query(xyz[asked, :2], BORDER)[1]]
-        bends[asked] = agrees & (np.median(test[border], axis=1) > STEEPEST * limit)
+        off, of_border = (
+            np.abs(np.einsum("nij,nj->ni", whitener[asked], residual[asked] - np.nanmedian(others, axis=1)))
+            / np.sqrt(np.maximum(share, np.finfo(float).tiny))
+            for others in (beside, residual[border])
+        )
+        rises = np.median(test[border[:, :BORDER]], axis=1) > STEEPEST * limit
+        bends[asked] = (off <= limit).all(axis=1) & rises | (of_border <= SINGLE_LIMIT).all(axis=1)
     return bends

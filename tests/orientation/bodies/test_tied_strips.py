@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
+from aatri.adjusting.added_variance import bent, tie_whitener, typical_variance, whitener_beside
 from aatri.adjusting.tied_adjustment import adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
 from aatri.adjustment.elimination.reduced import reduced_normals
@@ -244,6 +244,20 @@ def test_neighbouring_ties_that_are_wrong_together_are_no_bend(size_m: float) ->
     control = _control(np.arange(0, n, 20), true[::20], np.tile(1e-4 * np.eye(3), (10, 1, 1)), np.ones((10, 3), bool))
     adjusted = _adjusted(ties, [control], 4.5)
     assert np.flatnonzero(~adjusted.active[: 3 * n]).tolist() == wrong.tolist()
+
+
+@pytest.mark.parametrize(("neighbours", "bends"), [(5.0, True), (0.0, False)])
+def test_a_tie_just_above_the_limit_is_right_where_the_nearest_below_it_err_by_as_much(
+    neighbours: float, bends: bool
+) -> None:
+    """Their tests need not be large: what holds a point in one body alone takes up most of what it errs."""
+    n, eye = 40, np.tile(np.eye(3), (40, 1, 1))
+    xyz, residual, test = np.column_stack([np.arange(n), np.zeros((n, 2))]), np.zeros((n, 3)), np.full(n, 1.0)
+    residual[:, 2], residual[7, 2], test[7] = neighbours, 5.7, 5.7
+    line = np.zeros(n, dtype=np.int64)
+    assert (
+        np.flatnonzero(bent(line, xyz, residual, eye, eye, test, np.ones(n, dtype=bool), 5.6)).tolist() == [7] * bends
+    )
 
 
 def test_what_is_open_is_an_error_that_names_the_problem() -> None:

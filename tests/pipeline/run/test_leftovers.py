@@ -74,7 +74,7 @@ def test_a_checkpoint_is_whole_or_not_there(tmp_path: Path) -> None:
 
 
 def _freed_bytes(input_bytes: int) -> int:
-    """What the system has back of twenty arrays of 8 MiB, in a stage whose inputs have a size; one of 30 MiB came before."""
+    """What goes back to the system of twenty arrays of 8 MiB, in a stage with inputs of a size; 30 MiB went before."""
     code = (
         "import pathlib, types, numpy as np; from aatri.pipeline.run import workers\n"
         "resident = lambda: 4096 * int(pathlib.Path('/proc/self/statm').read_text().split()[1])\n"
