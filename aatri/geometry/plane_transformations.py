@@ -17,13 +17,9 @@ What n marks leave open is a small correction K d in the photo system, K one of
 Source: Kraus, Photogrammetry 1, sec. 3.2; docs/formulas.md 2.2.
 """
 
-from typing import Literal
-
 import numpy as np
 
 from aatri.arrays import Float
-
-Model = Literal["similarity", "affine", "bilinear", "projective"]
 
 PARAMETERS: dict[str, int] = {"similarity": 4, "affine": 6, "bilinear": 8, "projective": 8}
 """Number of parameters of each transformation."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.camera.parameters.parameter_set import classical, correction, scale_of_format
+from aatri.camera.parameters.parameter_set import correction, scale_of_format
 from aatri.errors import InputError
 from aatri.formats.parts.format import AS_USUAL
 from aatri.formats.registry.catalogue import FORMATS
@@ -124,7 +124,7 @@ def test_the_parameter_set_is_one_file_and_one_line_and_is_found(
     xy_mm = np.array([[100.0, 50.0], [-20.0, 80.0]])
     true, dx_mm = np.array([2e-4, 1e-4]), xy_mm @ [2e-4, 1e-4]
     values_mm = np.linalg.lstsq(parameters.basis(xy_mm, scale)[:, 0], dx_mm, rcond=None)[0]
-    assert classical(parameters, scale, values_mm, np.eye(2))[0] == pytest.approx(true)
+    assert parameters.classical_factors(scale) * values_mm == pytest.approx(true)
     assert correction(parameters, scale, values_mm, xy_mm) == pytest.approx(np.stack([dx_mm, 0 * dx_mm], axis=1))
 
 

@@ -153,22 +153,3 @@ def correction(parameter_set: ParameterSet, scale: SetScale, values_mm: Float, x
             remedy="check the parameters: they are mm near the border of the format",
         )
     return change
-
-
-def classical(
-    parameter_set: ParameterSet, scale: SetScale, values_mm: Float, covariance_mm2: Float
-) -> tuple[Float, Float]:
-    """Classical values and their covariance, in the set's units.
-
-    Parameters
-    ----------
-    values_mm : (s,) float64, mm
-    covariance_mm2 : (s, s) float64, mm^2
-
-    Returns
-    -------
-    values : (s,) float64
-    covariance : (s, s) float64
-    """
-    factors = parameter_set.classical_factors(scale)
-    return factors * values_mm, covariance_mm2 * np.outer(factors, factors)

@@ -46,20 +46,6 @@ class ConvertedLens(NamedTuple):
     misfit_px: float
 
 
-def converted(lens: Lens, form: str) -> ConvertedLens:
-    """A camera in another program's form.
-
-    Parameters
-    ----------
-    form : str
-        One of `FORMS`.
-    """
-    exact = _exactly(lens, form)
-    if exact is not None:
-        return ConvertedLens(exact, 0.0)
-    return _fitted(lens, form)
-
-
 def as_our_camera(lens: Lens, reporter: Reporter = SILENT, *, allowed_px: float = MISFIT_PX) -> Lens:
     """A camera in one of aatri's models: the simplest that has all terms of its form, else what represents it best.
 

@@ -90,13 +90,6 @@ def principal_point_mm(centre: npt.ArrayLike, axes: PixelAxes, format_px: npt.Ar
     return np.asarray((matrix[:, :2] @ np.asarray(centre, dtype=np.float64) + matrix[:, 2]) * pixel_mm)
 
 
-def centre_px(principal_point_mm: npt.ArrayLike, axes: PixelAxes, format_px: npt.ArrayLike, pixel_mm: Float) -> Float:
-    """The principal point (2,) in a pixel system, of x0, y0 in mm: the inverse of `principal_point_mm`."""
-    matrix = _centred(axes, np.asarray(format_px, dtype=np.float64), np.broadcast_to(pixel_mm, 2))
-    from_centre = np.asarray(principal_point_mm, dtype=np.float64) / pixel_mm
-    return np.asarray(np.linalg.solve(matrix[:, :2], from_centre - matrix[:, 2]))
-
-
 def _centred(axes: PixelAxes, format_px: Float, pixel_mm: Float) -> Float:
     """Matrix (2, 3) to pixels from the image centre, x right, y up.
 

@@ -28,7 +28,6 @@ from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.orientations import RelativeOrientations, refresh_points
 
 Equation = Literal["rigorous", "q", "determinant"]
-Frame = Literal["dependent", "independent"]
 
 ITERATIONS = 20
 SETTLED_RAD = 1e-11

@@ -19,7 +19,6 @@ from aatri.camera.parameters.exterior_effects import (
 )
 from aatri.camera.parameters.parameter_set import (
     chosen,
-    classical,
     correction,
     scale_of_format,
 )
@@ -78,7 +77,7 @@ def test_sizes() -> None:
 def test_brown_conrady_in_classical_values_is_the_model_of_the_cameras() -> None:
     rng = np.random.default_rng(2)
     p = rng.normal(size=10) * 0.02
-    values, _ = classical(BROWN_CONRADY, FILM, p, np.zeros((10, 10)))
+    values = BROWN_CONRADY.classical_factors(FILM) * p
     lens = dict(zip(BROWN_CONRADY.parameters[3:], values[3:]))
     wanted = brown_correction(POINTS, lens) - POINTS * p[0] / 153.84 - p[1:3]
     assert np.abs(correction(BROWN_CONRADY, FILM, p, POINTS) - wanted).max() < 1e-15
@@ -229,13 +228,9 @@ def test_rotational_symmetry() -> None:
     assert np.abs(turned_B[:, :, 0] + B[:, :, 0] @ turn.T).max() < 1e-15
 
 
-def test_classical_covariance() -> None:
-    covariance = np.diag(np.arange(1.0, 11.0))
-    covariance[3, 4] = covariance[4, 3] = 0.5
-    _, found = classical(BROWN_CONRADY, FILM, np.zeros(10), covariance)
+def test_classical_radial_terms_are_those_at_the_corner_by_its_powers() -> None:
     r0 = np.hypot(115, 115)
-    assert found[3, 3] == pytest.approx(4.0 / r0**6)
-    assert found[3, 4] == pytest.approx(0.5 / r0**8)
+    assert BROWN_CONRADY.classical_factors(FILM)[3:5] == pytest.approx([1.0 / r0**3, 1.0 / r0**5])
 
 
 def test_a_choice_of_parameters_keeps_the_order_of_the_set() -> None:

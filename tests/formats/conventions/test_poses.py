@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.formats.conventions.names import OF_POINTS, matched, without_extension
-from aatri.formats.conventions.pixel_origins import PIXEL_AXES, centre_px, converted, named, principal_point_mm
+from aatri.formats.conventions.pixel_origins import PIXEL_AXES, converted, named, principal_point_mm
 from aatri.formats.conventions.poses import (
     CONVENTIONS,
     ground_from_image,
@@ -135,11 +135,12 @@ def test_the_corner_of_an_image_is_where_the_program_has_it(program: str) -> Non
 
 
 @pytest.mark.parametrize("program", PIXEL_AXES)
-def test_a_principal_point_goes_to_millimetres_and_back(program: str) -> None:
+def test_a_principal_point_is_in_millimetres_from_the_centre(program: str) -> None:
     axes, pixel_mm = PIXEL_AXES[program], np.array([0.004, 0.005])
     assert named(axes.name) == axes
-    back = centre_px([0.01, -0.02], axes, FORMAT, pixel_mm)
-    np.testing.assert_allclose(principal_point_mm(back, axes, FORMAT, pixel_mm), [0.01, -0.02], atol=1e-15)
+    from_corner = np.asarray(FORMAT) / 2 + [2.5, 4.0]  # pixels right and down of the centre
+    (centre,) = converted([from_corner], PIXEL_AXES["metashape"], axes, FORMAT, pixel_mm)
+    np.testing.assert_allclose(principal_point_mm(centre, axes, FORMAT, pixel_mm), [0.01, -0.02], atol=1e-15)
 
 
 def test_a_principal_point_right_of_and_below_the_centre_has_positive_x_and_negative_y() -> None:
