@@ -143,6 +143,13 @@ def test_one_point_under_another_name_is_a_warning(tmp_path: Path) -> None:
     assert any("did you mean 'GCP3' for 'gcp3'" in w for w in heard.warned)
 
 
+def test_check_points_under_other_names_are_a_warning_where_there_is_no_control(tmp_path: Path) -> None:
+    of, heard = named("GCP", "gcp"), Heard()
+    of.ground = [row.replace("control", "check") for row in of.ground]
+    of.read(tmp_path, heard)
+    assert any("did you mean 'GCP0' for 'gcp0'" in w for w in heard.warned)
+
+
 def test_control_elsewhere_is_no_error(tmp_path: Path) -> None:
     heard = Heard()
     named("tie", "GCP").read(tmp_path, heard)

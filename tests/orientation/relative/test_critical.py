@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from aatri.errors import GeometryError
+from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.critical import GENERAL, critical_configuration
+from aatri.orientation.relative.degenerate import degenerate_pairs
 from tests.complex_step import complex_step
 from tests.orientation.relative.pairs import C_MM, gruber_ground, relative_orientation, simulate
 
@@ -72,6 +75,18 @@ def test_collinear_points_are_named() -> None:
     rng = np.random.default_rng(3)
     X = np.column_stack([rng.uniform(0, 0.6, 20), np.zeros(20), -np.ones(20)])
     assert "line" in said(X)
+
+
+@pytest.mark.parametrize(("off_sigmas", "on_a_line"), [(2.9, True), (3.1, False)])
+def test_points_are_on_a_line_to_three_standard_deviations_root_mean_square(off_sigmas: float, on_a_line: bool) -> None:
+    sigma = 0.005
+    along, off = np.linspace(-60.0, 60.0, 12), off_sigmas * sigma * np.tile([1.0, -1.0, -1.0, 1.0], 3)
+    left = np.column_stack([along, off, np.full(12, -C_MM)])  # the pattern of signs has no slope: the line is y = 0
+    right = left - np.outer(40.0 + np.tile([9.0, -3.0, -6.0], 4), [1.0, 0.0, 0.0])
+    right[:, 1] += np.tile([0.0, 20.0, -20.0], 4)
+    sigmas = np.full((12, 2), sigma)
+    reasons = degenerate_pairs(RayPairs(left, right, sigmas, sigmas), np.array([0, 12]), 6)
+    assert reasons == ({0: "all points lie on a line in the left image"} if on_a_line else {})
 
 
 def test_points_in_a_corner_are_named_so_and_not_a_cylinder() -> None:

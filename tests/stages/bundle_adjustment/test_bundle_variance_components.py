@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
+from aatri.adapters.bundle.variance_groups import variance_groups
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment._variance_components import VarianceComponentOptions
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.campaigns.variance_components import TRUE, disturbed, error_free
+from tests.stages.hand_block import ground_rows, hand, read, start
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +62,19 @@ def test_with_them_every_group_fits_and_sigma0_is_one(applied: Solution) -> None
     c = applied.variance_components
     assert c is not None
     np.testing.assert_allclose(sigma, 0.01 * c.factor[c.group == "distance"].item(), rtol=1e-9)
+
+
+def test_rays_of_a_flight_are_a_group_and_those_of_images_without_one_are_together(tmp_path: Path) -> None:
+    of = hand()
+    block, points = read(tmp_path, of, ground=ground_rows(of, (0, 5, 24, 29)))
+    block = replace(block, images=replace(block.images, flight=np.array(["a", "a", "", "", "b", ""])))
+    inputs = bundle_input(observation_source(block, points, start(of, block)), BundleOptions())
+    groups = variance_groups(block, inputs, ("flight",))
+    (k,) = (k for k, o in enumerate(inputs.observed) if o.kind == "image_point")
+    names = np.array(groups.names)[groups.number[k]]
+    wanted = np.array(["", " flight a", " flight b"])[np.array([1, 1, 0, 0, 2, 0])[of.image]]
+    assert (names == np.char.add("image_point", wanted)[:, None]).all()
+    assert [name for name in groups.names if "flight" in name] == ["image_point flight a", "image_point flight b"]
 
 
 @pytest.mark.slow
