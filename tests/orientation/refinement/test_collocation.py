@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adjustment.statistics.limits import CLEAR_SIGMAS
 from aatri.errors import SpecError
 from aatri.orientation.refinement.collocation import CovarianceFunction, collocate, collocate_groups, predict
+from aatri.orientation.refinement.residual_covariance import EmpiricalCovariance, fit_covariance
 
 SIGNAL, NOISE, LENGTH = 0.004, 0.005, 50.0
 
@@ -98,6 +100,26 @@ def test_without_common_signal_nothing_is_corrected() -> None:
         assert c.function is None
         assert not correction.any()
         assert not sigma.any()
+
+
+@pytest.mark.parametrize(("products", "is_signal"), [(1.05, True), (0.95, False)])
+def test_a_signal_is_told_from_its_standard_deviation_by_the_number_of_products(
+    products: float, is_signal: bool
+) -> None:
+    """C0 is a sum of a_k C_k over the classes; without signal C_k has the variance s^4 / (2 N_k)."""
+    distance, correlation, count = (10.0, 20.0), (0.5, 0.25), (300.0, 900.0)  # exp(-d / L), L = 10 / ln 2
+    weighted = [n / d**2 * f for n, d, f in zip(count, distance, correlation)]
+    a = [w / sum(w * f for w, f in zip(weighted, correlation)) for w in weighted]
+    total, variance = 30.0, 6.0
+    sigma = total * sum(a_k**2 / (2 * n) for a_k, n in zip(a, count)) ** 0.5
+    border = (CLEAR_SIGMAS * sigma / variance) ** 2
+    c = EmpiricalCovariance(
+        np.array(distance), variance * np.array(correlation), products * border * np.array(count), total
+    )
+    found = fit_covariance(c, "exponential")
+    assert (found is not None) == is_signal
+    assert found is None or found.variance_mm2 == pytest.approx(variance, rel=1e-4)
+    assert found is None or found.length_mm == pytest.approx(10 / np.log(2), rel=1e-4)
 
 
 def test_groups_are_corrected_apart_and_inactive_points_too() -> None:

@@ -39,6 +39,9 @@ def test_every_order_gives_the_same_solution_and_covariances(chain: Chain) -> No
         assert np.nanmax(np.abs(found.points.xyz_m - reference.points.xyz_m) / sigma) < 1e-6
         np.testing.assert_allclose(found.images.covariance, reference.images.covariance, rtol=1e-5, atol=1e-14)
         np.testing.assert_allclose(found.parameters.sigma, reference.parameters.sigma, rtol=1e-7)
+        assert found.orderings is not None
+        most = {"across_strips": 12 + STRIPS, "along_strips": 25 + 2}.get(ordering, np.inf)  # of the one in use
+        assert found.orderings.images[found.orderings.used].item() <= most
 
 
 @pytest.mark.slow
