@@ -33,13 +33,12 @@ from typing import Literal, Self
 
 from pydantic import field_validator, model_validator
 
-from aatri.adapters.bundle.bundle_solution import bundle_solution, with_share
+from aatri.adapters.bundle.bundle_solution import bundle_solution, with_datum, with_share
 from aatri.adapters.bundle.information_checks import check_sets
 from aatri.adapters.bundle.orderings import report_orderings
 from aatri.adapters.bundle.point_covariances import point_covariances
 from aatri.adapters.bundle.proposed_numbers import proposed_numbers
 from aatri.adapters.bundle.uncontrolled import uncontrolled_of
-from aatri.adapters.ground.datum import with_datum
 from aatri.adapters.suspects import after
 from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering

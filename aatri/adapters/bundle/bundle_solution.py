@@ -14,6 +14,7 @@ from aatri.adapters.observation_tables import reliability_table, residual_table
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import (
+    DatumCarriers,
     Iterations,
     Parameters,
     Residuals,
@@ -116,6 +117,27 @@ def _tests(result: BundleResult) -> Tests:
     gains = gains_of_observations(result)
     tables = (reliability_table(o, result.adjusted.state, g) for o, g in zip(result.observations, gains))
     return assemble.stacked([Tests.empty(), *tables])
+
+
+def with_datum(block: Block, solution: Solution, datum: str, over: str) -> Solution:
+    """The solution with its points or images that carry a free datum; held scalars where it is minimal.
+
+    Parameters
+    ----------
+    datum, over : str
+        `given`, `minimal` or `free`; over `points`, `images` or `marked` points.
+    """
+    if datum == "given":
+        return solution
+    kind, ids = "point", solution.points.id[np.isfinite(solution.points.xyz_m).all(axis=1)]
+    if datum == "minimal":
+        kind, ids = "held", np.array([""])
+    elif over == "images":
+        kind, ids = "image", solution.images.id[solution.images.oriented]
+    elif over == "marked":
+        ground = block.ground_points
+        ids = ids[np.isin(ids, block.points.id[ground.point[ground.datum]])]
+    return replace(solution, datum=DatumCarriers(kind=np.full(len(ids), kind), id=ids))
 
 
 def _cameras(block: Block, tables: ParameterTables) -> SolvedCameras:
