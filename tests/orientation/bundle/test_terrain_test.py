@@ -42,6 +42,19 @@ def test_a_point_of_two_rays_far_off_is_told_with_its_height(kind: str, off_m: f
     assert found >= 18
 
 
+def test_the_statistic_counts_standard_deviations_of_the_ground_around() -> None:
+    """Ground rough by 2 m: s is 2 m, or more where it is rougher around the point; the cofactor of a mean of 12."""
+    counted = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        xyz, rays = np.column_stack([rng.uniform(0, 1000, (400, 2)), rng.normal(0, 2, 400)]), np.full(400, 4)
+        xyz[3], rays[3] = [500.0, 500.0, 60.0], 2
+        told = off_terrain(xyz, np.full(400, 0.05), rays, 1000.0)
+        assert told.row.tolist() == [3]
+        counted.append(told.test[0] * 2.0 * np.sqrt(1 + 1 / 12) / told.height_m[0])
+    assert 0.75 < np.median(counted) < 1.05
+
+
 def test_a_point_of_more_rays_is_told_only_where_no_terrain_is() -> None:
     xyz, rays = _terrain("hills", np.random.default_rng(1))
     rays[:] = 4
