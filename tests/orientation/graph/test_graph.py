@@ -15,6 +15,7 @@ from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.differences import fitted, fitted_robustly
 from aatri.orientation.graph.directions import CENTRE, POINT, _across, adjusted_directions
 from aatri.orientation.graph.few_points import by_few_points
+from aatri.orientation.graph.joining import _by_images
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
 from tests.complex_step import complex_step
 
@@ -168,6 +169,16 @@ def test_strips_are_joined_by_fewer_points_than_locate_a_wrong_one(wrong: bool) 
     similarity, points = fit
     assert points == (6 if wrong else 7)
     np.testing.assert_allclose(transform(similarity, other.poses.position_m[3:]), centre[3:], atol=1e-4)
+
+
+@pytest.mark.parametrize(("common", "wrong", "fitting"), [(2, False, 2), (5, True, 4), (2, True, 0)])
+def test_a_common_image_and_the_distances_of_points_from_it_join_strips(common: int, wrong: bool, fitting: int) -> None:
+    base, other, _, centre = _two_strips(wrong, common)
+    poses = Poses(0.1 * centre @ TURN.T + SHIFT, np.tile(TURN, (6, 1, 1))).where(np.arange(6) >= 2)
+    fit = _by_images(base, replace(other, poses=poses))
+    assert (0 if fit is None else fit[1]) == fitting
+    if fit is not None:
+        np.testing.assert_allclose(transform(fit[0], poses.position_m[2:]), centre[2:], atol=1e-9)
 
 
 def test_strips_with_too_few_rays_between_them_stay_apart() -> None:
