@@ -38,7 +38,7 @@ def _without_zone(xyz: Float) -> Float:
 _AXES = "write `axes: [north, east, up]` (or the other way round) for this frame"
 _IN_METRES = "convert it to metres"
 _DIVIDED = "taken as metres that were divided by 0.3048"
-KM, MM = LENGTH_M["km"], LENGTH_M["mm"]
+KM, CM, MM = (LENGTH_M[unit] for unit in ("km", "cm", "mm"))
 SWAPPED = Change(
     "with X and Y exchanged", _AXES, "exchange the two coordinates", lambda xyz: xyz[:, [1, 0, 2]], moves_near=True
 )
@@ -50,6 +50,7 @@ CHANGES = (
     Change("taken as feet", _IN_METRES, _IN_METRES, _times(FOOT_M, FOOT_M, FOOT_M)),
     Change(_DIVIDED, _IN_METRES, _IN_METRES, _times(1 / FOOT_M, 1 / FOOT_M, 1 / FOOT_M)),
     Change("times 1000", "set units: {ground: km}", _IN_METRES, _times(KM, KM, KM)),
+    Change("divided by 100", "set units: {ground: cm}", _IN_METRES, _times(CM, CM, CM)),
     Change("divided by 1000", "set units: {ground: mm}", _IN_METRES, _times(MM, MM, MM)),
     Change(
         "without the zone number before the easting",

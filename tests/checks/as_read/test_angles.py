@@ -75,6 +75,7 @@ def test_positions_of_a_flight_plan_say_nothing() -> None:
         (lambda xyz: xyz / 0.3048, "control", "control taken as feet"),
         (lambda xyz: xyz / 1000, "control", "control times 1000"),
         (lambda xyz: xyz * 1000, "control", "control divided by 1000"),
+        (lambda xyz: xyz * 100, "control", "control divided by 100,"),
     ],
 )
 def test_a_cause_in_the_control_is_named_and_certain(change, of: str, text: str) -> None:

@@ -80,6 +80,7 @@ def test_a_wrong_position_is_no_reason_to_doubt_the_control_that_its_image_shows
         (lambda p: p / 0.3048, "; taken as feet it would lie inside", "metres"),
         (lambda p: p / 1000, "; times 1000 it would lie inside", "metres"),
         (lambda p: p * 1000, "; divided by 1000 it would lie inside", "metres"),
+        (lambda p: p * 100, "; divided by 100 it would lie inside", "metres"),
         (lambda p: p + np.array([150e3, 0]), "km from the block, the others", "its id"),
     ],
 )
@@ -108,6 +109,7 @@ def test_near_the_origin_another_unit_of_one_point_proves_nothing() -> None:
         (lambda p: p * 0.3048, "divided by 0.3048", "metres"),
         (lambda p: p / 1000, "times 1000", "km"),
         (lambda p: p * 1000, "divided by 1000", "mm"),
+        (lambda p: p * 100, "divided by 100 ", "cm"),
         (lambda p: p + np.array([50e6, 0]), "without the zone number", "zone number"),
         (lambda p: p + np.array([-430e3, 12e3]), "lie 431 km from the images", "zone"),
     ],
