@@ -8,7 +8,8 @@ or in nine of ten, as one strip of three flown the other way does. Then the read
 proposed in which they agree (`angle_readings`); by nine of ten where the others agree in it as well as before, and
 `FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
 common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
-lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges.
+lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Fewer than half that lack one turn of their own, in
+which they agree to `WRONG_ATTITUDES_RAD` in the median, are told together; the adjustment rejects them.
 """
 
 from functools import partial
@@ -16,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, finite_rows
+from aatri.arrays import Float, Text, finite_rows
 from aatri.checks.at_start.angle_readings import agreeing_reading, unlikely_turns
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import (
@@ -68,6 +69,8 @@ def attitude_conventions(
             boresight, mount_deg = exp_rotation(block.cameras.boresight_rad[camera]), block.cameras.mount_deg[camera]
             unturned = rotation[of_camera] @ boresight.T
             seen = _turned_alike(block.rotation, name, float(mount_deg), rows.take(of_camera), unturned)
+        if seen is None and before:
+            seen = _some_turned_alike(block.images.id, name, rows.take(of_camera), rotation[of_camera])
         findings += [] if seen is None else [seen]
     return findings
 
@@ -88,6 +91,23 @@ def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes,
         remedy = f"give `mount: {mount:.0f}`" if by_body else f"add {quarter % 360:.0f} deg to kappa"
         remedy += ", if it is image x that points another way"
     return Finding("attitude_convention", "error", text, remedy, where=f"camera {camera}")
+
+
+def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Float) -> Finding | None:
+    """A warning where fewer than half of the attitudes lack one turn beside the others, as of a strip flown back."""
+    is_off = _unlikely(rows, rotation) > WRONG_ATTITUDES_RAD
+    off = np.flatnonzero(is_off)
+    if not FEWEST_ATTITUDES <= len(off) < 0.5 * len(rotation):
+        return None
+    if np.median(_unlikely(rows.take(off), rotation[off])) > WRONG_ATTITUDES_RAD:
+        return None
+    of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (is_off, ~is_off))
+    turn = ", ".join(f"{angle:.1f}" for angle in np.degrees(log_rotation(of_part @ of_others.T)).round(1) + 0.0)
+    text = f"{len(off)} of {len(rotation)} attitudes are turned beside the others by one rotation of {turn} deg "
+    text += "about the axes of the camera"
+    remedy = "check these images: a strip flown back, or measured in photographs that lie the other way"
+    names = tuple(images[rows.image[off]].tolist())
+    return Finding("attitude_convention", "warning", text, remedy, where=f"camera {camera}", ids=names)
 
 
 def _of_camera(

@@ -194,6 +194,28 @@ def test_gross_errors_of_attitudes_are_found() -> None:
     assert solution.suspects.row[mine].tolist() == [row]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("turns_deg", "named"), [((180.0, 180.0, 180.0), True), ((180.0, 90.0, -60.0), False)])
+def test_attitudes_of_a_few_images_that_are_turned_alike_are_named_with_their_turn(
+    turns_deg: tuple[float, ...], named: bool
+) -> None:
+    block, rows = flown(4, boresight="known"), [0, 1, 2]
+    angles = block.exterior.angles_rad.copy()
+    angles[rows, 2] += np.radians(turns_deg)
+    block = replace(block, exterior=replace(block.exterior, angles_rad=angles))
+    context = Told()
+    solution = bundle(block, calibrated(block), start_of(block), context=context)
+    lines = [text for text in context.warnings if "turned beside the others" in text]
+    assert bool(lines) == named
+    for text in lines:
+        x, y, z = (float(part) for part in text.split("rotation of ")[1].split(" deg")[0].split(", "))
+        assert abs(x) < 1
+        assert abs(y) < 1
+        assert abs(z) > 179
+    out = solution.suspects.kind == "attitude"
+    assert sorted(solution.suspects.row[out].tolist()) == rows
+
+
 def test_a_free_boresight_is_no_parameter_of_the_camera_model() -> None:
     from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 
