@@ -82,7 +82,7 @@ def _of_attitudes(true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tup
     )
     block: Any = SimpleNamespace(
         exterior=exterior,
-        images=SimpleNamespace(active=np.ones(n, bool), camera=np.zeros(n, int)),
+        images=SimpleNamespace(id=np.arange(n).astype(str), active=np.ones(n, bool), camera=np.zeros(n, int)),
         cameras=SimpleNamespace(id=np.array(["c"]), mount_deg=np.zeros(1), boresight_rad=np.zeros((1, 3))),
         rotation="omega-phi-kappa",
     )
