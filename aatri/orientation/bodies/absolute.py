@@ -23,7 +23,7 @@ from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.adjustment.statistics.rejection import SMALL_ROOM, Snooping
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, compose, transform
@@ -217,7 +217,6 @@ def _start(
         raise OpenDatumError(f"{what}: not determined, {NOTHING}", remedy=ENOUGH)
     all_places = given_places(observed, state_of(observed, body, level))
     exchanged = all_places.row[exchanged_of(all_places.take(use[all_places.row]), level.rotation @ body.up)]
-    use[exchanged] = False
 
     def begin() -> Similarity:
         places = all_places.take(use[all_places.row])
@@ -231,6 +230,19 @@ def _start(
             return searched_start(observe, body, use, thin)[0]
         return (two_point_start if settings.start == "two_points" else centroid_start)(places, x, body, what)
 
+    def begin_without(exchanged: Int) -> Similarity:
+        use[exchanged] = False
+        try:
+            start = begin()
+            _analysed(observed, use, body, start, settings, what)
+        except GeometryError as error:
+            names = " and ".join(all_places.name[np.isin(all_places.row, exchanged)].tolist())
+            text = f"{error.what}; {names} fit with each other's number"
+            raise GeometryError(text, remedy="exchange the two numbers in the control, or " + error.remedy) from error
+        return start
+
+    if len(exchanged):
+        return begin_without(exchanged)
     try:
         start, failure = begin(), None
     except ConvergenceError as error:
@@ -238,18 +250,12 @@ def _start(
             raise
         start, failure = level, error
     places = all_places.take(use[all_places.row])
-    searched = settings.exchanged and not len(exchanged)
-    if searched and (failure is not None or not fits(places, places.xyz @ level.rotation, body, start)):
+    if settings.exchanged and (failure is not None or not fits(places, places.xyz @ level.rotation, body, start)):
         exchanged = exchanged_by_all(observed, observe, body, use, level)
-        use[exchanged] = False
-        if not len(exchanged) and failure is None:
-            return start
-        try:
-            return begin()
-        except GeometryError as error:
-            names = " and ".join(all_places.name[np.isin(all_places.row, exchanged)].tolist())
-            text = f"{error.what}; {names} fit with each other's number"
-            raise GeometryError(text, remedy="exchange the two numbers in the control, or " + error.remedy) from error
+        if len(exchanged):
+            return begin_without(exchanged)
+        if failure is not None:
+            raise failure
     return start
 
 

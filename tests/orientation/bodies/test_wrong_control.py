@@ -101,6 +101,14 @@ def test_what_two_exchanged_points_leave_open_names_them() -> None:
     assert raised.value.remedy.startswith("exchange the two numbers in the control")
 
 
+def test_two_exchanged_points_beside_positions_on_a_line_are_named_though_the_turn_about_it_is_open() -> None:
+    line = np.column_stack([np.linspace(0.0, 2000.0, 5), np.full(5, 500.0), np.full(5, 1500.0)])
+    points = np.array([[100.0, 100.0, 10.0], [1900.0, 900.0, 40.0]])
+    made = MadeBody(points, line).control(range(2), [ALL, ALL], 0.02, points[::-1] - points).positions(0.05)
+    with pytest.raises(GeometryError, match="point 1 and point 2 fit with each other's number"):
+        made.oriented()
+
+
 @pytest.mark.slow
 def test_a_single_wrong_point_is_no_exchange() -> None:
     given, error = [ALL, ALL, ALL, PLAN, HEIGHT, HEIGHT], np.zeros((6, 3))
