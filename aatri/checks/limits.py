@@ -172,6 +172,19 @@ convention."""
 LARGEST_BORESIGHT_RAD = math.radians(45.0)
 """Beyond it the camera is nearer to another `mount` than to the one declared."""
 
+FEWEST_OF_START, MOST_RAYS_OF_START = 4, 5_000
+"""Images and rays, those of whole points, by which the angles of a start are judged: by three images wrong angles may
+agree in one of the 80 readings by chance; with as many rays these take half a second."""
+
+WRONG_START_RAD = math.radians(10.0)
+"""Misses of rays that no planned flight has: its images are tilted by 5 degrees at most."""
+
+MOST_EXCHANGED = 8
+"""Images of which each pair is tried with the orientations exchanged: those whose rays miss by most."""
+
+POOR_START_RAD = math.radians(0.2)
+"""Misses of rays below which a start is good: mirrored images of flat ground that overlap by a third miss by 1.6."""
+
 UNLIKELY_SIGMAS = 3.0
 """Standard deviations of an angle, three in 1,000 by chance (normal, two-sided), up to which attitudes and mounts are
 poor rather than wrong: nearly all attitudes of a camera with right ones stay below, so that it is never asked."""
@@ -252,6 +265,10 @@ the heights on; points beyond which it is asked only with tests of observations:
 
 SMALL_TEST = 2.0
 """Relative orientation rejects points for large residuals, and with smaller ones than this for one reason alone."""
+
+FEWEST_MEETING, MEETING, MOST_MEETING, MOST_IMAGES = 3, 5.0, 30, 4
+"""Rays that meet by more than chance, and by how many standard deviations they may miss, or times what rays in use do;
+rays of a point of which all pairs are tried; images told of one."""
 
 CONTROL_SHARE = 1.0 / 3.0
 """Of control, of what the block gives without its errors: then it adds 5.4 % (lecture notes on close range, 5.1)."""

@@ -23,7 +23,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.exchanged_marks import exchanged_marks
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.at_start.orientations import few_oriented
-from aatri.checks.finding import report
+from aatri.checks.finding import Finding, report
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import several
 from aatri.notes import tell
@@ -82,11 +82,14 @@ def adjusted_bundle(
     stated = bundle_input(source, options, suspects, searched=searched)
     inputs, share = _with_information(source, stated, information, context)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
-    report([*notes, *findings_at_start(source, inputs, of_the_block=initial is None)], context)
+    at_start = findings_at_start(source, inputs, of_the_block=initial is None)
+    report([*notes, *at_start], context)
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
-    except (ConvergenceError, GeometryError):
+    except (ConvergenceError, GeometryError) as error:
         # which may be the reason
+        for wrong in [f for f in at_start if isinstance(f, Finding) and f.cause == "start_rays"]:
+            error.what, error.remedy = f"{wrong.what}; {error.what}", wrong.remedy
         report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
         report(few_oriented(initial) if initial is not None else [], context)
         raise

@@ -10,6 +10,7 @@ from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import ConvergenceError, GeometryError
@@ -27,7 +28,7 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
 )
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
 from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
-from aatri.orientation.bundle.groups.failed_search import searched_again
+from aatri.orientation.bundle.groups.failed_search import searched_again, without_wrong_image
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds
@@ -95,11 +96,13 @@ def _searched(
 
     def searched(block: BundleInput) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
         try:
-            return in_all(block)
+            done, groups = in_all(block)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
                 raise
             return searched_again(block, in_all, adjust, failure)
+        unfit = done.result.adjusted.sigma0 * done.scale > MAX_SIGMA0 and searching.method != "none" and not groups
+        return (without_wrong_image(block, in_all, adjust) if unfit else None) or (done, groups)
 
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)

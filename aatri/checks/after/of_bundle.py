@@ -16,6 +16,7 @@ from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
 from aatri.checks.after.left_out import left_out, left_out_alike
 from aatri.checks.after.parameters import parameter_findings
+from aatri.checks.after.rejections import two_objects
 from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.sigmas import sigmas_that_do_not_fit
 from aatri.checks.after.terrain import points_off_the_terrain
@@ -64,6 +65,7 @@ def findings_after(
         *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
         *named,
         *attitude_conventions(source, inputs, result.adjusted.state, before=False),
+        *two_objects(inputs, result, done.scale),
         *done.notes,
         *result.notes,
         *([] if any(map(contradicts, groups)) else left_out_alike(result)),

@@ -2,20 +2,30 @@
 
 Seen: observations that the stage leaves out; control that never reached it; two of one kind with each other's number.
 Test: that of the stage; numbers are exchanged where each of two rejected observations lies where the other is given, to
-a twentieth of their distance (`adjustment.statistics.exchanged`).
+a twentieth of their distance (`adjustment.statistics.exchanged`). Two objects have one number where three rays and more
+that are left out meet in another place than the rays used, or three others: nearer than `MEETING` times their standard
+deviations and what rays in use miss. Three with errors of 50 standard deviations meet so once in a thousand.
 """
+
+import itertools
 
 import numpy as np
 
 from aatri.adjustment.statistics.exchanged import exchanged_pairs
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
-from aatri.checks.limits import SMALL_TEST
-from aatri.ids import several
+from aatri.checks.limits import FEWEST_MEETING, MEETING, MOST_IMAGES, MOST_MEETING, SMALL_TEST
+from aatri.geometry.intersection import intersect_rays
+from aatri.ids import several, shown
 from aatri.notes import EXCHANGED, REJECTED, Note
 from aatri.observations.control import control_of
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.result import BundleResult
+from aatri.units import length
 
 
 def rejections(suspects: Suspects, stage: str) -> list[Finding]:
@@ -105,6 +115,63 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
                 )
             )
     return findings
+
+
+def two_objects(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -> list[Finding]:
+    """Points whose rays are those of two objects: what is left out meets in another place.
+
+    Parameters
+    ----------
+    scale : float
+        Of the standard deviations of image points.
+    """
+    rays = inputs.rays
+    if rays is None:
+        return []
+    usable, used = rays.active & result.image_adjusted[rays.image], result.ray_used
+    left_out = np.bincount(rays.point[usable & ~used], minlength=len(result.xyz_m))
+    rows = np.flatnonzero(usable & (left_out[rays.point] >= FEWEST_MEETING))
+    if not len(rows):
+        return []
+    usual = _miss(rays, result, np.flatnonzero(used), result.xyz_m[rays.point[used]])
+    allowed = MEETING * max(scale, float(np.median(usual)) if len(usual) else 0.0)
+    names, point_rows = list[str](), rows[np.argsort(rays.point[rows], kind="stable")]
+    for of_point in np.split(point_rows, np.flatnonzero(np.diff(rays.point[point_rows])) + 1):
+        point, in_use = int(rays.point[of_point[0]]), of_point[used[of_point]]
+        adjusted = result.xyz_m[point], in_use
+        place, first = adjusted if len(in_use) > 1 else _meeting(rays, result, of_point, allowed)
+        if len(first) < FEWEST_MEETING and not len(in_use) > 1:
+            continue
+        other, second = _meeting(rays, result, np.setdiff1d(of_point, first), allowed)
+        if len(second) >= FEWEST_MEETING:
+            images = shown(np.asarray(inputs.image_ids)[rays.image[second]].tolist(), MOST_IMAGES)
+            names.append(f"{inputs.point_ids[point]} ({length(float(np.linalg.norm(other - place)))} off in {images})")
+    if not names:
+        return []
+    text = "one number for two points: the rays left out meet in another place"
+    return [Finding("rejections", "warning", text, "give the other point a number of its own there", ids=tuple(names))]
+
+
+def _meeting(rays: ImagePointRows, result: BundleResult, rows: Int, allowed: float) -> tuple[Float, Int]:
+    """Where most of the rays of a point meet, by pairs of them, and which do."""
+    best, place = rows[:0], np.full(3, np.nan)
+    for pair in itertools.combinations(rows[:MOST_MEETING].tolist(), 2):
+        two = np.array(pair)
+        X = intersect_rays(
+            result.poses.position_m[rays.image[two]], rays.directions(result.poses, two), np.zeros(2, dtype=int), 1
+        )
+        meets = rows[_miss(rays, result, rows, np.repeat(X, len(rows), axis=0)) <= allowed]
+        if len(meets) > len(best):
+            best, place = meets, X[0]
+    return place, best
+
+
+def _miss(rays: ImagePointRows, result: BundleResult, rows: Int, xyz_m: Float) -> Float:
+    """Angles between rays and where places are seen, in standard deviations of an image point, (k,)."""
+    u, away = rays.directions(result.poses, rows), xyz_m - result.poses.position_m[rays.image[rows]]
+    angle = np.arctan2(np.linalg.norm(np.cross(u, away), axis=1), np.einsum("ni,ni->n", u, away))
+    sigma = np.linalg.norm(rays.sigma_mm[rows], axis=1) / np.linalg.norm(u, axis=1)
+    return np.asarray(np.nan_to_num(angle / sigma, nan=np.inf))
 
 
 def exchanged_proposals(proposed: ProposedNumbers, before: Suspects) -> list[Note]:

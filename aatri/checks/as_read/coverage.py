@@ -63,6 +63,7 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
         if not np.isfinite(half).all():
             if not FIELD_OF_VIEW_DEG[0] <= field <= FIELD_OF_VIEW_DEG[1]:
                 level, text = "warning", f"{text}: as no lens does{_other_unit(reach, c)}"
+                text += ", and all in one quarter, as pixels from a corner do" if _in_one_quarter(xy) else ""
         elif share < SMALL_COVERAGE:
             level = "error" if share < NO_COVERAGE else "warning"
             text = (
@@ -73,13 +74,17 @@ def coverage(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float) -> list[Fi
             level, text = "error", f"{text}, which is {half[0]:.4g} x {half[1]:.4g} mm in half"
             if reach < 10 * float(np.linalg.norm(half)) and USUAL_FIELD_DEG[0] <= field <= USUAL_FIELD_DEG[1]:
                 remedy = FORMAT_REMEDY + "; ten times as large it holds them"
-        elif ((xy < 0).all(axis=0) | (xy > 0).all(axis=0)).all() and (size > FILLED * half).all():
+        elif _in_one_quarter(xy) and (size > FILLED * half).all():
             level, remedy = "warning", FORMAT_REMEDY + ", and `origin` of the pixels"
             text = f"its {len(xy)} image points all lie in one quarter of the image, and fill it"
         else:
             continue
         findings.append(Finding("coverage", level, text, remedy * (level != "note"), where=f"camera {name}"))
     return findings
+
+
+def _in_one_quarter(xy_mm: Float) -> bool:
+    return bool(((xy_mm < 0).all(axis=0) | (xy_mm > 0).all(axis=0)).all())
 
 
 def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_mm: Float) -> list[Finding]:

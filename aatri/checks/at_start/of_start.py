@@ -13,6 +13,7 @@ from aatri.checks.at_start.frame import neglected_by_the_frame
 from aatri.checks.at_start.mounts import mount_conventions
 from aatri.checks.at_start.orientations import control_outside, unlikely_orientations
 from aatri.checks.at_start.sharp_conditions import sharp_conditions
+from aatri.checks.at_start.start_rays import start_rays
 from aatri.checks.finding import Finding
 from aatri.notes import Note
 from aatri.observations.observed import ObservationSource
@@ -48,6 +49,7 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
         return findings
     return [
         *findings,
+        *start_rays(block, inputs.rays, poses),
         *unlikely_orientations(block, poses.position_m, poses.ground_from_image, xyz),
         *control_outside(block, poses.position_m, poses.ground_from_image),
         *exchanged_control(source, inputs),

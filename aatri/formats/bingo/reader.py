@@ -180,6 +180,9 @@ def _line(text: str, keyword: str, path: Path, number: int) -> TextLine:
             cells = [rest[a:b].strip() for a, b in pairwise(ends)]
             words = [cell for cell in [*cells, *blank_separated(rest[ends[-1] :])] if cell]
     line = TextLine([name, *words], path, number)
+    if len(blank_separated(name)) > 1 and len(text) > end and " " not in text[end - 1 : end + 1]:
+        what = f"{clipped(name)!r} in columns {start + 1}-{end}, which end within a word"
+        raise line.error(what, f"write the name alone there, and the numbers from column {end + 1} on")
     line.numbers(1)
     if keyword != "COES" and not name:
         raise line.error(f"{keyword} without a name in columns {start + 1}-{end}", "keep to the columns")

@@ -9,9 +9,18 @@ import numpy as np
 from aatri.adapters.solution import suspect_rows
 from aatri.artifacts.solution import ProposedNumbers, Residuals
 from aatri.artifacts.suspects import Suspects
-from aatri.checks.after.rejections import control_left_behind, exchanged_numbers, exchanged_proposals, rejections
+from aatri.checks.after.rejections import (
+    control_left_behind,
+    exchanged_numbers,
+    exchanged_proposals,
+    rejections,
+    two_objects,
+)
 from aatri.observations.control import control_of
+from aatri.orientation.bundle.adjust import adjust_bundle
 from tests.made_solutions import made_block, made_solution
+from tests.orientation.bundle.made_bundle import made_bundle
+from tests.orientation.bundle.parts import settings
 
 
 def _suspects() -> Suspects:
@@ -110,3 +119,28 @@ def test_exchanged_control_is_told_once() -> None:
     assert [n.ids for n in exchanged_proposals(proposed, both)] == [("i1/p", "i1/q")]
     one = replace(_suspects(), row=np.array([3, 6, 11, 9], dtype=np.int32))
     assert len(exchanged_proposals(proposed, one)) == 2
+
+
+def _objects(*, together: bool, none_used: bool = False) -> tuple[str, ...]:
+    """What is said of p, seen by all six images: rays of three are left out, of q, or each with an error of its own."""
+    parts = made_bundle()
+    rays, count = parts.rays, np.bincount(parts.rays.point)
+    p, q = np.flatnonzero(count == 6)[:2]
+    of_p = np.flatnonzero(rays.point == p)
+    wrong, xy_mm = of_p[3:], rays.xy_mm.copy()
+    errors = np.random.default_rng(1).uniform(-5.0, 5.0, (3, 2))
+    xy_mm[wrong] = rays.xy_mm[np.flatnonzero(rays.point == q)[3:]] if together else xy_mm[wrong] + errors
+    block = replace(parts, rays=replace(rays, xy_mm=xy_mm)).together()
+    out = np.isin(np.arange(len(rays.point)), of_p if none_used else wrong)
+    left_out = tuple(o.without(out) if o.kind == "image_point" else o for o in block.observed)
+    inputs = replace(block, observed=left_out)
+    findings = two_objects(inputs, adjust_bundle(inputs, settings(datum="free")))
+    return tuple(name.split(" ")[0] for finding in findings for name in finding.ids)
+
+
+def test_a_number_of_two_points_is_told_as_such_and_errors_of_single_rays_are_not() -> None:
+    p = (f"p{np.flatnonzero(np.bincount(made_bundle().rays.point) == 6)[0]}",)
+    assert _objects(together=True) == p
+    assert _objects(together=True, none_used=True) == p
+    assert _objects(together=False) == ()
+    assert _objects(together=False, none_used=True) == ()

@@ -201,6 +201,8 @@ def test_without_a_format_the_angle_that_points_span_is_a_warning(factor: float)
     (finding,) = coverage(BARE, OF, factor * XY)
     assert finding.level == "warning"
     assert f"span {np.degrees(2 * np.arctan(reach / 153.0)):.3g} deg" in finding.sentence
+    (finding,) = coverage(BARE, OF, factor * (XY - XY.min(axis=0) + 1.0))
+    assert finding.sentence.endswith("all in one quarter, as pixels from a corner do")
 
 
 def test_a_format_in_cm_is_told_as_such_and_not_the_coordinates() -> None:

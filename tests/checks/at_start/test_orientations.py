@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.artifacts.block_control import Exterior
 from aatri.checks.at_start.orientations import control_outside, few_oriented, turned_over, unlikely_orientations
+from aatri.checks.at_start.start_rays import start_rays
 from aatri.codes import NO_ROLE
+from aatri.geometry.rotations import angles_from_rotation, rotation_from_angles
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from tests.made_solutions import made_block, made_solution
 
@@ -103,3 +107,84 @@ def test_a_block_in_millimetres_flies_higher_than_any_aircraft() -> None:
     (line,) = unlikely_orientations(BLOCK, 1000 * position, rotation, 1000 * xyz)
     assert line.level == "warning"
     assert "unit of control" in line.remedy
+
+
+@pytest.mark.parametrize(
+    ("change", "reading"),
+    [
+        (lambda a: -a, "omega, phi, kappa of opposite sign"),
+        (lambda a: a[:, [2, 1, 0]], "a1 and a3 exchanged"),
+        (np.deg2rad, "radians, declared as degrees"),
+    ],
+)
+def test_angles_of_a_start_in_another_convention_are_read_by_their_rays(change: Any, reading: str) -> None:
+    """All angles of opposite sign: 21 oblique images did not converge, and no word was said of the angles."""
+    block, rays, poses = _oblique()
+    angles = change(angles_from_rotation(poses.ground_from_image))
+    (finding,) = start_rays(*_declared(block, rays, poses, angles))
+    assert (finding.level, finding.cause) == ("warning", "start_rays")
+    assert reading in finding.sentence
+
+
+def test_mirrored_images_are_seen_by_the_start_of_another_program() -> None:
+    """Without control they fit a mirrored object with the same residuals, and no word was said."""
+    block, rays, poses = _oblique()
+    mirrored = replace(rays, xy_mm=rays.xy_mm * [1.0, -1.0])
+    angles = angles_from_rotation(poses.ground_from_image)
+    (finding,) = start_rays(*_declared(block, mirrored, poses, angles))
+    assert "with y of the image coordinates the other way" in finding.sentence
+
+
+def test_two_images_with_each_others_start_are_named() -> None:
+    block, rays, poses = _oblique()
+    order = np.arange(len(poses.position_m))
+    order[[2, 7]] = 7, 2
+    exchanged = Poses(poses.position_m[order], poses.ground_from_image[order])
+    (finding,) = start_rays(*_declared(block, rays, exchanged, angles_from_rotation(exchanged.ground_from_image)))
+    assert finding.ids == tuple(block.images.id[[2, 7]].tolist())
+    assert "start orientations exchanged" in finding.sentence
+
+
+def test_poor_angles_of_a_start_are_in_no_other_convention() -> None:
+    block, rays, poses = _oblique()
+    rng, right = np.random.default_rng(5), angles_from_rotation(poses.ground_from_image)
+    for _ in range(5):
+        angles = right + np.deg2rad(rng.uniform(2, 40)) * rng.normal(size=right.shape)
+        findings = start_rays(*_declared(block, rays, poses, angles))
+        assert all(finding.level == "note" for finding in findings)
+    assert not start_rays(*_declared(block, rays, poses, right))
+
+
+def _oblique() -> tuple[Any, ImagePointRows, Poses]:
+    """The images of the made block, turned by some 30 degrees each its own way; their rays to all its points."""
+    images, points = TRUTH
+    assert images is not None
+    assert points is not None
+    n = len(images.position_m)
+    angles = np.random.default_rng(4).uniform(-0.6, 0.6, (n, 3)) * [1, 1, 4]
+    poses = Poses(images.position_m, rotation_from_angles(angles))
+    image, point = (a.ravel() for a in np.indices((n, len(points.xyz_m))))
+    u = np.einsum("nji,nj->ni", poses.ground_from_image[image], points.xyz_m[point] - poses.position_m[image])
+    c, k = 100.0, len(image)
+    image, point, xy = image.astype(np.int32), point.astype(np.int32), -c * u[:, :2] / u[:, 2:]
+    rays = ImagePointRows(image, point, xy, np.full((k, 2), 0.01), np.full(k, c), np.zeros((k, 2)), u[:, 2] < 0)
+    return BLOCK, rays, poses
+
+
+def _declared(block: Any, rays: ImagePointRows, poses: Poses, angles: Any) -> tuple[Any, ImagePointRows, Poses]:
+    """The same with these angles."""
+    n = len(angles)
+    exterior = Exterior.of(
+        image=np.arange(n),
+        position_m=poses.position_m,
+        position_covariance_m2=np.full((n, 3, 3), np.nan),
+        angles_rad=angles,
+        angle_sigma_rad=np.full((n, 3), np.nan),
+        position_use=np.zeros(n, int),
+        angle_use=np.zeros(n, int),
+        refers_to=np.zeros(n, int),
+        drift_group=[""] * n,
+        file=np.full(n, -1),
+        line=np.zeros(n, int),
+    )
+    return replace(block, exterior=exterior), rays, Poses(poses.position_m, rotation_from_angles(angles))

@@ -151,6 +151,11 @@ DAMAGE = [
     (read_image_coordinates, "  a b c d\n", r":1: 4 words where an image should begin"),
     (read_image_coordinates, "<html>404", r":1: this is a web page"),
     (read_image_coordinates, "", r"the file is empty"),
+    (
+        read_geoin,
+        GEOIN + "CONT   G107 607274.5938 3487083.25 2190.5\n",
+        r":9: 'G107 607274\.5' in columns 5-20, which end",
+    ),
     (read_geoin, GEOIN.replace("413.637", "\t3.637"), r":7: a tabulator"),
     (read_geoin, GEOIN.replace("   5 10.0", "  41 10.0"), r":8: control point 41 twice, first in line 7"),
     (read_geoin, GEOIN.replace("10.0 20.0 30.0 0.1 0.1 0.2", "10.0 20.0"), r":8: CONT 5 with 2 numbers"),

@@ -4,6 +4,10 @@ A point whose rays at the start miss each other by `SCATTERED` times as much as 
 one number, or it is measured far off. Where there are few such points their rays begin as rejected, and the search is
 made again; it takes back what fits.
 
+An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
+refused, or nothing converges, each image is left out on trial; if the block fits without one, and without no other, the
+search is made again with the rays of this one rejected.
+
 Else least squares of all observations may fit them. Without some observations, or by other weights, weak points may run
 away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what chance
 explains: that result stands, and a warning says that nothing was searched for. Where sigma0 is larger the failure
@@ -16,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
 from aatri.arrays import Bool
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays
@@ -34,13 +38,16 @@ SCATTERED = 30.0
 MOST_SCATTERED = 0.01
 """Share of the points, but one in any case: where more are scattered, the start is wrong."""
 
+MOST_TRIED = 12
+"""Images of a block of which each is left out on trial: in larger ones the search itself finds that one is wrong."""
+
 Search = Callable[[BundleInput], tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]]
 
 
 def searched_again(
     block: BundleInput, search: Search, adjust: Adjust, failure: AatriError
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
-    """The search without scattered points, or least squares without a search.
+    """The search without scattered points, least squares without a search, or the search without a wrong image.
 
     Parameters
     ----------
@@ -56,7 +63,31 @@ def searched_again(
     if fewer is not block:
         with contextlib.suppress(ConvergenceError, GeometryError):
             return search(fewer)
-    return without_search(block, adjust, failure), ()
+    try:
+        return without_search(block, adjust, failure), ()
+    except (ConvergenceError, GeometryError):
+        done = without_wrong_image(block, search, adjust)
+        if done is None:
+            raise
+        return done
+
+
+def without_wrong_image(
+    block: BundleInput, search: Search, adjust: Adjust
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
+    """The search without the rays of the one image without which the block fits; None where there is no such image."""
+    rays, fitting = block.rays, list[BundleInput]()
+    images = np.unique(rays.image[rays.active]) if rays is not None else np.zeros(0, dtype=int)
+    for image in images if len(images) <= MOST_TRIED else ():
+        of_image = np.arange(len(block.image_ids)) == image
+        fewer = replace(block, observed=tuple(_without_rays(o, of_image, POSE) for o in block.observed))
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            adjusted = adjust(fewer, AdjustOptions(coarse=True)).adjusted
+            fitting += [fewer] if adjusted.redundancy > 0 and adjusted.sigma0 <= MAX_SIGMA0 else []
+    if len(fitting) == 1:
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            return search(fitting[0])
+    return None
 
 
 def without_scattered_points(block: BundleInput) -> BundleInput:
@@ -76,11 +107,12 @@ def without_scattered_points(block: BundleInput) -> BundleInput:
     return replace(block, observed=tuple(_without_rays(o, scattered) for o in block.observed))
 
 
-def _without_rays(o: Observed, points: Bool) -> Observed:
+def _without_rays(o: Observed, wrong: Bool, group: str = POINT) -> Observed:
+    """Without the rays of some points, or images."""
     groups = dict(o.records.touches)
     if o.exact or not {POSE, POINT} <= set(groups):
         return o
-    rejected = points[groups[POINT]]
+    rejected = wrong[groups[group]]
     return o.again().without(rejected if o.rejected is None else rejected | o.rejected)
 
 
