@@ -65,7 +65,7 @@ def findings_after(
         *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
         *named,
         *attitude_conventions(source, inputs, result.adjusted.state, before=False),
-        *two_objects(inputs, result, done.scale),
+        *two_objects(inputs.rays, inputs.image_ids, inputs.point_ids, result, done.scale),
         *done.notes,
         *result.notes,
         *([] if any(map(contradicts, groups)) else left_out_alike(result)),

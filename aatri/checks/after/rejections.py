@@ -12,6 +12,7 @@ import itertools
 import numpy as np
 
 from aatri.adjustment.statistics.exchanged import exchanged_pairs
+from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ProposedNumbers, Solution
@@ -23,7 +24,6 @@ from aatri.ids import several, shown
 from aatri.notes import EXCHANGED, REJECTED, Note
 from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
-from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.units import length
 
@@ -117,7 +117,9 @@ def exchanged_numbers(block: Block, solution: Solution, before: Suspects) -> lis
     return findings
 
 
-def two_objects(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -> list[Finding]:
+def two_objects(
+    rays: ImagePointRows | None, image_ids: Ids, point_ids: Ids, result: BundleResult, scale: float = 1.0
+) -> list[Finding]:
     """Points whose rays are those of two objects: what is left out meets in another place.
 
     Parameters
@@ -125,7 +127,6 @@ def two_objects(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -
     scale : float
         Of the standard deviations of image points.
     """
-    rays = inputs.rays
     if rays is None:
         return []
     usable, used = rays.active & result.image_adjusted[rays.image], result.ray_used
@@ -144,8 +145,8 @@ def two_objects(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -
             continue
         other, second = _meeting(rays, result, np.setdiff1d(of_point, first), allowed)
         if len(second) >= FEWEST_MEETING:
-            images = shown(np.asarray(inputs.image_ids)[rays.image[second]].tolist(), MOST_IMAGES)
-            names.append(f"{inputs.point_ids[point]} ({length(float(np.linalg.norm(other - place)))} off in {images})")
+            images = shown(np.asarray(image_ids)[rays.image[second]].tolist(), MOST_IMAGES)
+            names.append(f"{point_ids[point]} ({length(float(np.linalg.norm(other - place)))} off in {images})")
     if not names:
         return []
     text = "one number for two points: the rays left out meet in another place"

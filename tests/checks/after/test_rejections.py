@@ -134,7 +134,8 @@ def _objects(*, together: bool, none_used: bool = False) -> tuple[str, ...]:
     out = np.isin(np.arange(len(rays.point)), of_p if none_used else wrong)
     left_out = tuple(o.without(out) if o.kind == "image_point" else o for o in block.observed)
     inputs = replace(block, observed=left_out)
-    findings = two_objects(inputs, adjust_bundle(inputs, settings(datum="free")))
+    result = adjust_bundle(inputs, settings(datum="free"))
+    findings = two_objects(inputs.rays, inputs.image_ids, inputs.point_ids, result)
     return tuple(name.split(" ")[0] for finding in findings for name in finding.ids)
 
 
