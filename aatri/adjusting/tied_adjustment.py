@@ -19,7 +19,7 @@ from aatri.adjusting.tied_solution import TiedSolution, solve_tied, uncontrolled
 from aatri.adjustment.records import whitened
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.adjustment.statistics.rejection import Pool, Snooping, overfull, pool_of, room_left, room_of
-from aatri.adjustment.statistics.search import Searched, clearest_controlled, search
+from aatri.adjustment.statistics.search import Searched, SearchState, clearest_controlled, search
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.poses import POINT, POSE
@@ -106,6 +106,7 @@ def adjust_tied(
     active: Bool | None = None,
     deformed: bool = True,
     undoubted: Bool | None = None,
+    tau_m: float | None = None,
 ) -> TiedResult:
     """Adjust all bodies together, with data snooping and an estimate of their deformation.
 
@@ -117,6 +118,8 @@ def adjust_tied(
         Estimate the deformation of the bodies; else there is none.
     undoubted : (n,) bool, optional
         Observations that are not rejected.
+    tau_m : float, optional
+        Deformation to begin with, that of the same bodies without gross errors; default: none, estimated robustly.
 
     Raises
     ------
@@ -144,7 +147,9 @@ def adjust_tied(
         return clearest_controlled(snooping, replace(pool, room=room[0]), solved, doubtful)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
-    searched = search(solve, begin, snooping, pool, wrong, added=deformed, lean=TiedSolution.lean)
+    known = None if tau_m is None else SearchState(solve(None, begin, tau_m), tau_m, robust=False)
+    searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=known, lean=TiedSolution.lean)
+    del known
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
     crowded, back = overfull(snooping, full, searched.above & ~pool.carrier, searched.active, begin)

@@ -1,6 +1,6 @@
 """Strip block adjustment: artifacts to strips on the ground, and adjusted strips to a Solution."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +145,9 @@ def adjust_strips(
     n_ties = len(ground.points.point)
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
 
-    def adjust(undoubted: Bool | None) -> tuple[StripPolynomials, DeformedCovariances]:
+    def adjust(
+        begin: Callable[[Sequence[Observed]], Bool], undoubted: Bool | None = None, tau_m: float | None = None
+    ) -> tuple[StripPolynomials, DeformedCovariances]:
         result = adjust_strip_polynomials(
             ground.points,
             len(block.points),
@@ -155,21 +157,24 @@ def adjust_strips(
             point_ids=block.points.id,
             degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
             basis=basis,
-            begin=begin if undoubted is None else lambda observed: begin(observed) | undoubted,
+            begin=begin,
             limit=limit,
             undoubted=undoubted,
+            tau_m=tau_m,
         )
         return result, deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
 
-    result, deformed = adjust(None)
+    result, deformed = adjust(begin)
     fits = fits_deformed(result, deformed, control)
     notes = []
     if (back := fits & ~result.tied.active[n_ties:]).any():
         ids = tuple(block.points.id[control.point[back]].tolist())
         text = "control that only the deformation of the strips puts off takes part, and is not rejected"
         notes.append(Note("note", text, ids))
+        undoubted, tau_m = np.append(np.zeros(n_ties, dtype=bool), fits), result.tied.tau_m
+        without_errors = result.tied.active | undoubted
         del result, deformed  # as large as what follows
-        result, deformed = adjust(np.append(np.zeros(n_ties, dtype=bool), fits))
+        result, deformed = adjust(lambda _: without_errors, undoubted, tau_m)
         fits = fits_deformed(result, deformed, control)
     # where control that fits is above the limit, so are the ties of its point: it bends them
     bent = np.isin(ground.points.point, control.point[fits & result.tied.above[n_ties:]])
