@@ -160,7 +160,9 @@ def _restated(suspects: Suspects, earlier: Int, later: Suspects) -> Suspects:
     return replace(suspects, unit=unit, **values)
 
 
-def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Suspects, list[Note]]:
+def inherited(
+    initial: Solution | None, *, taken_back: bool = False, groups_back: bool = True
+) -> tuple[Suspects, list[Note]]:
     """Suspects of earlier stages, and notes of what they have left out.
 
     Control or positions of which an earlier stage has left out all are used again: they are wrong together, or what
@@ -170,12 +172,15 @@ def inherited(initial: Solution | None, *, taken_back: bool = False) -> tuple[Su
     ----------
     taken_back : bool
         What was left out is used again; ties of models stay as they were made.
+    groups_back : bool
+        Of control or positions all that was left out is.
     """
     if initial is None:
         return Suspects.empty(), []
     suspects, notes = initial.suspects, []
     staying, of_block = staying_out(suspects), suspects.row >= 0
-    all_out = [] if taken_back else [kind for kind in (CONTROL, POSITION) if _all_left_out(initial, staying, kind)]
+    all_out = [kind for kind in (CONTROL, POSITION) if groups_back and _all_left_out(initial, staying, kind)]
+    all_out = [] if taken_back else all_out
     of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT
     for kinds, what in (
         (all_out, "all of their kind, taken back to be tested as a group"),

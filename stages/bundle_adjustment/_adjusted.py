@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
 from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
 from aatri.adapters.bundle.information_observed import (
@@ -26,7 +28,7 @@ from aatri.checks.at_start.orientations import few_oriented
 from aatri.checks.finding import Finding, report
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import several
-from aatri.notes import tell
+from aatri.notes import Note, tell
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
 from aatri.observations.positions import uses_positions
@@ -79,8 +81,12 @@ def adjusted_bundle(
         tangent, shared = information.tangent_m, linearised_at(information, block)
     source = observation_source(block, image_points, initial, parameters, tangent, shared=shared)
     source = with_row_times(source, options.readout_sigma, options.velocity_sigma)
-    stated = bundle_input(source, options, suspects, searched=searched)
-    inputs, share = _with_information(source, stated, information, context)
+
+    def inputs_with(suspects: Suspects) -> tuple[BundleInput, InformationShare | None]:
+        stated = bundle_input(source, options, suspects, searched=searched)
+        return _with_information(source, stated, information, context)
+
+    inputs, share = inputs_with(suspects)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
     at_start = findings_at_start(source, inputs, of_the_block=initial is None)
     report([*notes, *at_start], context)
@@ -92,7 +98,13 @@ def adjusted_bundle(
             error.what, error.remedy = f"{wrong.what}; {error.what}", wrong.remedy
         report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
         report(few_oriented(initial) if initial is not None else [], context)
-        raise
+        staying, notes = inherited(initial, taken_back=not searched, groups_back=False)
+        if not isinstance(error, ConvergenceError) or np.array_equal(staying.verdict, suspects.verdict):
+            raise
+        suspects, (inputs, share) = staying, inputs_with(staying)
+        done, groups, components = adjusted_block(source, inputs, options, context)
+        text = "no convergence with control or positions of which an earlier stage has left out all: they stay out"
+        tell([Note("warning", text, name) for name in (note.ids for note in notes)], context)
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
             "the Information takes no part: an image or point of it is not adjusted in this block",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from aatri.adapters.bundle.bundle_input import rays_of_rejected_ties
 from aatri.artifacts.suspects import staying_out
+from aatri.errors import ConvergenceError
+from aatri.stages.bundle_adjustment import _adjusted
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.affine import affine
@@ -103,6 +106,27 @@ def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind:
     assert found.suspects.verdict.tolist() == ["rejected"]
     assert row not in found.residuals.row[rows_of(found, kind)]
     assert len(rows_of(found, kind)) == (5 if kind == "position" else 4)
+
+
+def test_positions_that_an_earlier_stage_has_all_rejected_stay_out_where_nothing_converges_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    positions, attempts, adjusted = OF.position_m[::-1] + 20.0, [], _adjusted.adjusted_block
+
+    def diverging_at_first(*given: Any) -> Any:
+        attempts.append(given)
+        if len(attempts) == 1:
+            raise ConvergenceError("no convergence")
+        return adjusted(*given)
+
+    monkeypatch.setattr(_adjusted, "adjusted_block", diverging_at_first)
+    exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), positions, ",0.1,0.1,0.1", ",sX,sY,sZ")
+    block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior)
+    context, rows = Heard(), list(range(len(positions)))
+    solution = bundle(block, points, start(OF, block, suspected("position", rows)), context=context)
+    assert_is_the_block(solution, OF)
+    assert solution.suspects.verdict.tolist() == ["rejected"] * len(rows)
+    assert [text for text in context.warned if "they stay out" in text]
 
 
 def test_a_right_control_point_that_was_rejected_before_does_not_stay_out_in_place_of_a_wrong_one(
