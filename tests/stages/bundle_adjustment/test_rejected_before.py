@@ -111,21 +111,20 @@ def test_control_and_positions_that_were_rejected_stay_out(tmp_path: Path, kind:
 def test_positions_that_an_earlier_stage_has_all_rejected_stay_out_where_nothing_converges_with_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    positions, attempts, adjusted = OF.position_m[::-1] + 20.0, [], _adjusted.adjusted_block
+    positions, failures, adjusted = OF.position_m[::-1] + 20.0, [ConvergenceError("none")], _adjusted.adjusted_block
 
     def diverging_at_first(*given: Any) -> Any:
-        attempts.append(given)
-        if len(attempts) == 1:
-            raise ConvergenceError("no convergence")
+        if failures:
+            raise failures.pop()
         return adjusted(*given)
 
     monkeypatch.setattr(_adjusted, "adjusted_block", diverging_at_first)
     exterior = exterior_rows(OF, angles_deg(OF, "omega-phi-kappa"), positions, ",0.1,0.1,0.1", ",sX,sY,sZ")
     block, points = read(tmp_path, OF, ground=ground_rows(OF, CORNERS), exterior=exterior)
-    context, rows = Heard(), list(range(len(positions)))
-    solution = bundle(block, points, start(OF, block, suspected("position", rows)), context=context)
+    context, suspects = Heard(), suspected("position", range(len(positions)))
+    solution = bundle(block, points, start(OF, block, suspects), context=context)
     assert_is_the_block(solution, OF)
-    assert solution.suspects.verdict.tolist() == ["rejected"] * len(rows)
+    assert (solution.suspects.verdict == "rejected").all()
     assert [text for text in context.warned if "they stay out" in text]
 
 
