@@ -85,7 +85,7 @@ def joined(
     if not runs:
         raise GeometryError(
             f"no strip: none of {len(models.unformed)} pairs of neighbouring images makes a model{_commonest(models)}",
-            remedy="check strip and sequence of the images, and the ids of their points",
+            remedy="check strip and sequence of the images, the ids of their points, principal distance and pixel size",
         )
     table = model_table(models)
     first = np.array([model for run in runs for model in run.models[:-1]], dtype=np.int64)
