@@ -116,7 +116,7 @@ def orient_free(
     if not components:
         raise GeometryError(
             f"no pairs of the {n} images can be oriented to each other",
-            remedy="measure more points that several images have in common; check their ids, the principal distance and the pixel size"
+            remedy="measure more points common to several images; check their ids, principal distance and pixel size"
             + ("; images all taken at one place make no model" if len(turns.left) else ""),
         )
     joined_components, joining_notes = joined(components, rays, image_ids, point_ids, reporter)
