@@ -36,8 +36,8 @@ UNKNOWN = (
 """Cause and remedy of any other factor."""
 
 FLAT = 1e-5
-"""Heights that differ by less than this share of the extent, a centimetre a kilometre, are of no other unit: a flat
-model has a relief of its own errors alone."""
+"""Heights that differ by less than this share of the extent, a centimetre a kilometre, are of no other unit, and flat
+control has none: the model over it has a relief of its own errors alone."""
 
 SPARE = 2
 """Heights beyond the four that the factor takes."""
@@ -107,7 +107,8 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     Z, z = weight * given_m[heights, 2], weight * x[:, 2]
     tilt = weight[:, None] * np.column_stack([np.ones(len(x)), x[:, :2]])
     at_one = _residuals(tilt, Z - z)
-    if np.abs(at_one).max() < FLAT * np.ptp(x[:, :2], axis=0).max():
+    flat_m = FLAT * np.ptp(x[:, :2], axis=0).max()
+    if np.abs(at_one).max() < flat_m or np.abs(_residuals(tilt, Z)).max() < flat_m:
         return None
     left = _residuals(np.column_stack([z, tilt]), Z)
     if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
