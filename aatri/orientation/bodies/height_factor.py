@@ -36,8 +36,8 @@ UNKNOWN = (
 """Cause and remedy of any other factor."""
 
 FLAT = 1e-5
-"""Heights that differ by less than this share of the extent, a centimetre a kilometre, are of no other unit, and flat
-control has none: the model over it has a relief of its own errors alone."""
+"""Heights that differ by less than this share of the extent, a centimetre a kilometre, are of no other unit: a flat
+model has a relief of its own errors alone."""
 
 SPARE = 2
 """Heights beyond the four that the factor takes."""
@@ -54,6 +54,15 @@ NEAR = 0.1
 SURELY = 2.0
 """A factor, or its inverse, beyond this is no matter of a calibration."""
 
+NO_RELIEF = 1e-4
+"""A factor below this is of no unit, but of control that is all of one height: nobody has measured it, or the ground is
+flat, and the model bent by a lens that is not calibrated."""
+
+LEVEL = (
+    "are all alike, and those of the model are not",
+    "give them as measured, or X and Y alone; over flat ground calibrate the camera",
+)
+
 
 @dataclass(frozen=True)
 class HeightFactor:
@@ -68,9 +77,11 @@ class HeightFactor:
     @property
     def certain(self) -> bool:
         """Whether this is no matter of a calibration."""
-        return self.factor > SURELY or self.factor < 1 / SURELY
+        return self.factor > SURELY or (self.factor < 1 / SURELY and abs(self.factor) > NO_RELIEF)
 
     def __str__(self) -> str:
+        if abs(self.factor) <= NO_RELIEF:
+            return f"heights of control {self.cause}"
         return (
             f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "
             f"{self.cause}"
@@ -107,8 +118,7 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     Z, z = weight * given_m[heights, 2], weight * x[:, 2]
     tilt = weight[:, None] * np.column_stack([np.ones(len(x)), x[:, :2]])
     at_one = _residuals(tilt, Z - z)
-    flat_m = FLAT * np.ptp(x[:, :2], axis=0).max()
-    if np.abs(at_one).max() < flat_m or np.abs(_residuals(tilt, Z)).max() < flat_m:
+    if np.abs(at_one).max() < FLAT * np.ptp(x[:, :2], axis=0).max():
         return None
     left = _residuals(np.column_stack([z, tilt]), Z)
     if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
@@ -119,6 +129,8 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     sigma = float(error / np.linalg.norm(relief))
     if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
+    if abs(factor) <= NO_RELIEF:
+        return HeightFactor(factor, sigma, *LEVEL)
     near = min(KNOWN, key=lambda known: abs(factor - known))
     met = abs(factor - near) <= max(3 * sigma, NEAR * abs(near))
     return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))

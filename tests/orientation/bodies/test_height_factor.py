@@ -78,7 +78,10 @@ def test_heights_that_are_guessed_say_nothing_of_their_unit() -> None:
     """Height 0 of all points, give or take 5 m: what relief there is lies within, or may."""
     truth = _control(relief_m=20.0)
     guessed = truth * [1, 1, 0]
-    assert height_factor(_model(truth), guessed, ALL) is not None
+    warned = height_factor(_model(truth), guessed, ALL)
+    assert warned is not None
+    assert "all alike" in str(warned)
+    assert not warned.certain  # a lens that is not calibrated bends a model over flat ground
     assert height_factor(_model(truth), guessed, ALL, np.full(12, 5.0)) is None
 
 
@@ -91,11 +94,9 @@ def test_some_guessed_heights_do_not_hide_the_unit_of_the_others() -> None:
     assert "feet" in found.cause
 
 
-@pytest.mark.parametrize("relief_m", [2e-4, 0.1])
-def test_control_of_exactly_one_height_tells_no_factor(relief_m: float) -> None:
-    """Whatever relief the errors of the model, or a lens that is not yet calibrated, give it."""
+def test_control_of_exactly_one_height_tells_no_factor() -> None:
     rng = np.random.default_rng(8)
     plan_m = rng.uniform(0.0, 500.0, (9, 2))
-    model_m = np.column_stack([plan_m, relief_m * rng.standard_normal(9)])
+    model_m = np.column_stack([plan_m, 2e-4 * rng.standard_normal(9)])
     given_m = np.column_stack([plan_m, np.full(9, 6.0)])
     assert height_factor(model_m, given_m, np.ones((9, 3), dtype=bool), np.zeros(9)) is None
