@@ -15,6 +15,7 @@ from aatri.errors import GeometryError
 from aatri.observations.poses import POINT, Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.settings import BundleSettings
+from aatri.orientation.network.start import NetworkObservations, approximate_coordinates
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 
@@ -198,3 +199,21 @@ def test_exact_distances_that_contradict_each_other_are_refused(
     path.write_text(path.read_text() + "- {type: distance, points: [E, D], value: 72.5, exact: true}\n")
     with pytest.raises(GeometryError, match="exact conditions contradict each other: relative_distance"):
         bundle(tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(max_sigma0=1e9))
+
+
+def test_slope_distances_are_reduced_by_the_heights_that_height_differences_give() -> None:
+    """From three known points to one 50 m above them; slope distances taken for horizontal ones put it elsewhere."""
+    known, unknown = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [20.0, 90.0, 0.0]]), np.array([30.0, 40.0, 50.0])
+    ends, nothing = np.arange(3), np.full(3, -1)
+
+    def measured(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> NetworkObservations:
+        n = len(value)
+        return NetworkObservations(start, end, value, nothing[:n], np.full(n, ""), np.zeros(n))
+
+    network = {
+        "distance": measured(ends, np.full(3, 3), np.linalg.norm(unknown - known, axis=1)),
+        "height_difference": measured(ends[:1], np.array([3]), np.array([50.0])),
+    }
+    xyz, doubtful = approximate_coordinates(network, np.vstack([known, np.full(3, np.nan)]))
+    np.testing.assert_allclose(xyz[3], unknown, atol=1e-6)
+    assert not doubtful
