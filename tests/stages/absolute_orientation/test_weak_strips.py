@@ -17,6 +17,7 @@ from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
 from aatri.stages.strip_formation.scale_transfer import scale_transfer
+from tests.made_strips import ORIGIN_M, MadeBlock
 from tests.stages.bundle_adjustment.test_given_in_part import exterior
 from tests.stages.chain import simulated
 from tests.stages.film_blocks import Told
@@ -196,3 +197,18 @@ def test_a_ray_of_one_image_to_control_holds_a_strip_whose_control_is_on_a_line(
         initial = similarity(block, strips, points)
         done = bundle(block, points, initial)
         np.testing.assert_allclose(done.images.position_m, of.position_m, atol=0.5)
+
+
+def test_a_strip_with_two_control_points_is_tied_by_points_nearly_on_a_line_which_leave_none_of_its_turn_open() -> None:
+    """Nine common points within 3 m of a line 390 m from the far edges; by itself the strip turns about another."""
+    made = MadeBlock(2, 5)
+    row, k = np.arange(len(made.truth)) % 8, np.arange(9)  # of eight rows the third to fifth are common
+    made.truth[row == 3, 1:] = ORIGIN_M[1:] + [205.0, 0.0] + 3.0 * np.column_stack([np.cos(2 * k), np.sin(2 * k)])
+    made._measure()
+    made._strips(np.random.default_rng(2), None, 0.0)
+    made.strip_points = [(s, p, x) for s, p, x in made.strip_points if row[p] != (4, 2)[s]]
+    made.control([p for p in range(len(row)) if row[p] in (0, 1, 7) and p // 8 in (0, 8)])
+    told = Told()
+    solution = similarity(made.block(), made.strips(), made.image_points(), context=told)
+    assert not told.warnings
+    np.testing.assert_allclose(solution.images.position_m, made.truth_X0, atol=1e-3)
