@@ -81,6 +81,9 @@ def test_derivatives_of_directions_are_exact() -> None:
 
         J = complex_step(residual, X[k])
         np.testing.assert_allclose(by_X[k].T @ by_X[k], J.T @ J, atol=1e-10)
+    misfit, (_, of_behind) = records.evaluate({CENTRE: c, POINT: -X}, np.arange(5))
+    np.testing.assert_array_equal(np.abs(misfit), np.tile([0.0, 0.0, 1.0], (5, 1)))
+    np.testing.assert_array_equal(of_behind, 0.0)  # whatever lies behind misses by all there is
 
 
 @pytest.mark.parametrize("linear", [False, True])
