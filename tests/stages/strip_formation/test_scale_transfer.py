@@ -133,6 +133,14 @@ def test_few_connection_points_are_joined_with_a_warning() -> None:
     strips = scale_transfer(made.block, few, context=log)
     assert strips.joints.points.tolist()[0] == 2
     assert any("cannot be located" in warning for warning in log.warnings)
+    assert strips.uncontrolled is not None
+    assert "model_tie" not in strips.uncontrolled.kind  # of two the one contradicts the other
+    drop |= (p.model == 0) & (p.point == common[0])
+    one = dataclasses.replace(models, model_points=p.take(~drop))
+    of_one = scale_transfer(made.block, one, options=ScaleTransferOptions(min_connection_points=1)).uncontrolled
+    assert of_one is not None
+    ties = of_one.take(of_one.kind == "model_tie")
+    assert ties.point.tolist() == [made.block.points.id[common[1]]]
     split = scale_transfer(made.block, few, options=ScaleTransferOptions(min_connection_points=3))
     assert split.strips.id.tolist() == ["1.1", "1.2"]
     assert split.strip_images.image.tolist() == [0, 1, 1, 2, 3]
