@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adjustment.statistics.limits import ALARM
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.groups.score_tests import is_significant, most_fit_better, share_without_largest
+from aatri.orientation.bundle.groups.search import _rejected_before
+from aatri.stages.bundle_adjustment.bundle import BundleOptions
+from tests.stages.bundle_adjustment.test_bundle_input import exterior_rows
+from tests.stages.hand_block import ground_rows, hand, read, start
 
 
 @pytest.mark.parametrize(
@@ -59,3 +67,17 @@ def test_two_wrong_members_of_ten_that_shift_all_of_them_are_no_group() -> None:
     before[:2] = 5.0
     assert not most_fit_better(before, before - 1.0)
     assert most_fit_better(before + 3.0, before)
+
+
+def test_several_that_were_rejected_are_tried_again_of_the_kind_that_has_them(tmp_path: Path) -> None:
+    """Positions and attitudes concern images alone, control points alone; rays concern both, and stay out."""
+    of = hand()
+    exterior = exterior_rows(of, None, tail=",0.1,0.1,0.1", head=",sX,sY,sZ")
+    block, points = read(tmp_path, of, ground=ground_rows(of, (0, 5, 24, 29)), exterior=exterior)
+    observed = bundle_input(observation_source(block, points, start(of, block)), BundleOptions()).observed
+
+    def again(kind: str, count: int) -> list[str]:
+        return _rejected_before([o.without(np.arange(len(o)) < count * (o.kind == kind)) for o in observed])
+
+    assert (again("control", 3), again("position", 3)) == ([POINT], [POSE])
+    assert (again("control", 2), again("image_point", 9)) == ([], [])
