@@ -83,6 +83,7 @@ def test_proposed_factors_leave_the_result_alone(blocks: tuple[Block, Block]) ->
     options = BundleOptions(blunders={"sigmas": "tests"})  # type: ignore[arg-type]
     plain = bundle(blocks[1], calibrated(blocks[1]), options=options)
     np.testing.assert_array_equal(proposed.points.xyz_m, plain.points.xyz_m)
+    assert plain.sigma_scale == 1.0  # the search tests by estimated standard deviations, and states those given
     c = proposed.variance_components
     assert c is not None
     assert set(c.verdict.tolist()) <= {"fits", "proposed"}
