@@ -109,20 +109,22 @@ def test_a_part_that_nothing_joins_is_set_aside_by_name_unless_nothing_holds_the
     assert far.endswith("of a part that nothing holds to the rest (point far0, far1, far2, far3, far4 and 22 more)")
 
 
-def test_an_unknown_that_moves_along_is_named_with_the_motion() -> None:
-    """A common offset of all observed heights is a shift of the net."""
+@pytest.mark.parametrize("levels", [1, 6])
+def test_unknowns_that_move_along_are_named_with_the_motion_four_of_them(levels: int) -> None:
+    """A common offset of all observed heights is a shift of the net, as are those of all levels together."""
     points, distances, start = _net()
     rows = np.arange(len(points.free), dtype=np.int32)
     target, up = start[POINT][:, 2].copy(), np.array([[[0.0, 0.0, 1.0]]])
 
     def evaluate(state, some):
-        v = state[POINT][rows[some], 2] - target[some] - state["offset"][0, 0]
+        v = state[POINT][rows[some], 2] - target[some] - state["offset"][rows[some] % levels, 0]
         return v[:, None], (np.repeat(up, len(some), axis=0), -np.ones((len(some), 1, 1)))
 
-    offset = Unknowns("offset", np.ones((1, 1), bool), ("offset",), ["heights"], add_step)
-    touches = ((POINT, rows), ("offset", np.zeros(len(rows), np.int32)))
+    offset = Unknowns("offset", np.ones((levels, 1), bool), ("offset",), [f"level{k}" for k in range(levels)], add_step)
+    touches = ((POINT, rows), ("offset", rows % levels))
     heights = Records("height", touches, evaluate, np.full((len(rows), 1), 100.0), np.ones(len(rows), bool))
     plan = _observed(points, start, {0: (0, 1), 8: (0, 1)})
     with pytest.raises(GeometryError) as error:
-        adjust_large([points, offset], [distances, heights, plan], {**start, "offset": np.zeros((1, 1))})
-    assert error.value.what.endswith("1 unknown open: shift Z of the whole block with offset of offset heights")
+        adjust_large([points, offset], [distances, heights, plan], {**start, "offset": np.zeros((levels, 1))})
+    along = "".join(f" with offset of offset level{k}" for k in range(min(levels, 4)))
+    assert error.value.what.endswith(f"1 unknown open: shift Z of the whole block{along}")
