@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.artifacts.block import Block
-from aatri.checks.at_start.attitude_convention import attitude_conventions
+from aatri.checks.at_start.attitude_convention import _suits_others, attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.finding import Finding
 from aatri.codes import OBSERVED_VALUE
@@ -144,3 +144,16 @@ def test_attitudes_that_all_lack_one_turn_too_large_for_a_boresight_are_refused_
     (error,) = _of_attitudes(true, true + noise - [0.0, 0.0, 90.0], (0.01, 0.01, 0.01))
     assert "add 90 deg to kappa" in error.remedy
     assert not _of_attitudes(true, true + noise + [0.0, 0.0, 5.0], (0.01, 0.01, 0.01))
+
+
+def test_another_reading_suits_the_others_only_if_most_agree_in_it_whatever_one_is_off() -> None:
+    rng = np.random.default_rng(7)
+    rotation, off = Rotation.random(20, random_state=3), rng.normal(size=(20, 3))
+    wrong = np.where(np.arange(20) == 4, 1.0, 0.0)[:, None]
+
+    def turned(sigma_rad: float, gross: bool) -> np.ndarray:
+        return (rotation * Rotation.from_rotvec(sigma_rad * off + wrong * gross)).as_matrix()
+
+    observed = turned(0.001, gross=True)
+    assert _suits_others(observed, turned(0.001, gross=False), rotation.as_matrix())
+    assert not _suits_others(observed, turned(0.05, gross=False), rotation.as_matrix())
