@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from aatri.geometry.rotations import log_rotation
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from aatri.stages.strip_adjustment.conformal import conformal
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
-from tests.made_strips import Heard, MadeBlock
+from tests.made_strips import HEIGHT_M, Heard, MadeBlock
 
 
 def _adjusted(made, *, components="all", **options):
@@ -238,7 +239,9 @@ def test_strips_that_fit_badly_after_they_were_oriented_are_named_and_the_bundle
     off = np.random.default_rng(3).normal(0, 0.01 * np.abs(p.xyz[:, 2]).mean(), p.xyz.shape) * (p.strip == 1)[:, None]
     bad, heard = replace(strips, strip_points=replace(p, xyz=p.xyz + off)), Heard()
     solution = polynomial(block, points, bad, initial, context=heard)
-    assert any(f"farthest off: strip {strips.strips.id[1]} " in text for text in heard.warnings)
+    (text,) = (text for text in heard.warnings if f"farthest off: strip {strips.strips.id[1]} " in text)
+    off_m, share = map(float, re.findall(r"but by ([0-9.]+) m \(RMS\), ([0-9.]+)% of the distance", text)[0])
+    assert 100 * off_m / share == pytest.approx(HEIGHT_M, rel=0.1)
     assert solution.images.oriented.all()
     with pytest.raises(ConvergenceError, match="beyond max_sigma0 = 20 "):
         polynomial(block, points, bad, initial, options=PolynomialOptions(max_sigma0=20.0))
