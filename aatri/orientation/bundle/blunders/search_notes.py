@@ -58,7 +58,10 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
     reason += "group is wrong"
     if outcome.low_redundancy:
         reason = ": none stands out of so few, and the standard deviations may be too small for all of them"
-    rejected_kind = np.zeros_like(rejected) if outcome.rejected_kinds is None else outcome.rejected_kinds
+    of_kinds = np.zeros_like(rejected) if outcome.rejected_kinds is None else outcome.rejected_kinds
+    rejected_kind = of_kinds.copy()
+    for part in records.parts:  # where most has come back, no kind is out
+        rejected_kind[part] &= rejected[part].sum() > 0.5 * records.native[part].sum()
     categories = (
         (
             rejected & rejected_kind,
