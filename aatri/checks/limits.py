@@ -163,6 +163,9 @@ FEWEST_OF_CONVENTION, BETTER_CONVENTION, CERTAIN_CONVENTION, POOR_CONVENTION_SIG
 """Values of a kind that tell a convention; ratios of the median differences from which on another one is told, and is
 certain: starts are good to 2 %; medians below so many standard deviations are no reason to look."""
 
+REVERSED_RAD = math.radians(1.0)
+"""By how much an azimuth may differ from the opposite of the start, good to 2 % of distances."""
+
 WRONG_ATTITUDES_RAD, AGREEING_READING, SAME_READING, FEWEST_ATTITUDES = math.radians(1.0), 0.2, 1.2, 3
 """Attitudes that scatter by more (the worst MEMS units are good to 0.5 degrees) are in another convention, if one is
 found that scatters by this share of it, and of that of images without any attitudes; readings that agree up to the

@@ -6,7 +6,8 @@ Seen: residuals of a whole kind that are all off, a network turned over or mirro
 Test: each kind is held against the start with its values as they are and as they would be in other conventions; where
 another one fits five times better, and the values as declared are 20 sigma off, the kind is named; where it fits
 `CERTAIN_CONVENTION` times better the bundle does not begin, as it would reject good image points for them. Sets with
-covariances, as of portable frames, each have a unit of their own.
+covariances, as of portable frames, each have a unit of their own. Single azimuths are 180 degrees off, to 1, where from
+and to are exchanged; a gross error of any size is so in one of 180 cases.
 """
 
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from aatri.checks.limits import (
     CERTAIN_CONVENTION,
     FEWEST_OF_CONVENTION,
     POOR_CONVENTION_SIGMAS,
+    REVERSED_RAD,
 )
 from aatri.observations.geodetic import differences, directions, distances, zenith_angles
 from aatri.observations.observed import Observed
@@ -72,7 +74,21 @@ def other_conventions(block: Block, inputs: BundleInput) -> list[Finding]:
                 of_set = o.set_rows is not None
                 where = read_at(block, table, int(rows[unit][0, 0])) if of_set else ""
                 findings += _of_rows(o, table, v[unit][observed], rows[unit][observed], where)
+        if o.kind == directions.AZIMUTH and not any(finding.where == o.kind for finding in findings):
+            findings += _reversed(table, v.ravel(), rows.ravel())
     return findings
+
+
+def _reversed(table: Geodetic, v: Float, rows: Int) -> list[Finding]:
+    """Azimuths of which from and to are exchanged."""
+    e = np.abs(np.angle(np.exp(1j * np.nan_to_num(v))))
+    rows = rows[(np.pi - e < REVERSED_RAD) & (e > POOR_CONVENTION_SIGMAS * table.sigma[rows])]
+    if not len(rows):
+        return []
+    text = f"{len(rows)} of {len(v)} point the other way than the start, to a degree"
+    remedy = "exchange from and to, or check the approximate coordinates: a network turns with its azimuths"
+    ids = tuple(f"{start} to {end}" for start, end in zip(table.start[rows].tolist(), table.end[rows].tolist()))
+    return [Finding("conventions", "warning", text, remedy, ids=ids, where=directions.AZIMUTH)]
 
 
 def _of_rows(o: Observed, table: Geodetic, v: Float, rows: Int, where: str) -> list[Finding]:

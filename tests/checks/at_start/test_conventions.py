@@ -63,6 +63,18 @@ def test_a_kind_written_otherwise_is_named(kind: str, written: Callable[[np.ndar
     assert said in told[0]
 
 
+@pytest.mark.slow(after=1)
+def test_an_azimuth_whose_from_and_to_are_exchanged_is_named() -> None:
+    """The only azimuth of a textbook network turned it by 180 degrees, with the same sigma0 and without a word."""
+    block = made(7, 1000.0, **SURVEY)
+    g = block.geodetic
+    reversed_row = np.arange(len(g.type)) == np.flatnonzero(g.type == "azimuth")[2]
+    start, end = np.where(reversed_row, g.end, g.start), np.where(reversed_row, g.start, g.end)
+    (text,) = _told(replace(block, geodetic=replace(g, start=start, end=end)))
+    assert "1 of 8 point the other way" in text
+    assert f"{start[reversed_row][0]} to {end[reversed_row][0]}" in text
+
+
 @pytest.mark.slow
 def test_what_is_as_declared_is_not_named() -> None:
     for seed in range(1, 5):
