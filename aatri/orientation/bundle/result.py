@@ -4,12 +4,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import Records
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
@@ -121,3 +124,29 @@ def from_result(inputs: BundleInput, result: BundleResult) -> BundleInput:
         observed=observed,
         datum=inputs.datum or {POSE: inputs.poses, POINT: inputs.xyz_m},
     )
+
+
+AT_INFINITY = float(-ndtri(ALARM))
+"""Below it a distance may as well be infinite: one that is exceeds it once in a thousand times."""
+
+
+def distance_tests(result: BundleResult, rays: ImagePointRows) -> tuple[Float, Float]:
+    """Distances D of points from the middle of their images, and the tests t = D / sqrt(u'C u) of their being finite.
+
+    u is the direction, C the covariance; t tests 1 / D against 0, whose error is normal where that of D is not.
+    Source: Civera, Davison and Montiel 2008, Inverse depth parametrization for monocular SLAM.
+
+    Returns
+    -------
+    distance_m : (n_points,) float64, m
+    test : (n_points,) float64
+        NaN without a covariance.
+    """
+    used = np.flatnonzero(result.ray_used)
+    point, image = rays.point[used], rays.image[used]
+    total, count = np.zeros((len(result.xyz_m), 3)), np.bincount(point, minlength=len(result.xyz_m))
+    np.add.at(total, point, result.poses.position_m[image])
+    away_m = result.xyz_m - total / np.where(count > 0, count, np.nan)[:, None]
+    distance_m = np.linalg.norm(away_m, axis=1)
+    along = np.einsum("ni,nij,nj->n", away_m, result.point_covariance_m2, away_m) / distance_m**2
+    return distance_m, distance_m / np.sqrt(np.where(result.point_adjusted & (along > 0), along, np.nan))

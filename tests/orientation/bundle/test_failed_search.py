@@ -29,8 +29,9 @@ from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.groups.failed_search import without_search
+from aatri.orientation.bundle.groups.failed_search import searched_again
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import images_turned_over
 from tests.orientation.bodies.made_body import CORNERS, HEIGHT, MadeBody
@@ -52,9 +53,18 @@ def least_squares(block: BundleInput, _: AdjustOptions) -> BundleResult:
     return adjust.adjust_bundle(block, settings(datum="free"))
 
 
+def without_search(block: BundleInput, adjusted: Any) -> AdjustedBlock:
+    """What is left where the search fails whatever is left out."""
+
+    def failing(_: BundleInput) -> Any:
+        raise FAILURE
+
+    return searched_again(block, failing, adjusted, FAILURE)[0]
+
+
 def test_all_observations_are_used_where_they_fit_and_the_failure_is_a_warning() -> None:
     parts = made_bundle()
-    done = without_search(parts.together(), least_squares, FAILURE)
+    done = without_search(parts.together(), least_squares)
     assert done.result.adjusted.redundancy == 2 * len(parts.rays.image) - 6 * 6 - 3 * 30 + 7
     assert [(note.level, FAILURE.what in note.text) for note in done.notes] == [("warning", True)]
 
@@ -94,7 +104,7 @@ def test_least_squares_that_are_open_at_a_rough_state_are_tried_to_their_end() -
     adjust_once, block = failing_once(adjusted), parts.together()
     with pytest.raises(GeometryError):
         adjust_once(block, AdjustOptions(coarse=True))
-    assert without_search(block, adjust_once, FAILURE).result.adjusted.sigma0 < 1.2
+    assert without_search(block, adjust_once).result.adjusted.sigma0 < 1.2
 
 
 def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -124,7 +134,7 @@ def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeyp
 def test_the_failure_stands_where_the_observations_do_not_fit() -> None:
     parts = made_bundle()
     with pytest.raises(ConvergenceError, match="60 iterations"):
-        without_search(_wrong(parts).together(), least_squares, FAILURE)
+        without_search(_wrong(parts).together(), least_squares)
 
 
 def test_what_an_adjustment_loses_with_its_point_keeps_its_weight() -> None:

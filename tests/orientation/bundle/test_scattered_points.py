@@ -18,6 +18,7 @@ from aatri.orientation.bundle.groups.failed_search import (
     without_wrong_image,
 )
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.rounds import AdjustedBlock
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import settings
 
@@ -66,3 +67,27 @@ def test_an_image_whose_points_have_others_numbers_is_the_one_without_which_a_sm
     assert done[0].adjusted.sigma0 < 1.3  # type: ignore[attr-defined]
     assert out == of_image.tolist()
     assert without_wrong_image(parts.together(), searching, _least_squares) is None
+
+
+def test_a_search_that_points_at_infinity_break_is_made_without_them_and_they_come_back() -> None:
+    """49 real images with a horizon: a gross error was `no convergence`, smaller ones were not looked for."""
+    parts, failure = made_bundle(start_error=0.0), ConvergenceError("no convergence")
+    rays, xy_mm = parts.rays, parts.rays.xy_mm.copy()
+    far = rays.point == 5
+    u = np.einsum("nji,j->ni", parts.poses.ground_from_image[rays.image[far]], [0.1, -0.2, -1.0])
+    xy_mm[far] = -rays.c_mm[far, None] * u[:, :2] / u[:, 2:]
+    xy_mm[far] += np.random.default_rng(3).normal(scale=0.01, size=(int(far.sum()), 2))
+
+    def least_squares(inputs: BundleInput, _: AdjustOptions) -> BundleResult:
+        return adjust_bundle(inputs, settings(datum="minimal"))
+
+    def searching(inputs: BundleInput) -> Any:
+        (of_rays,) = [o for o in inputs.observed if o.kind == "image_point"]
+        if of_rays.records.active[far].any():
+            raise failure
+        return AdjustedBlock(inputs, least_squares(inputs, AdjustOptions())), ()
+
+    block = replace(parts, rays=replace(rays, xy_mm=xy_mm)).together()
+    done, _ = searched_again(block, searching, least_squares, failure)
+    assert done.result.ray_used.all()
+    assert not done.notes

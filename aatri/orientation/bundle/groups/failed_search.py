@@ -8,6 +8,9 @@ An image whose points have others' numbers bends a small block until nothing sta
 refused, or nothing converges, each image is left out on trial; if the block fits without one, and without no other, the
 search is made again with the rays of this one rejected.
 
+Points that may as well be at infinity hardly move the rest. Least squares slows them down, while robust weights drive
+them on: the search is made without them, as if they were not measured, and they come back afterwards.
+
 Else least squares of all observations may fit them. Without some observations, or by other weights, weak points may run
 away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what chance
 explains: that result stands, and a warning says that nothing was searched for. Where sigma0 is larger the failure
@@ -30,6 +33,7 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.orientation.bundle.result import AT_INFINITY, BundleResult, distance_tests, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
 
 SCATTERED = 30.0
@@ -63,13 +67,43 @@ def searched_again(
     if fewer is not block:
         with contextlib.suppress(ConvergenceError, GeometryError):
             return search(fewer)
-    try:
-        return without_search(block, adjust, failure), ()
-    except (ConvergenceError, GeometryError):
-        done = without_wrong_image(block, search, adjust)
-        if done is None:
-            raise
-        return done
+    least_squares = _least_squares(block, adjust)
+    done = None if least_squares is None else without_far_points(block, least_squares.result, search, adjust)
+    if done is None:
+        with_note = None if least_squares is None else _without_search(least_squares, failure)
+        done = without_wrong_image(block, search, adjust) if with_note is None else (with_note, ())
+    if done is None:
+        raise failure
+    return done
+
+
+def without_far_points(
+    block: BundleInput, least_squares: BundleResult, search: Search, adjust: Adjust
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
+    """The search without the points that may as well be at infinity, which come back; None where there are none."""
+    if block.rays is None or POINT not in least_squares.covariances:
+        return None
+    _, test = distance_tests(least_squares, block.rays)
+    far = least_squares.point_adjusted & ~(test >= AT_INFINITY)
+    if not far.any():
+        return None
+    before = from_result(block, least_squares)
+    idle = [_rays_at(o, far, POINT) & o.records.active for o in before.observed]
+    nearer = replace(before, observed=tuple(_switched(o, rows, False) for o, rows in zip(before.observed, idle)))
+    with contextlib.suppress(ConvergenceError, GeometryError):
+        done, groups = search(nearer)
+        whole = tuple(_switched(o, rows, True) for o, rows in zip(done.inputs.observed, idle))
+        inputs = from_result(replace(done.inputs, observed=whole), done.result)
+        inputs = replace(inputs, xyz_m=np.where(far[:, None], block.xyz_m, inputs.xyz_m))
+        return replace(done, inputs=inputs, result=adjust(inputs, AdjustOptions())), groups
+    return None
+
+
+def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
+    """With some rows in use, or not as if they had never been measured: nobody has rejected them."""
+    active = o.records.active | rows if on else o.records.active & ~rows
+    unreduced = None if o.unreduced is None else _switched(o.unreduced, rows, on)
+    return replace(o, records=replace(o.records, active=active), unreduced=unreduced)
 
 
 def without_wrong_image(
@@ -109,33 +143,30 @@ def without_scattered_points(block: BundleInput) -> BundleInput:
 
 def _without_rays(o: Observed, wrong: Bool, group: str = POINT) -> Observed:
     """Without the rays of some points, or images."""
+    rejected = _rays_at(o, wrong, group)
+    return o.again().without(rejected if o.rejected is None else rejected | o.rejected) if rejected.any() else o
+
+
+def _rays_at(o: Observed, these: Bool, group: str) -> Bool:
+    """Rays of some points, or images, among observations of a kind, (n,)."""
     groups = dict(o.records.touches)
-    if o.exact or not {POSE, POINT} <= set(groups):
-        return o
-    rejected = wrong[groups[group]]
-    return o.again().without(rejected if o.rejected is None else rejected | o.rejected)
+    is_ray = not o.exact and {POSE, POINT} <= set(groups)
+    return these[groups[group]] if is_ray else np.zeros(len(o), dtype=bool)
 
 
-def without_search(block: BundleInput, adjust: Adjust, failure: AatriError) -> AdjustedBlock:
-    """Least squares with all observations where these fit, after a search that failed.
-
-    Parameters
-    ----------
-    failure : AatriError
-        Of the search.
-
-    Raises
-    ------
-    AatriError
-        The failure of the search, where least squares fails too or does not fit.
-    """
+def _least_squares(block: BundleInput, adjust: Adjust) -> AdjustedBlock | None:
+    """Least squares with all observations; None where it fails too."""
     try:
-        done = with_readmission(block, lambda inputs: adjust(inputs, AdjustOptions()))
+        return with_readmission(block, lambda inputs: adjust(inputs, AdjustOptions()))
     except (ConvergenceError, GeometryError):
-        raise failure from None
+        return None
+
+
+def _without_search(done: AdjustedBlock, failure: AatriError) -> AdjustedBlock | None:
+    """Least squares with a word on the search that failed; None where it does not fit."""
     redundancy, sigma0 = done.result.adjusted.redundancy, done.result.adjusted.sigma0
     if redundancy < 1 or not sigma0 <= sigma0_interval(redundancy)[1]:
-        raise failure
+        return None
     text = (
         f"gross errors were not searched for: the search failed ({failure.what}); least squares of all observations "
         f"fits with sigma0 {sigma0:.3g}, and is the result; `blunders: none` asks for it at once"
