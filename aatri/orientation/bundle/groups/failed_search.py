@@ -92,8 +92,8 @@ def without_far_points(
     nearer = replace(before, observed=tuple(_switched(o, rows, False) for o, rows in zip(before.observed, idle)))
     with contextlib.suppress(ConvergenceError, GeometryError):
         done, groups = search(nearer)
-        whole = tuple(_switched(o, rows, True) for o, rows in zip(done.inputs.observed, idle))
-        inputs = from_result(replace(done.inputs, observed=whole), done.result)
+        with_far_rays = tuple(_switched(o, rows, True) for o, rows in zip(done.inputs.observed, idle))
+        inputs = from_result(replace(done.inputs, observed=with_far_rays), done.result)
         inputs = replace(inputs, xyz_m=np.where(far[:, None], block.xyz_m, inputs.xyz_m))
         return replace(done, inputs=inputs, result=adjust(inputs, AdjustOptions())), groups
     return None
