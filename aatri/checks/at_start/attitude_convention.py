@@ -9,7 +9,7 @@ proposed in which they agree (`angle_readings`); by nine of ten where the others
 `FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
 common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
 lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Fewer than half that lack one turn of their own, in
-which they agree to `WRONG_ATTITUDES_RAD` in the median, are told together; the adjustment rejects them.
+which most agree to `WRONG_ATTITUDES_RAD`, are told together; the adjustment rejects them.
 """
 
 from functools import partial
@@ -99,14 +99,15 @@ def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Flo
     off = np.flatnonzero(is_off)
     if not FEWEST_ATTITUDES <= len(off) < 0.5 * len(rotation):
         return None
-    if np.median(_unlikely(rows.take(off), rotation[off])) > WRONG_ATTITUDES_RAD:
+    alike = off[_unlikely(rows.take(off), rotation[off]) <= WRONG_ATTITUDES_RAD]
+    if len(alike) < max(FEWEST_ATTITUDES, 0.5 * len(off)):
         return None
-    of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (is_off, ~is_off))
+    of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (alike, ~is_off))
     turn = ", ".join(f"{angle:.1f}" for angle in np.degrees(log_rotation(of_part @ of_others.T)).round(1) + 0.0)
-    text = f"{len(off)} of {len(rotation)} attitudes are turned beside the others by one rotation of {turn} deg "
+    text = f"{len(alike)} of {len(rotation)} attitudes are turned beside the others by one rotation of {turn} deg "
     text += "about the axes of the camera"
     remedy = "check these images: a strip flown back, or measured in photographs that lie the other way"
-    names = tuple(images[rows.image[off]].tolist())
+    names = tuple(images[rows.image[alike]].tolist())
     return Finding("attitude_convention", "warning", text, remedy, where=f"camera {camera}", ids=names)
 
 
