@@ -186,6 +186,12 @@ def test_every_record_and_block_is_in_one_part() -> None:
         assert sorted(np.concatenate([p.rows[k] for p in parts])) == list(range(len(r.active)))
     for u in unknowns:
         assert (sum(p.own[u.name].astype(int) for p in parts) == 1).all()
+    stated = {u.name: u.free for u in unknowns}
+    for p in parts:  # and has all that its records touch
+        free = {u.name: u.free for u in p.unknowns}
+        for r, rows in zip(records, p.rows):
+            for group, block in r.touches:
+                np.testing.assert_array_equal(free[group][block[rows]], stated[group][block[rows]])
     rays = [len(p.rows[0]) for p in parts]
     assert max(rays) < 1.5 * min(rays)
 

@@ -10,6 +10,7 @@ import pytest
 from aatri.adjusting.added_variance import bent, tie_whitener, typical_variance, whitener_beside
 from aatri.adjusting.tied_adjustment import adjust_tied
 from aatri.adjusting.tied_problem import tied_problem
+from aatri.adjusting.tied_solution import _is_steady
 from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.statistics.rejection import Snooping
 from aatri.adjustment.structure.index_problem import prepare
@@ -266,3 +267,13 @@ def test_what_is_open_is_an_error_that_names_the_problem() -> None:
     ties = _linear(np.zeros(4, dtype=int), np.arange(4), RNG.normal(size=(4, 3)), eye, eye, n_strips=1)
     with pytest.raises(GeometryError, match=r"^test: the observations leave"):
         _adjusted(ties, [], 5.0)
+
+
+@pytest.mark.parametrize(("share", "steady"), [(0.9, True), (1.1, False)])
+def test_covariances_are_steady_by_their_share_of_those_with_the_deformation_added(share: float, steady: bool) -> None:
+    """Of equal eigenvalues: (after - before) / (before + tau^2), against a thousandth."""
+    tau_m, before, vectors = 0.1, np.full((4, 3), 1e-4), np.tile(np.eye(3), (4, 1, 1))
+    after = before.copy()
+    after[2] += 1e-3 * share * (before[2] + tau_m**2)
+    one, other = (Spread(values, vectors, lambda _: other) for values in (before, after))
+    assert _is_steady(one, other, tau_m) == steady

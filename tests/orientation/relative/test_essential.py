@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from aatri.geometry.coplanarity import RayPairs, essential_matrix
 from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.kernels import hypotheses
 from aatri.orientation.relative.kernels.five_point import REAL_ROOTS, five_point, roots_within_one
 from aatri.orientation.relative.kernels.plane_twin import twin
 from tests.campaigns.essential import campaign, errors, rays_of, trial
@@ -169,3 +170,17 @@ def test_over_flat_ground_the_orientation_with_the_points_in_front_comes_first()
         found = essential_orientations(rays, np.array([0, len(X)])).orientations
         assert np.abs(found.left_from_right[0] - R).max() < 0.1
         assert found.base[0] @ b > 0.9
+
+
+def test_a_hypothesis_is_judged_by_cauchys_cost_of_all_distances() -> None:
+    """sum log(1 + (v / 3)^2), v with the variance of F by the coordinates; a bound that is exceeded ends it."""
+    rng = np.random.default_rng(8)
+    E, left, right = rng.normal(size=(3, 3)), rng.normal(size=(6, 3)), rng.normal(size=(6, 3))
+    variance = rng.uniform(0.1, 0.3, (6, 4))
+    v, by_left, by_right = np.empty(6), right @ E.T, left @ E
+    spread = (variance[:, :2] * by_left[:, :2] ** 2).sum(axis=1) + (variance[:, 2:] * by_right[:, :2] ** 2).sum(axis=1)
+    wanted = np.einsum("ni,ni->n", left, by_left) / np.sqrt(spread)
+    cost = hypotheses.judge(E, np.hstack([left, right, variance]), np.inf, v)
+    np.testing.assert_allclose(v, wanted, rtol=1e-12)
+    assert cost == pytest.approx(np.log1p((wanted / 3.0) ** 2).sum(), rel=1e-12)
+    assert hypotheses.judge(E, np.hstack([left, right, variance]), 0.9 * cost, v) == np.inf
