@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.adapters.ground.component_bodies import FREE_SHARE, principal_distance_shares
 from aatri.geometry.similarity import transform
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
@@ -207,3 +210,24 @@ def test_strips_whose_common_points_coincide_stay_apart() -> None:
     base, other, rays, _ = _two_strips(False, 3)
     at_one_place = replace(base, xyz=np.where(np.arange(len(base.xyz))[:, None] < 3, base.xyz[0], base.xyz))
     assert by_few_points(at_one_place, other, rays, 3, 0.4) is None
+
+
+class _Cameras:
+    principal_distance_mm = np.full(4, 100.0)
+
+    def __len__(self) -> int:
+        return len(self.principal_distance_mm)
+
+
+def test_principal_distances_of_single_images_are_off_together_and_those_of_several_each_by_itself() -> None:
+    """Cameras of one, one, two and three images; c is known to 1 mm of 100, not at all, exactly, to 2 mm."""
+    of_image = np.array([0, 1, 2, 2, 3, 3, 3])
+    parameters = SimpleNamespace(
+        name=np.array(["principal_distance", "k1", "principal_distance", "principal_distance"]),
+        camera=np.array([0, 2, 1, 3]),
+        sigma=np.array([1.0, 5.0, np.nan, 2.0]),
+        free=np.array([False, True, True, False]),
+    )
+    block = SimpleNamespace(cameras=_Cameras(), images=SimpleNamespace(camera=of_image), camera_parameters=parameters)
+    shares = principal_distance_shares(cast(Any, block), cast(Any, SimpleNamespace(image=np.arange(7))))
+    np.testing.assert_allclose(shares, [[0.01, FREE_SHARE, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.02, 0.02, 0.02]])
