@@ -186,14 +186,28 @@ def test_every_record_and_block_is_in_one_part() -> None:
         assert sorted(np.concatenate([p.rows[k] for p in parts])) == list(range(len(r.active)))
     for u in unknowns:
         assert (sum(p.own[u.name].astype(int) for p in parts) == 1).all()
+    rays = [len(p.rows[0]) for p in parts]
+    assert max(rays) < 1.5 * min(rays)
+
+
+@pytest.mark.parametrize("shift", [0, 20, 70])
+def test_a_part_has_every_block_that_its_records_touch_whichever_comes_first(shift: int) -> None:
+    unknowns, records, _ = _with_camera()
+    n = len(unknowns[0].free)
+
+    def rolled(r: Records) -> Records:
+        return replace(r, touches=tuple((g, (b + shift) % n if g == unknowns[0].name else b) for g, b in r.touches))
+
+    first = unknowns[0]
+    assert first.position is not None
+    first = replace(first, free=np.roll(first.free, shift, 0), position=np.roll(first.position, shift, 0))
+    unknowns, records = (first, *unknowns[1:]), tuple(map(rolled, records))
     stated = {u.name: u.free for u in unknowns}
-    for p in parts:  # and has all that its records touch
+    for p in cut(prepare(unknowns, records, ordering="nested_dissection"), 4):
         free = {u.name: u.free for u in p.unknowns}
         for r, rows in zip(records, p.rows):
             for group, block in r.touches:
                 np.testing.assert_array_equal(free[group][block[rows]], stated[group][block[rows]])
-    rays = [len(p.rows[0]) for p in parts]
-    assert max(rays) < 1.5 * min(rays)
 
 
 def test_who_sends_parts_has_one_at_a_time_in_memory() -> None:
