@@ -19,6 +19,7 @@ import queue
 import random
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,11 +69,11 @@ class Outcome:
         return f"{self.verdict:10} {self.mutant.place}\n    - {old}\n    + {new}\n    {self.by}\n"
 
 
-def all_mutants(root: Path, under: str) -> list[Mutant]:
+def all_mutants(root: Path, under: Sequence[str]) -> list[Mutant]:
     """Every change of the files of `aatri` and `stages` whose path begins so."""
     files = sorted(p for top in ("aatri", "stages") for p in (root / top).rglob("*.py"))
     names = ((path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")) for path in files)
-    return [Mutant(name, source, m) for name, source in names if name.startswith(under) for m in mutations(source)]
+    return [Mutant(name, source, m) for name, source in names if name.startswith(tuple(under)) for m in mutations(source)]
 
 
 def chosen(mutants: list[Mutant], count: int, seed: int) -> list[Mutant]:
@@ -116,7 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100, help="mutants")
     parser.add_argument("--seed", type=int, default=0, help="of their choice")
-    parser.add_argument("--under", default="", help="only files whose path begins so, e.g. aatri/geometry")
+    parser.add_argument("--under", nargs="+", default=[""], help="only files whose path begins so, e.g. aatri/geometry")
     parser.add_argument("--workers", type=int, default=1, help="mutants side by side")
     parser.add_argument("--near", action="store_true", help="only the tests near the mutant")
     parser.add_argument("--reach", type=Path, help="log of which tests call what (see `reach`): only those are run")
