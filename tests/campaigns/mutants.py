@@ -19,7 +19,6 @@ import queue
 import random
 import sys
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,11 +68,11 @@ class Outcome:
         return f"{self.verdict:10} {self.mutant.place}\n    - {old}\n    + {new}\n    {self.by}\n"
 
 
-def all_mutants(root: Path, under: Sequence[str]) -> list[Mutant]:
+def all_mutants(root: Path, under: tuple[str, ...]) -> list[Mutant]:
     """Every change of the files of `aatri` and `stages` whose path begins so."""
     files = sorted(p for top in ("aatri", "stages") for p in (root / top).rglob("*.py"))
     names = ((path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")) for path in files)
-    return [Mutant(name, source, m) for name, source in names if name.startswith(tuple(under)) for m in mutations(source)]
+    return [Mutant(name, source, m) for name, source in names if name.startswith(under) for m in mutations(source)]
 
 
 def chosen(mutants: list[Mutant], count: int, seed: int) -> list[Mutant]:
@@ -130,7 +129,7 @@ def main() -> None:
             trees.put(Tree.copied(ROOT, place / f"worker-{k}", given.limit))
             tree = trees.queue[-1]
         reach = Reach(given.reach, set(tree.distance), tree.imports) if given.reach else None
-        mutants = chosen(all_mutants(ROOT, given.under), given.count, given.seed)
+        mutants = chosen(all_mutants(ROOT, tuple(given.under)), given.count, given.seed)
         with ThreadPoolExecutor(given.workers) as pool:
             outcomes = []
             for one in pool.map(lambda m: outcome(m, trees, known, given.near, reach), mutants):
