@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
+from aatri.observations.poses import POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
@@ -91,3 +93,21 @@ def test_a_search_that_points_at_infinity_break_is_made_without_them_and_they_co
     done, _ = searched_again(block, searching, least_squares, failure)
     assert done.result.ray_used.all()
     assert not done.notes
+
+
+def test_an_image_that_is_left_out_whatever_is_left_out_on_trial_is_the_one() -> None:
+    """With three points on the danger cylinder it was open on the way, and the block of five images lost."""
+    block, tried = made_bundle().together(), list[Any]()
+
+    def adjusting(inputs: BundleInput, _: AdjustOptions) -> Any:
+        (of_rays,) = [o for o in inputs.observed if o.kind == "image_point"]
+        images = np.setdiff1d(dict(of_rays.records.touches)[POSE][of_rays.records.active], [2])
+        adjusted = SimpleNamespace(redundancy=9, sigma0=1.0)
+        return SimpleNamespace(adjusted=adjusted, image_adjusted=np.isin(np.arange(6), images))
+
+    def searching(inputs: BundleInput) -> Any:
+        tried.append(adjusting(inputs, AdjustOptions()).image_adjusted.tolist())
+        return inputs, ()
+
+    assert without_wrong_image(block, searching, adjusting) is not None
+    assert tried == [[True, True, False, True, True, True]]

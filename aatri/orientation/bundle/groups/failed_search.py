@@ -5,8 +5,8 @@ one number, or it is measured far off. Where there are few such points their ray
 made again; it takes back what fits.
 
 An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
-refused, or nothing converges, each image is left out on trial; if the block fits without one, and without no other, the
-search is made again with the rays of this one rejected.
+refused, or nothing converges, each image is left out on trial; if the block fits without one, and never with it, the
+search is made again as if this one had not been measured. So it is with an image that is open on the way only.
 
 Points that may as well be at infinity hardly move the rest. Least squares slows them down, while robust weights drive
 them on: the search is made without them, as if they were not measured, and they come back afterwards.
@@ -24,10 +24,11 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
-from aatri.arrays import Bool
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays
 from aatri.notes import Note
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
@@ -42,8 +43,8 @@ SCATTERED = 30.0
 MOST_SCATTERED = 0.01
 """Share of the points, but one in any case: where more are scattered, the start is wrong."""
 
-MOST_TRIED = 12
-"""Images of a block of which each is left out on trial: in larger ones the search itself finds that one is wrong."""
+MOST_TRIED, MOST_RAYS_TRIED = 12, 50_000
+"""Images that are left out on trial, one by one, of blocks of so many rays at most: beyond, it takes minutes."""
 
 Search = Callable[[BundleInput], tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]]
 
@@ -63,18 +64,27 @@ def searched_again(
     AatriError
         The failure of the search, where neither helps.
     """
+    done = _with_all_images(block, search, adjust, failure)
+    done = without_wrong_image(block, search, adjust) if done is None else done
+    if done is None:
+        raise failure
+    return done
+
+
+def _with_all_images(
+    block: BundleInput, search: Search, adjust: Adjust, failure: AatriError
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
+    """The search without scattered points or those at infinity, or least squares; None where all of these fail."""
     fewer = without_scattered_points(block)
     if fewer is not block:
         with contextlib.suppress(ConvergenceError, GeometryError):
             return search(fewer)
     least_squares = _least_squares(block, adjust)
-    done = None if least_squares is None else without_far_points(block, least_squares.result, search, adjust)
-    if done is None:
-        with_note = None if least_squares is None else _without_search(least_squares, failure)
-        done = without_wrong_image(block, search, adjust) if with_note is None else (with_note, ())
-    if done is None:
-        raise failure
-    return done
+    if least_squares is None:
+        return None
+    done = without_far_points(block, least_squares.result, search, adjust)
+    with_note = _without_search(least_squares, failure)
+    return done if done is not None or with_note is None else (with_note, ())
 
 
 def without_far_points(
@@ -109,18 +119,22 @@ def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
 def without_wrong_image(
     block: BundleInput, search: Search, adjust: Adjust
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
-    """The search without the rays of the one image without which the block fits; None where there is no such image."""
-    rays, fitting = block.rays, list[BundleInput]()
-    images = np.unique(rays.image[rays.active]) if rays is not None else np.zeros(0, dtype=int)
-    for image in images if len(images) <= MOST_TRIED else ():
+    """The search without the rays of the image that is left out wherever the block fits; None where there is none."""
+    rays, fitting = block.rays, list[tuple[Bool, BundleInput]]()
+    for image in [] if rays is None else _doubtful_images(block, rays):
         of_image = np.arange(len(block.image_ids)) == image
-        fewer = replace(block, observed=tuple(_without_rays(o, of_image, POSE) for o in block.observed))
+        observed = tuple(_switched(o, _rays_at(o, of_image, POSE), False) for o in block.observed)
+        fewer = replace(block, observed=observed)
         with contextlib.suppress(ConvergenceError, GeometryError):
-            adjusted = adjust(fewer, AdjustOptions(coarse=True)).adjusted
-            fitting += [fewer] if adjusted.redundancy > 0 and adjusted.sigma0 <= MAX_SIGMA0 else []
-    if len(fitting) == 1:
-        with contextlib.suppress(ConvergenceError, GeometryError):
-            return search(fitting[0])
+            result = adjust(fewer, AdjustOptions(coarse=True))
+            if result.adjusted.redundancy > 0 and result.adjusted.sigma0 <= MAX_SIGMA0:
+                fitting.append((~result.image_adjusted, fewer))
+    for lost, fewer in fitting:
+        if all((lost <= lost_too).all() for lost_too, _ in fitting):  # whatever else is left out, this one is
+            try:
+                return search(fewer)
+            except (ConvergenceError, GeometryError) as failure:
+                return _with_all_images(fewer, search, adjust, failure)
     return None
 
 
@@ -129,21 +143,37 @@ def without_scattered_points(block: BundleInput) -> BundleInput:
     rays = block.rays
     if rays is None:
         return block
-    use = np.flatnonzero(rays.active & block.poses.oriented[rays.image])
-    X0, direction, point = block.poses.position_m[rays.image[use]], rays.directions(block.poses, use), rays.point[use]
-    away_m = intersect_rays(X0, direction, point, len(block.point_ids))[point] - X0
-    length = np.linalg.norm(direction, axis=1) * np.linalg.norm(away_m, axis=1)
+    use, of_ray = _misses(block, rays)
     miss = np.zeros(len(block.point_ids))
-    np.maximum.at(miss, point, np.nan_to_num(np.linalg.norm(np.cross(direction, away_m), axis=1) / length))
+    np.maximum.at(miss, rays.point[use], of_ray)
     scattered = miss > SCATTERED * float(np.median(miss[miss > 0])) if (miss > 0).any() else miss > 0
     if not 0 < scattered.sum() <= max(1.0, MOST_SCATTERED * len(scattered)):
         return block
     return replace(block, observed=tuple(_without_rays(o, scattered) for o in block.observed))
 
 
-def _without_rays(o: Observed, wrong: Bool, group: str = POINT) -> Observed:
-    """Without the rays of some points, or images."""
-    rejected = _rays_at(o, wrong, group)
+def _misses(block: BundleInput, rays: ImagePointRows) -> tuple[Int, Float]:
+    """Rows of the rays that the start places, and the sine by which each misses the point they have in common."""
+    use = np.flatnonzero(rays.active & block.poses.oriented[rays.image])
+    X0, direction, point = block.poses.position_m[rays.image[use]], rays.directions(block.poses, use), rays.point[use]
+    away_m = intersect_rays(X0, direction, point, len(block.point_ids))[point] - X0
+    length = np.linalg.norm(direction, axis=1) * np.linalg.norm(away_m, axis=1)
+    return use, np.nan_to_num(np.linalg.norm(np.cross(direction, away_m), axis=1) / length)
+
+
+def _doubtful_images(block: BundleInput, rays: ImagePointRows) -> list[int]:
+    """All images of a small block; of a larger one those whose rays miss by most at the start; none of a large one."""
+    images = np.unique(rays.image[rays.active])
+    if len(images) > MOST_TRIED:
+        use, of_ray = _misses(block, rays)
+        middle = [np.median(of_ray[rays.image[use] == image]) for image in images]
+        images = images[np.argsort(-np.nan_to_num(middle), kind="stable")[:MOST_TRIED]]
+    return images.tolist() if len(rays.image) <= MOST_RAYS_TRIED else []
+
+
+def _without_rays(o: Observed, points: Bool) -> Observed:
+    """With the rays of some points rejected."""
+    rejected = _rays_at(o, points, POINT)
     return o.again().without(rejected if o.rejected is None else rejected | o.rejected) if rejected.any() else o
 
 
