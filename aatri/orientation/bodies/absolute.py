@@ -172,8 +172,8 @@ def orient_body(
                 raise
             oriented = placed_from(began & near)
         except (ConvergenceError, GeometryError):
-            turned = settings.free or any(o.kind == ATTITUDE for o in observed)
-            refuse_wrong(given_places(observed, state), use, start, None if turned else body.up, what)
+            if not settings.free:
+                refuse_wrong(given_places(observed, state), use, start, _up(observed, body), what)
             raise failure from None
     if settings.free:
         return oriented
@@ -200,10 +200,15 @@ def _placed(
     tied = _adjusted(problem, began, settings)
     to = compose(tied.state[BODY][0], Similarity(-centre, 1.0, np.eye(3)))
     oriented = OrientedBody(to, analysis, tied, began, {**tied.state, **body.on_ground(to)})
-    if not (settings.free or any(o.kind == ATTITUDE for o in problem.ground)):
+    if not settings.free:
         places = oriented.places
-        refuse_mirrored(places, tied.active[places.row], to, body.up, what)
+        refuse_mirrored(places, tied.active[places.row], to, _up(problem.ground, body), what)
     return oriented
+
+
+def _up(observed: Sequence[Observed], body: FreeBody) -> Float | None:
+    """Direction against the mean viewing direction; None where attitudes say whether it is upwards."""
+    return None if any(o.kind == ATTITUDE for o in observed) else body.up
 
 
 def _start(

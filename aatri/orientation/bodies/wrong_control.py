@@ -51,8 +51,7 @@ MOST_BY_ALL, MOST_SEARCHED, SPARE = 12, 4, 4
 least redundancy, as two of three points alone would be exchanged by chance."""
 
 FEW_ITERATIONS = 10
-"""An exchange that explains all begins where the places known in full see it, and ends after two or three; what does
-not end so soon leaves far more."""
+"""An exchange that explains all ends after two or three; what does not end so soon leaves far more."""
 
 BESIDE = 40
 """Positions that are fitted beside the control: so many, evenly taken, show which two are exchanged."""
@@ -64,15 +63,15 @@ FEWEST_MIRRORED, CLEARLY = 5, 0.2
 """Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
 FLAT = 1e-3
-"""Misfit, as a share of the extent, of points that are not mirrored: they fit, or lie in a plane and fit either way."""
+"""Misfit, as a share of the extent, of points that fit, or lie in a plane and fit either way."""
 
 
-def exchanged_of(places: GivenPlaces, up: Float, fewest: int = FEWEST) -> Int:
+def exchanged_of(places: GivenPlaces, up: Float | None, fewest: int = FEWEST) -> Int:
     """Two control points with each other's number, among places known in full; none otherwise.
 
     Parameters
     ----------
-    up : (3,) float64
+    up : (3,) float64, optional
         Direction against the mean viewing direction, in the axes of the places.
     """
     full = np.flatnonzero(places.given.all(axis=1) & np.isin(places.kind, [CONTROL, POSITION]))
@@ -94,7 +93,7 @@ def exchanged_control(
         The first points are control, the others positions, whose numbers nobody exchanges; default: all are control.
     fewest : int
         Of all points.
-    up : (3,) float64, optional
+    up
         See `exchanged_of`.
     """
     exchanged = np.zeros(len(x), dtype=bool)
@@ -185,7 +184,7 @@ class MirroredError(GeometryError):
     """The axes of the control or of the images are mirrored, which is so of all of a block."""
 
 
-def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, what: str) -> None:
+def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float | None, what: str) -> None:
     """Raise if control or images must be mirrored.
 
     Parameters
@@ -194,8 +193,8 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
         Those that are not rejected.
     to : Similarity
         Ground from body.
-    up : (3,) float64
-        Direction against the mean viewing direction, in the body.
+    up : (3,) float64, optional
+        Direction against the mean viewing direction, in the body; None where it may be any, as attitudes say.
 
     Raises
     ------
@@ -206,7 +205,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     reason = _mirrored(kept, to, up)
     if not reason:
         return
-    two = places.name[exchanged_of(places, to.rotation @ up, 3)].tolist()
+    two = places.name[exchanged_of(places, None if up is None else to.rotation @ up, 3)].tolist()
     if two:
         text = f"{what}: {reason}, unless {' and '.join(two)} have each other's number"
         raise GeometryError(text, remedy="exchange the two numbers in the control, or leave both out")
@@ -218,27 +217,38 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float, 
     raise MirroredError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
 
 
-def _mirrored(kept: GivenPlaces, to: Similarity, up: Float) -> str:
+def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
     """Why control or images must be mirrored: control fits much better mirrored, or the images look upwards.
 
     Images of facades, or of what stands above them, may look upwards rightly. Points in a plane fit as well when they
     are mirrored; of these it counts how steeply the images look upwards.
     """
-    steep = -float((to.rotation @ up)[2]) / float(np.linalg.norm(up))
+    steep = 0.0 if up is None else -float((to.rotation @ up)[2]) / float(np.linalg.norm(up))
     if (kept.kind == CONTROL).any():
         text = "oriented by its control the images look upwards, so the control is mirrored"
     else:
         text = "oriented by positions alone the images look upwards, so images have each other's id or position, or "
         text += "the axes of the positions are mirrored"
-    full = kept.given.all(axis=1)
-    if full.sum() >= FEWEST_MIRRORED:
-        x, X = kept.xyz[full], kept.observed_m[full]
-        as_it_is, other = (np.median(robust_closed_form(x, X * [1.0, 1.0, sign])[1]) for sign in (1.0, -1.0))
-        if other < CLEARLY * as_it_is and as_it_is > FLAT * float(np.linalg.norm(np.ptp(X, axis=0))):
+    full = kept.take(np.flatnonzero(kept.given.all(axis=1)))
+    if len(full.row) >= FEWEST_MIRRORED:
+        as_it_is, other = (_misfits_m(full, full.observed_m * [1.0, 1.0, sign]) for sign in (1.0, -1.0))
+        if (
+            (other < CLEARLY * as_it_is) & (as_it_is > FLAT * float(np.linalg.norm(np.ptp(full.observed_m, axis=0))))
+        ).any():
             return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
-        if as_it_is < CLEARLY * other:
+        if as_it_is[0] < CLEARLY * other[0]:
             return ""
     return text if steep > UPWARDS else ""
+
+
+def _misfits_m(places: GivenPlaces, X: Float) -> Float:
+    """Largest median misfit of a kind, by a robust similarity, and root mean square by one of least squares, (2,), m.
+
+    Positions in a plane fit either way, whatever few control points do; so do most of five points.
+    """
+    off = robust_closed_form(places.xyz, X)[1]
+    rms = np.sqrt(np.square(transform(closed_form(places.xyz, X), places.xyz) - X).sum(axis=1).mean())
+    return np.array([max(float(np.median(off[places.kind == kind])) for kind in np.unique(places.kind)), rms])
 
 
 def one_row_off(places: GivenPlaces) -> str:
@@ -279,8 +289,8 @@ def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | Non
         Observations that take part, kind by kind.
     to : Similarity
         Ground from body, about.
-    up : (3,) float64 or None
-        Of `refuse_mirrored`; None where attitudes say how the body lies.
+    up : (3,) float64, optional
+        Of `refuse_mirrored`.
 
     Raises
     ------
@@ -288,5 +298,4 @@ def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | Non
     """
     if row_shift := one_row_off(places):
         raise GeometryError(f"{what}: {row_shift}", remedy=ONE_ROW)
-    if up is not None:
-        refuse_mirrored(places, use[places.row], to, up, what)
+    refuse_mirrored(places, use[places.row], to, up, what)

@@ -160,6 +160,26 @@ def test_mirrored_control_with_relief_is_refused() -> None:
             judged(12, 20.0, True, seed)
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("error_m", [0.0, 100.0])
+def test_two_control_points_beside_positions_in_a_plane_tell_that_the_body_is_mirrored(
+    seed: int, error_m: float
+) -> None:
+    """Whatever way the images look, as where attitudes say it; a wrong control point alone does not."""
+    rng = np.random.default_rng(seed)
+    X = np.array([*([300.0 * k, 400.0 * s, 1000.0] for s in range(3) for k in range(4)), [200, 100, 0], [700, 800, 40]])
+    kind, name = np.array(["position"] * 12 + ["control"] * 2), np.array([f"{k}" for k in range(14)])
+    given, observed = np.ones((14, 3), dtype=bool), X + rng.normal(0, 0.02, X.shape)
+    observed[13, 2] += error_m
+    to, use = Similarity(np.zeros(3), 1.0, np.eye(3)), np.ones(14, dtype=bool)
+    refuse_mirrored(GivenPlaces(kind, name, X, observed, given, np.arange(14)), use, to, None, "body")
+    if not error_m:
+        with pytest.raises(GeometryError, match="mirrored only"):
+            refuse_mirrored(
+                GivenPlaces(kind, name, X * [1, 1, -1], observed, given, np.arange(14)), use, to, None, "body"
+            )
+
+
 @pytest.mark.parametrize("row", [-1, 0, 1])
 def test_positions_are_told_to_stand_one_row_off_only_where_they_do(row: int) -> None:
     """Three flights to and fro, every fourth position with an error of its own."""
