@@ -231,10 +231,9 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
         text += "the axes of the positions are mirrored"
     full = kept.take(np.flatnonzero(kept.given.all(axis=1)))
     if len(full.row) >= FEWEST_MIRRORED:
-        as_it_is, other = (_misfits_m(full, full.observed_m * [1.0, 1.0, sign]) for sign in (1.0, -1.0))
-        if (
-            (other < CLEARLY * as_it_is) & (as_it_is > FLAT * float(np.linalg.norm(np.ptp(full.observed_m, axis=0))))
-        ).any():
+        as_it_is, other = (_misfits_m(full, full.observed_m * [1, 1, sign]) for sign in (1, -1))
+        extent_m = float(np.linalg.norm(np.ptp(full.observed_m, axis=0)))
+        if ((other < CLEARLY * as_it_is) & (as_it_is > FLAT * extent_m)).any():
             return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
         if as_it_is[0] < CLEARLY * other[0]:
             return ""
@@ -247,7 +246,7 @@ def _misfits_m(places: GivenPlaces, X: Float) -> Float:
     Positions in a plane fit either way, whatever few control points do; so do most of five points.
     """
     off = robust_closed_form(places.xyz, X)[1]
-    rms = np.sqrt(np.square(transform(closed_form(places.xyz, X), places.xyz) - X).sum(axis=1).mean())
+    rms = np.sqrt(((transform(closed_form(places.xyz, X), places.xyz) - X) ** 2).sum(axis=1).mean())
     return np.array([max(float(np.median(off[places.kind == kind])) for kind in np.unique(places.kind)), rms])
 
 
