@@ -13,8 +13,9 @@ WEAK_SHARE = 0.95
 
 # --- after: left out
 
-RESECTING = 6
-"""Known points that orient an image: four do, or five of which three lie on a line; six leave one to check."""
+RESECTING, RESECTING_ACROSS = 6, 0.3
+"""Known points that orient an image: four do, or five of which three lie on a line; six leave one to check. They spread
+across by this share of what they do along: those in the side overlap of another strip, a fifth of the image, do not."""
 
 # --- after: hinge image
 

@@ -2,18 +2,18 @@
 
 Seen: images, points and observations that are in the block and not in the result.
 Test: none for most; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted
-points and more have no orientation in which these fit. Control, or positions, of which all are left out are off by the
-same where their n differences lie as near to each other as chance has it once in a thousand blocks: (spread /
-size)^(n - 1), for each coordinate of both kinds.
+points and more, which do not lie along a line, have no orientation in which these fit. Control, or positions, of which
+all are left out are off by the same where their n differences lie as near to each other as chance has it once in a
+thousand blocks: (spread / size)^(n - 1), for each coordinate of both kinds.
 """
 
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.limits import ALARM
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float
 from aatri.checks.finding import Finding
-from aatri.checks.limits import RESECTING
+from aatri.checks.limits import RESECTING, RESECTING_ACROSS
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
@@ -33,7 +33,7 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     images = np.asarray(inputs.image_ids)[~result.image_adjusted & ~set_aside.get(POSE, np.False_)]
     tied = touched_points(inputs)
     points = np.asarray(inputs.point_ids)[tied & ~set_aside.get(POINT, np.False_) & ~result.point_adjusted]
-    unfit = np.isin(images, np.asarray(inputs.image_ids)[_adjusted_points(inputs, result) >= RESECTING])
+    unfit = np.isin(images, np.asarray(inputs.image_ids)[_with_points_enough(inputs, result)])
     for ids, total, what, reason, remedy in (
         (points, len(inputs.point_ids), "points", "too few usable rays", ""),
         (images[~unfit], len(inputs.image_ids), "images", "no start or too few points", ""),
@@ -81,12 +81,17 @@ def _differences(o: AdjustedObservations, result: BundleResult) -> Float:
     return np.where(is_given, o.residuals(result.adjusted.state), np.nan)
 
 
-def _adjusted_points(inputs: BundleInput, result: BundleResult) -> Int:
-    """How many adjusted points each image shows, (n_images,)."""
+def _with_points_enough(inputs: BundleInput, result: BundleResult) -> Bool:
+    """Images that adjusted points would orient, (n_images,): enough of them, and not along a line."""
+    enough = np.zeros(len(inputs.image_ids), dtype=bool)
     if inputs.rays is None:
-        return np.zeros(len(inputs.image_ids), dtype=np.int64)
-    rows = inputs.rays.active & result.point_adjusted[inputs.rays.point]
-    return np.bincount(inputs.rays.image[rows], minlength=len(inputs.image_ids))
+        return enough
+    rows = np.flatnonzero(inputs.rays.active & result.point_adjusted[inputs.rays.point])
+    image, xy_mm = inputs.rays.image[rows], inputs.rays.xy_mm[rows]
+    for k in np.flatnonzero(np.bincount(image, minlength=len(enough)) >= RESECTING).tolist():
+        along, across = np.linalg.svd(xy_mm[image == k] - xy_mm[image == k].mean(axis=0), compute_uv=False)
+        enough[k] = across >= RESECTING_ACROSS * along
+    return enough
 
 
 def _idle(result: BundleResult) -> list[Finding]:

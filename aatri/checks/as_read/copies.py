@@ -4,8 +4,8 @@ Seen: double weight of a measurement, points at one place, an image that contrad
 Test:
 
 1. an image point or geodetic observation whose row is equal to an earlier one in every column;
-2. an image of which every point it shares with an earlier image, and most of both are shared, has the same coordinates:
-   the whole image;
+2. an image of which every point it shares with another image, and most of both are shared, has the same coordinates:
+   the whole image, of the two the one without a row in exterior.csv, or that shares fewer points with those beside it;
 3. a point that has the coordinates of another in two images or more (a second feature at one place): its rows in them;
 4. a control or check point at the coordinates of another, all three equal: it keeps them, without a role.
 
@@ -88,14 +88,26 @@ def _images_twice(block: Block) -> Block:
     copy: dict[int, int] = {}
     for i, j in likely:
         most = max(len(seen[i]), len(seen[j]))
-        if i not in copy and len(seen[i] & seen[j]) == equal[i, j] >= LEAST_SHARE * most:
-            copy.setdefault(j, i)
+        if not {i, j} & set(copy) and len(seen[i] & seen[j]) == equal[i, j] >= LEAST_SHARE * most:
+            first, second = (_fits_in(block, k, other, seen[k]) for k, other in ((i, j), (j, i)))
+            copy |= {i: j} if second > first else {j: i}
     active = block.images.active.copy()
     active[list(copy)] = False
     ids = block.images.id
     reasons = [f"its measurements are those of image {printable(str(ids[i]))}: count once" for i in copy.values()]
     block = rejected(block, "image", block.images, list(copy), [str(ids[j]) for j in copy], reasons)
     return replace(block, images=replace(block.images, active=active))
+
+
+def _fits_in(block: Block, k: int, copy: int, points: set[int]) -> tuple[bool, int]:
+    """Whether something is known of where an image is, and the points it shares with those beside it in its strip."""
+    images, measured = block.images, block.image_points
+    strip = np.flatnonzero((images.strip == images.strip[k]) & (images.strip >= 0) & images.active)
+    strip = strip[(strip != k) & (strip != copy)]
+    apart = images.sequence[strip] - images.sequence[k]
+    beside = [strip[side][np.argmin(np.abs(apart[side]))] for side in (apart < 0, apart > 0) if side.any()]
+    shared = [len(points.intersection(measured.point[measured.image == n].tolist())) for n in beside]
+    return bool((block.exterior.image == k).any()), sum(shared)
 
 
 def _points_twice(block: Block) -> tuple[Block, list[Finding]]:

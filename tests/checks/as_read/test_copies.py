@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
+from aatri.checks.as_read.copies import without_copies
 from aatri.errors import InputError
 from aatri.formats.tables.writer import write_block
 from aatri.progress import Silent
@@ -46,6 +48,19 @@ def test_an_image_given_twice_counts_once_and_both_are_named(tmp_path: Path) -> 
     assert ("image", "i9", "its measurements are those of image i0: count once") in rejects(block)
     assert block.images.active.tolist() == [True] * 4 + [False]
     assert block.image_points.active.sum() == 40
+
+
+def test_of_an_image_given_twice_that_goes_on_which_is_known_or_fits_its_strip(tmp_path: Path) -> None:
+    """A copy before it in the order of ids, at the end of its strip."""
+    of = Written()
+    of.images = ["a0", *of.images]
+    of.points += [row.replace("i1,", "a0,") for row in of.points if row.startswith("i1,")]
+    block = of.read(tmp_path)
+    images, copy = block.images, block.images.id.tolist().index("a0")
+    strip, sequence = np.zeros(len(images), np.int32), np.arange(len(images), dtype=np.int32)
+    sequence[copy] = len(images)
+    as_read = replace(block, images=replace(images, strip=strip, sequence=sequence, active=np.ones(len(images), bool)))
+    assert without_copies(as_read)[0].images.active.tolist() == [i != "a0" for i in images.id.tolist()]
 
 
 @pytest.mark.parametrize("shift", ["0", "0.001"])

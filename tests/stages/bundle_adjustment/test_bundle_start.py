@@ -59,6 +59,22 @@ def test_an_image_with_the_points_of_another_order_is_left_out_and_its_points_ar
     assert "numbers of their points" in text
 
 
+def test_of_an_image_that_shows_points_along_a_line_alone_it_is_not_said_that_they_fit_no_orientation() -> None:
+    block = _without_exterior(30)
+    points = block.image_points
+    of_second = np.flatnonzero(points.image == 1)
+    xy, active = points.xy.copy(), points.active.copy()
+    along = of_second[np.argsort(np.abs(xy[of_second, 0] - np.median(xy[of_second, 0])))][:8]
+    active[of_second], active[along] = False, True
+    xy[along, 0] = np.median(xy[along, 0]) + np.arange(8)
+    xy[along] = np.random.default_rng(2).permutation(xy[along])
+    block, context = replace(block, image_points=replace(points, xy=xy, active=active)), Told()
+    solution = bundle(block, systematic(block, calibrated(block)), context=context)
+    assert solution.images.id[~solution.images.oriented].tolist() == [block.images.id[1]]
+    (text,) = [text for text in context.warnings if "left out" in text and "images)" in text]
+    assert "no start or too few points (1 of 6 images)" in text
+
+
 def test_with_too_little_control_in_every_image_what_is_missing_is_said() -> None:
     block = _without_exterior(3)
     with pytest.raises(GeometryError, match="none sees four control points"):
