@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
-from aatri.checks.as_read.copies import without_copies
 from aatri.errors import InputError
 from aatri.formats.tables.writer import write_block
 from aatri.progress import Silent
@@ -50,17 +48,21 @@ def test_an_image_given_twice_counts_once_and_both_are_named(tmp_path: Path) -> 
     assert block.image_points.active.sum() == 40
 
 
-def test_of_an_image_given_twice_that_goes_on_which_is_known_or_fits_its_strip(tmp_path: Path) -> None:
-    """A copy before it in the order of ids, at the end of its strip."""
-    of = Written()
-    of.images = ["a0", *of.images]
-    of.points += [row.replace("i1,", "a0,") for row in of.points if row.startswith("i1,")]
-    block = of.read(tmp_path)
-    images, copy = block.images, block.images.id.tolist().index("a0")
-    strip, sequence = np.zeros(len(images), np.int32), np.arange(len(images), dtype=np.int32)
-    sequence[copy] = len(images)
-    as_read = replace(block, images=replace(images, strip=strip, sequence=sequence, active=np.ones(len(images), bool)))
-    assert without_copies(as_read)[0].images.active.tolist() == [i != "a0" for i in images.id.tolist()]
+@pytest.mark.parametrize("known", ["i1", "a0", ""])
+def test_of_an_image_given_twice_that_goes_on_which_is_known_or_fits_its_strip(tmp_path: Path, known: str) -> None:
+    """A copy that is before it in the order of ids, and at the end of its strip."""
+    rows = [(k, j, f"{10 + j},{10 + j - k / 8}") for k in range(5) for j in range(5 * k, 5 * k + 15)]
+    points = [f"i{k},p{j},{xy}" for k, j, xy in rows] + [f"a0,p{j},{xy}" for k, j, xy in rows if k == 1]
+    of = Written(
+        images=[*(f"i{k}" for k in range(5)), "a0"],
+        points=points,
+        exterior=[f"{known},0,0,1000,observed"] if known else [],
+    )
+    of.read(tmp_path)
+    images = [*(f"i{k},c,s,{k + 1}" for k in range(5)), "a0,c,s,6"]
+    (tmp_path / "images.csv").write_text("\n".join(["image,camera,strip,sequence", *images]) + "\n")
+    out = "a0" if known != "a0" else "i1"
+    assert [name for kind, name, _ in rejects(read_block(tmp_path)) if kind == "image"] == [out]
 
 
 @pytest.mark.parametrize("shift", ["0", "0.001"])
