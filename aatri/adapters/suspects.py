@@ -173,7 +173,7 @@ def inherited(
     taken_back : bool
         What was left out is used again; ties of models stay as they were made.
     groups_back : bool
-        Of control or positions all that was left out is.
+        Control or positions that were all left out are used again; else they stay out.
     """
     if initial is None:
         return Suspects.empty(), []

@@ -106,7 +106,7 @@ def adjust_tied(
     active: Bool | None = None,
     deformed: bool = True,
     undoubted: Bool | None = None,
-    tau_m: float | None = None,
+    after: tuple[Bool, float] | None = None,
 ) -> TiedResult:
     """Adjust all bodies together, with data snooping and an estimate of their deformation.
 
@@ -118,8 +118,8 @@ def adjust_tied(
         Estimate the deformation of the bodies; else there is none.
     undoubted : (n,) bool, optional
         Observations that are not rejected.
-    tau_m : float, optional
-        Deformation to begin with, that of the same bodies without gross errors; default: none, estimated robustly.
+    after : (n,) bool and float, m, optional
+        What a search with the same bodies has left in use, and their deformation: where this one goes on.
 
     Raises
     ------
@@ -147,17 +147,25 @@ def adjust_tied(
         return clearest_controlled(snooping, replace(pool, room=room[0]), solved, doubtful)
 
     begin = np.ones(len(variances), dtype=bool) if active is None else active
-    known = None if tau_m is None else SearchState(solve(None, begin, tau_m), tau_m, robust=False)
-    searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=known, lean=TiedSolution.lean)
-    del known
+    use, tau_m = begin if after is None else after[0] | kept, 0.0 if after is None else after[1]
+    searched = search(
+        solve,
+        use,
+        snooping,
+        pool,
+        wrong,
+        added=deformed,
+        first=None if after is None else SearchState(solve(None, use, tau_m), tau_m, robust=False),
+        lean=TiedSolution.lean,
+    )
     # Where more of what is observed of the ground contradicts the rest than there is room for, all of its kind is kept.
     full = replace(pool, room=room[0]) if room else pool
     crowded, back = overfull(snooping, full, searched.above & ~pool.carrier, searched.active, begin)
     if room and back.any():
         room[0][crowded] = 0
-        again = searched.first
+        use, again = use | back, searched.first if after is None else None
         del searched
-        searched = search(solve, begin, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
+        searched = search(solve, use, snooping, pool, wrong, added=deformed, first=again, lean=TiedSolution.lean)
         del again
     bends = bent_ties(searched.solved, searched.active, snooping.limit)
     above = searched.above & ~kept & ~bends

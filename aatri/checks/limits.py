@@ -270,9 +270,9 @@ the heights on; points beyond which it is asked only with tests of observations:
 SMALL_TEST = 2.0
 """Relative orientation rejects points for large residuals, and with smaller ones than this for one reason alone."""
 
-FEWEST_MEETING, MEETING, MOST_MEETING, MOST_IMAGES = 3, 5.0, 30, 4
+FEWEST_MEETING, MEETING, APART, MOST_MEETING, MOST_IMAGES = 3, 5.0, 3.0, 30, 4
 """Rays that meet by more than chance, and by how many standard deviations they may miss, or times what rays in use do;
-rays of a point of which all pairs are tried; images told of one."""
+times that by which they are off the first place; rays of a point of which all pairs are tried; images told of one."""
 
 CONTROL_SHARE = 1.0 / 3.0
 """Of control, of what the block gives without its errors: then it adds 5.4 % (lecture notes on close range, 5.1)."""

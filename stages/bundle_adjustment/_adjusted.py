@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
 from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
@@ -93,18 +92,26 @@ def adjusted_bundle(
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
     except (ConvergenceError, GeometryError) as error:
-        # which may be the reason
-        for wrong in [f for f in at_start if isinstance(f, Finding) and f.cause == "start_rays"]:
-            error.what, error.remedy = f"{wrong.what}; {error.what}", wrong.remedy
-        report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
-        report(few_oriented(initial) if initial is not None else [], context)
-        staying, notes = inherited(initial, taken_back=not searched, groups_back=False)
-        if not isinstance(error, ConvergenceError) or np.array_equal(staying.verdict, suspects.verdict):
-            raise
-        suspects, (inputs, share) = staying, inputs_with(staying)
-        done, groups, components = adjusted_block(source, inputs, options, context)
-        text = "no convergence with control or positions of which an earlier stage has left out all: they stay out"
-        tell([Note("warning", text, name) for name in (note.ids for note in notes)], context)
+        left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
+        staying_out = left_out.verdict != suspects.verdict
+        again = isinstance(error, ConvergenceError) and staying_out.any()
+        try:
+            if not again:
+                raise error
+            inputs, share = inputs_with(left_out)
+            done, groups, components = adjusted_block(source, inputs, options, context)
+        except (ConvergenceError, GeometryError):
+            # which may be the reason
+            for wrong in [f for f in at_start if isinstance(f, Finding) and f.cause == "start_rays"]:
+                if isinstance(error, ConvergenceError):
+                    error.what, error.remedy = f"{wrong.what}; {error.what}", f"{wrong.remedy}; else {error.remedy}"
+            report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
+            report(few_oriented(initial) if initial is not None else [], context)
+            raise error from None
+        counts = Counter(suspects.kind[staying_out].tolist())
+        text = "all of a kind that an earlier stage has left out stays out: with it the bundle does not converge"
+        tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
+        suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
             "the Information takes no part: an image or point of it is not adjusted in this block",

@@ -10,7 +10,6 @@ from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.exchanged_at_start import without_exchanged
 from aatri.adjustment.settings import SolverSettings
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
 from aatri.errors import ConvergenceError, GeometryError
@@ -101,8 +100,10 @@ def _searched(
             if searching.method == "none":
                 raise
             return searched_again(block, in_all, adjust, failure)
-        unfit = done.result.adjusted.sigma0 * done.scale > MAX_SIGMA0 and searching.method != "none" and not groups
-        return (without_wrong_image(block, in_all, adjust) if unfit else None) or (done, groups)
+        most = options.max_sigma0
+        if most is None or searching.method == "none" or groups or not done.result.adjusted.sigma0 * done.scale > most:
+            return done, groups
+        return without_wrong_image(block, in_all, adjust, most) or (done, groups)
 
     if searching.method == "robust":
         done = robustly(inputs, adjust, searching)

@@ -1,6 +1,6 @@
 """Strip block adjustment: artifacts to strips on the ground, and adjusted strips to a Solution."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,7 +146,7 @@ def adjust_strips(
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
 
     def adjust(
-        begin: Callable[[Sequence[Observed]], Bool], undoubted: Bool | None = None, tau_m: float | None = None
+        undoubted: Bool | None = None, after: tuple[Bool, float] | None = None
     ) -> tuple[StripPolynomials, DeformedCovariances]:
         result = adjust_strip_polynomials(
             ground.points,
@@ -157,24 +157,23 @@ def adjust_strips(
             point_ids=block.points.id,
             degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
             basis=basis,
-            begin=begin,
+            begin=begin if undoubted is None else lambda observed: begin(observed) | undoubted,
             limit=limit,
             undoubted=undoubted,
-            tau_m=tau_m,
+            after=after,
         )
         return result, deformed_covariances(result, ground.points, len(block.points), ground.axes, control, models)
 
-    result, deformed = adjust(begin)
+    result, deformed = adjust()
     fits = fits_deformed(result, deformed, control)
     notes = []
     if (back := fits & ~result.tied.active[n_ties:]).any():
         ids = tuple(block.points.id[control.point[back]].tolist())
         text = "control that only the deformation of the strips puts off takes part, and is not rejected"
         notes.append(Note("note", text, ids))
-        undoubted, tau_m = np.append(np.zeros(n_ties, dtype=bool), fits), result.tied.tau_m
-        without_errors = result.tied.active | undoubted
+        undoubted, after = np.append(np.zeros(n_ties, dtype=bool), fits), (result.tied.active, result.tied.tau_m)
         del result, deformed  # as large as what follows
-        result, deformed = adjust(lambda _: without_errors, undoubted, tau_m)
+        result, deformed = adjust(undoubted, after)
         fits = fits_deformed(result, deformed, control)
     # where control that fits is above the limit, so are the ties of its point: it bends them
     bent = np.isin(ground.points.point, control.point[fits & result.tied.above[n_ties:]])

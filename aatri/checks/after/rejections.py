@@ -4,7 +4,8 @@ Seen: observations that the stage leaves out; control that never reached it; two
 Test: that of the stage; numbers are exchanged where each of two rejected observations lies where the other is given, to
 a twentieth of their distance (`adjustment.statistics.exchanged`). Two objects have one number where three rays and more
 that are left out meet in another place than the rays used, or three others: nearer than `MEETING` times their standard
-deviations and what rays in use miss. Three with errors of 50 standard deviations meet so once in a thousand.
+deviations and what rays in use miss, and all off the first place by `APART` times that. Three with errors of 50
+standard deviations of their own meet so once in a thousand, by the share of their field that lies so near a place.
 """
 
 import itertools
@@ -18,7 +19,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.finding import Finding
-from aatri.checks.limits import FEWEST_MEETING, MEETING, MOST_IMAGES, MOST_MEETING, SMALL_TEST
+from aatri.checks.limits import APART, FEWEST_MEETING, MEETING, MOST_IMAGES, MOST_MEETING, SMALL_TEST
 from aatri.geometry.intersection import intersect_rays
 from aatri.ids import several, shown
 from aatri.notes import EXCHANGED, REJECTED, Note
@@ -144,7 +145,8 @@ def two_objects(
         if len(first) < FEWEST_MEETING and not len(in_use) > 1:
             continue
         other, second = _meeting(rays, result, np.setdiff1d(of_point, first), allowed)
-        if len(second) >= FEWEST_MEETING:
+        apart = _miss(rays, result, second, np.repeat(place[None], len(second), axis=0))
+        if len(second) >= FEWEST_MEETING and apart.min() > APART * allowed:  # else they are rays of it, badly measured
             images = shown(np.asarray(image_ids)[rays.image[second]].tolist(), MOST_IMAGES)
             names.append(f"{point_ids[point]} ({length(float(np.linalg.norm(other - place)))} off in {images})")
     if not names:
@@ -171,7 +173,7 @@ def _miss(rays: ImagePointRows, result: BundleResult, rows: Int, xyz_m: Float) -
     """Angles between rays and where places are seen, in standard deviations of an image point, (k,)."""
     u, away = rays.directions(result.poses, rows), xyz_m - result.poses.position_m[rays.image[rows]]
     angle = np.arctan2(np.linalg.norm(np.cross(u, away), axis=1), np.einsum("ni,ni->n", u, away))
-    sigma = np.linalg.norm(rays.sigma_mm[rows], axis=1) / np.linalg.norm(u, axis=1)
+    sigma = np.linalg.norm(rays.sigma_mm[rows], axis=1) / np.sqrt(2.0) / np.linalg.norm(u, axis=1)
     return np.asarray(np.nan_to_num(angle / sigma, nan=np.inf))
 
 

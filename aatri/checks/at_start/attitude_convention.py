@@ -8,8 +8,8 @@ or in nine of ten, as one strip of three flown the other way does. Then the read
 proposed in which they agree (`angle_readings`); by nine of ten where the others agree in it as well as before, and
 `FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
 common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
-lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Fewer than half that lack one turn of their own, in
-which most agree to `WRONG_ATTITUDES_RAD`, are told together; the adjustment rejects them.
+lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Fewer than half that lack one turn of their own,
+larger than that, in which most agree to `WRONG_ATTITUDES_RAD`, are told together.
 """
 
 from functools import partial
@@ -103,7 +103,10 @@ def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Flo
     if len(alike) < max(FEWEST_ATTITUDES, 0.5 * len(off)):
         return None
     of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (alike, ~is_off))
-    turn = ", ".join(f"{angle:.1f}" for angle in np.degrees(log_rotation(of_part @ of_others.T)).round(1) + 0.0)
+    turn_rad = log_rotation(of_part @ of_others.T)
+    if np.linalg.norm(turn_rad) <= LARGEST_BORESIGHT_RAD:  # by less a start may be off, where control holds it badly
+        return None
+    turn = ", ".join(f"{angle:.1f}" for angle in np.degrees(turn_rad).round(1) + 0.0)
     text = f"{len(alike)} of {len(rotation)} attitudes are turned beside the others by one rotation of {turn} deg "
     text += "about the axes of the camera"
     remedy = "check these images: a strip flown back, or measured in photographs that lie the other way"

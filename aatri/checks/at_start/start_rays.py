@@ -126,8 +126,8 @@ def _exchanged(rays: _Rays, declared: Float, names: list[str]) -> list[Finding]:
         order[[a, b]] = b, a
         own = rays.angles_rad(declared, rays.position_m, ~of_two)
         other = rays.angles_rad(declared[order], rays.position_m[order], ~of_two)
-        missing = min(_median(own[rays.image == k]) for k in (a, b))
-        left = max(_median(other[rays.image == k]) for k in (a, b))
+        missing = float(np.min([_median(own[rays.image == k]) for k in (a, b)]))  # NaN where one of the two is
+        left = float(np.max([_median(other[rays.image == k]) for k in (a, b)]))
         if missing > POOR_START_RAD and left <= min(WRONG_ATTITUDES_RAD, AGREEING_READING * missing):
             text = f"rays of two images miss what the others intersect by {np.degrees(missing):.3g} deg, with their "
             text += f"start orientations exchanged by {np.degrees(left):.2g} deg"

@@ -246,14 +246,14 @@ def _start(
             raise GeometryError(text, remedy="exchange the two numbers in the control, or " + error.remedy) from error
         return start
 
-    if len(exchanged):
-        return begin_without(exchanged)
     try:
-        start, failure = begin(), None
+        start, failure = begin_without(exchanged) if len(exchanged) else begin(), None
     except ConvergenceError as error:
         if not settings.exchanged:
             raise
         start, failure = level, error
+    if len(exchanged):
+        return start
     places = all_places.take(use[all_places.row])
     if settings.exchanged and (failure is not None or not fits(places, places.xyz @ level.rotation, body, start)):
         exchanged = exchanged_by_all(observed, observe, body, use, level)

@@ -54,10 +54,6 @@ NEAR = 0.1
 SURELY = 2.0
 """A factor, or its inverse, beyond this is no matter of a calibration."""
 
-NO_RELIEF = 1e-4
-"""A factor below this is of no unit, but of control that is all of one height: nobody has measured it, or the ground is
-flat, and the model bent by a lens that is not calibrated."""
-
 LEVEL = (
     "are all alike, and those of the model are not",
     "give them as measured, or X and Y alone; over flat ground calibrate the camera",
@@ -77,10 +73,10 @@ class HeightFactor:
     @property
     def certain(self) -> bool:
         """Whether this is no matter of a calibration."""
-        return self.factor > SURELY or (self.factor < 1 / SURELY and abs(self.factor) > NO_RELIEF)
+        return self.cause != LEVEL[0] and (self.factor > SURELY or self.factor < 1 / SURELY)
 
     def __str__(self) -> str:
-        if abs(self.factor) <= NO_RELIEF:
+        if self.cause == LEVEL[0]:
             return f"heights of control {self.cause}"
         return (
             f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "
@@ -117,9 +113,11 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     weight = least / np.maximum(sigma_Z, least)
     Z, z = weight * given_m[heights, 2], weight * x[:, 2]
     tilt = weight[:, None] * np.column_stack([np.ones(len(x)), x[:, :2]])
-    at_one = _residuals(tilt, Z - z)
-    if np.abs(at_one).max() < FLAT * np.ptp(x[:, :2], axis=0).max():
+    at_one, flat_m = _residuals(tilt, Z - z), FLAT * np.ptp(x[:, :2], axis=0).max()
+    if np.abs(at_one).max() < flat_m:
         return None
+    if np.ptp(given_m[heights, 2]) < flat_m:  # of no unit; nobody has measured them, or the model is bent
+        return None if sigma_Z.any() else HeightFactor(0.0, 0.0, *LEVEL)
     left = _residuals(np.column_stack([z, tilt]), Z)
     if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
         return None
@@ -129,8 +127,6 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     sigma = float(error / np.linalg.norm(relief))
     if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
-    if abs(factor) <= NO_RELIEF:
-        return HeightFactor(factor, sigma, *LEVEL)
     near = min(KNOWN, key=lambda known: abs(factor - known))
     met = abs(factor - near) <= max(3 * sigma, NEAR * abs(near))
     return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))

@@ -62,7 +62,7 @@ def adjust_strip_polynomials(
     begin: Callable[[Sequence[Observed]], Bool] | None = None,
     limit: float | None = None,
     undoubted: Bool | None = None,
-    tau_m: float | None = None,
+    after: tuple[Bool, float] | None = None,
 ) -> StripPolynomials:
     """Adjust all strips together.
 
@@ -83,8 +83,8 @@ def adjust_strip_polynomials(
         Test statistic of a wrong tie or control point; default: by the number of tests.
     undoubted : (n,) bool, optional
         Observations that are not rejected, strip points and control.
-    tau_m : float, optional
-        Deformation to begin with (`adjust_tied`).
+    after : (n,) bool and float, m, optional
+        Of `adjust_tied`.
     """
     degrees, falls = np.tile(np.broadcast_to(degree, len(axes))[:, None], (1, 2)), []
     strips = np.arange(len(axes)).astype(np.str_) if names is None else names
@@ -106,14 +106,13 @@ def adjust_strip_polynomials(
         degrees, fell = determined_degrees(complete, design, use, degrees, basis)
         falls += fell
         free = kept_coefficients(degrees, basis)
-        tied = adjust_tied(
-            complete if free.all() else with_free(free), rule, active=use, undoubted=undoubted, tau_m=tau_m
-        )
+        problem = complete if free.all() else with_free(free)
+        tied = adjust_tied(problem, rule, active=use, undoubted=undoubted, after=after)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
         if not lost or not determined_degrees(complete, design, tied.active, degrees, basis)[1]:
             break
-        use = tied.active
+        use, after = tied.active, None
     return StripPolynomials(
         degree=degrees,
         falls=tuple(falls),

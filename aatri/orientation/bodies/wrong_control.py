@@ -50,11 +50,9 @@ MOST_BY_ALL, MOST_SEARCHED, SPARE = 12, 4, 4
 """Control points of which each two are tried by all observations, and where all headings are tried for each two; the
 least redundancy, as two of three points alone would be exchanged by chance."""
 
-FEW_ITERATIONS = 10
-"""An exchange that explains all ends after two or three; what does not end so soon leaves far more."""
-
-BESIDE = 40
-"""Positions that are fitted beside the control: so many, evenly taken, show which two are exchanged."""
+FEW_ITERATIONS, BESIDE = 10, 40
+"""An exchange that explains all ends after two or three iterations, what does not leaves far more; positions that are
+fitted beside the control: so many, evenly taken, show which two are exchanged."""
 
 CLEARLY_UPWARDS = 0.17
 """Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
@@ -241,13 +239,14 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
 
 
 def _misfits_m(places: GivenPlaces, X: Float) -> Float:
-    """Largest median misfit of a kind, by a robust similarity, and root mean square by one of least squares, (2,), m.
+    """Largest median misfit of a kind, by a robust similarity; root mean square by one of least squares; (2,), m.
 
     Positions in a plane fit either way, whatever few control points do; so do most of five points.
     """
     off = robust_closed_form(places.xyz, X)[1]
     rms = np.sqrt(((transform(closed_form(places.xyz, X), places.xyz) - X) ** 2).sum(axis=1).mean())
-    return np.array([max(float(np.median(off[places.kind == kind])) for kind in np.unique(places.kind)), rms])
+    several = [k for k in np.unique(places.kind) if (places.kind == k).sum() > 1]  # one point alone may be wrong
+    return np.array([max(float(np.median(off[places.kind == kind])) for kind in several), rms])
 
 
 def one_row_off(places: GivenPlaces) -> str:

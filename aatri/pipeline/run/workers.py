@@ -150,21 +150,31 @@ class _Here:
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8
 """Parameters of mallopt(3)."""
 _AMPLE = 16
-"""Memory of the machine over the size of a stage's inputs. Stages take some five times the size of their inputs, at
-most: with ample memory what they free is kept, as fresh pages cost a fifth of a run (4,000 images)."""
+"""Memory over the size of a stage's inputs, with which it is ample: stages take some five times that size (4,000 and
+16,000 images), and three times as much leaves room for what arrays that come and go leave unused between them."""
+_KEPT_BYTES, _TRIMMED_BYTES = (64 << 20, 32 << 20), 256 << 20
+"""Arrays up to this size are kept with ample memory, as far as the C library allows, and so much at the end of all:
+fresh pages were a fifth of the processor time of 4,000 images; with 64 MB a quarter of that is left, with 32 half."""
 
 
 def _prepare_memory(task: Task, jobs: int = 1) -> None:
-    """Keep arrays below 64 MB that are freed where memory is ample; else let the system have all that is free."""
+    """Keep arrays that are freed where memory is ample; else let the system have all that is free."""
     size = sum(int(record["output"]["size"]) for record in task.inputs.values())
     with contextlib.suppress(OSError, AttributeError, ValueError):  # glibc alone has it
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        library, is_ample = ctypes.CDLL(None), _AMPLE * jobs * size < min(memory, _memory_limit())
+        library, is_ample = ctypes.CDLL(None), _AMPLE * jobs * size < min(_memory(), _memory_limit())
         library.mallopt(_ARENA_MAX, 1)  # arenas of threads return what they have on their own terms
-        library.mallopt(_MMAP_THRESHOLD, (64 if is_ample else 4) << 20)
-        library.mallopt(_TRIM_THRESHOLD, 256 << 20 if is_ample else 128 << 10)
+        any(library.mallopt(_MMAP_THRESHOLD, size) for size in (_KEPT_BYTES if is_ample else (4 << 20,)))
+        library.mallopt(_TRIM_THRESHOLD, _TRIMMED_BYTES if is_ample else 128 << 10)
         if not is_ample:
             library.malloc_trim(0)
+
+
+def _memory() -> float:
+    """Bytes of the machine, or of the container."""
+    machine = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with contextlib.suppress(OSError, ValueError):  # "max" is no number: no limit
+        return min(machine, float(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii"))))
+    return machine
 
 
 class _Processes:

@@ -75,9 +75,9 @@ def test_one_wrong_height_and_too_few_heights_say_nothing() -> None:
 
 
 def test_heights_that_are_guessed_say_nothing_of_their_unit() -> None:
-    """Height 0 of all points, give or take 5 m: what relief there is lies within, or may."""
+    """One height of all points, give or take 5 m: what relief there is lies within, or may."""
     truth = _control(relief_m=20.0)
-    guessed = truth * [1, 1, 0]
+    guessed = np.column_stack([truth[:, :2], np.full(12, 350.0)])
     warned = height_factor(_model(truth), guessed, ALL)
     assert warned is not None
     assert "all alike" in str(warned)

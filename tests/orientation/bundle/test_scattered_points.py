@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
+from aatri.observations.control import Control
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
 from aatri.orientation.bundle.groups.failed_search import (
     searched_again,
+    without_far_points,
     without_scattered_points,
     without_wrong_image,
 )
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, distance_tests
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import settings
@@ -62,11 +64,11 @@ def test_an_image_whose_points_have_others_numbers_is_the_one_without_which_a_sm
     def searching(inputs: BundleInput) -> Any:
         (of_rays,) = [o for o in inputs.observed if o.kind == "image_point"]
         out.extend(np.flatnonzero(~of_rays.records.active).tolist())
-        return _least_squares(inputs, AdjustOptions()), ()
+        return AdjustedBlock(inputs, _least_squares(inputs, AdjustOptions())), ()
 
     done = without_wrong_image(block, searching, _least_squares)
     assert done is not None
-    assert done[0].adjusted.sigma0 < 1.3  # type: ignore[attr-defined]
+    assert done[0].result.adjusted.sigma0 < 1.3
     assert out == of_image.tolist()
     assert without_wrong_image(parts.together(), searching, _least_squares) is None
 
@@ -92,22 +94,41 @@ def test_a_search_that_points_at_infinity_break_is_made_without_them_and_they_co
     block = replace(parts, rays=replace(rays, xy_mm=xy_mm)).together()
     done, _ = searched_again(block, searching, least_squares, failure)
     assert done.result.ray_used.all()
-    assert not done.notes
+    (note,) = done.notes
+    assert note.ids == (str(block.point_ids[5]),)
 
 
-def test_an_image_that_is_left_out_whatever_is_left_out_on_trial_is_the_one() -> None:
-    """With three points on the danger cylinder it was open on the way, and the block of five images lost."""
-    block, tried = made_bundle().together(), list[Any]()
+def test_exact_control_is_not_at_infinity_where_a_search_fails() -> None:
+    """It has no standard deviation in any direction, and so no test of its distance."""
+    parts = made_bundle(start_error=0.0)
+    rows, C = np.arange(4, dtype=np.int32), np.zeros((4, 3, 3))
+    control = Control(rows, rows, parts.xyz_m[:4], C, np.zeros((4, 3), dtype=bool), np.ones((4, 3), dtype=bool))
+    block = replace(parts, control=control).together()
+    result = adjust_bundle(block, settings())
+    assert np.isnan(distance_tests(result, block.rays)[1][:4]).all()  # type: ignore[arg-type]
+    assert without_far_points(block, result, lambda _: pytest.fail("searched"), _least_squares) is None
+
+
+@pytest.mark.parametrize("is_held", [False, True])
+def test_an_image_that_is_left_out_whatever_is_left_out_on_trial_is_the_one(is_held: bool) -> None:
+    """With three points on the danger cylinder it was open on the way, and the block of five images lost.
+
+    A position and an attitude adjust an image that has no rays in use, and nothing else tells of it.
+    """
+    block, images_in_use = made_bundle().together(), list[Any]()
 
     def adjusting(inputs: BundleInput, _: AdjustOptions) -> Any:
         (of_rays,) = [o for o in inputs.observed if o.kind == "image_point"]
-        images = np.setdiff1d(dict(of_rays.records.touches)[POSE][of_rays.records.active], [2])
-        adjusted = SimpleNamespace(redundancy=9, sigma0=1.0)
-        return SimpleNamespace(adjusted=adjusted, image_adjusted=np.isin(np.arange(6), images))
+        used = of_rays.records.active & (dict(of_rays.records.touches)[POSE] != 2)
+        return SimpleNamespace(adjusted=SimpleNamespace(redundancy=9, sigma0=1.0), ray_used=used)
 
     def searching(inputs: BundleInput) -> Any:
-        tried.append(adjusting(inputs, AdjustOptions()).image_adjusted.tolist())
-        return inputs, ()
+        used = adjusting(inputs, AdjustOptions()).ray_used
+        images_in_use.append(np.unique(dict(inputs.observed[0].records.touches)[POSE][used]).tolist())
+        image_adjusted = np.isin(np.arange(6), images_in_use[0]) | is_held
+        return AdjustedBlock(inputs, SimpleNamespace(image_adjusted=image_adjusted)), ()  # type: ignore[arg-type]
 
-    assert without_wrong_image(block, searching, adjusting) is not None
-    assert tried == [[True, True, False, True, True, True]]
+    done = without_wrong_image(block, searching, adjusting)
+    assert images_in_use == [[0, 1, 3, 4, 5]]
+    assert done is not None
+    assert [note.ids for note in done[0].notes] == [("i2",)] * is_held

@@ -195,7 +195,9 @@ def test_gross_errors_of_attitudes_are_found() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("turns_deg", "named"), [((180.0, 180.0, 180.0), True), ((180.0, 90.0, -60.0), False)])
+@pytest.mark.parametrize(
+    ("turns_deg", "named"), [((180.0, 180.0, 180.0), True), ((180.0, 90.0, -60.0), False), ((2.0, 2.0, 2.0), False)]
+)
 def test_attitudes_of_a_few_images_that_are_turned_alike_are_named_with_their_turn(
     turns_deg: tuple[float, ...], named: bool
 ) -> None:

@@ -4,17 +4,17 @@ A point whose rays at the start miss each other by `SCATTERED` times as much as 
 one number, or it is measured far off. Where there are few such points their rays begin as rejected, and the search is
 made again; it takes back what fits.
 
+Points that may as well be at infinity hardly move the rest. Least squares slows them down, while robust weights drive
+them on: the search is made without them, as if they were not measured, and they come back afterwards, which is told.
+
 An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
 refused, or nothing converges, each image is left out on trial; if the block fits without one, and never with it, the
 search is made again as if this one had not been measured. So it is with an image that is open on the way only.
 
-Points that may as well be at infinity hardly move the rest. Least squares slows them down, while robust weights drive
-them on: the search is made without them, as if they were not measured, and they come back afterwards.
-
-Else least squares of all observations may fit them. Without some observations, or by other weights, weak points may run
-away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what chance
-explains: that result stands, and a warning says that nothing was searched for. Where sigma0 is larger the failure
-stands.
+Before that least squares of all observations may fit them. Without some observations, or by other weights, weak points
+may run away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what
+chance explains: that result stands, and a warning says that nothing was searched for. Where sigma0 is larger the
+failure stands.
 """
 
 import contextlib
@@ -62,7 +62,7 @@ def searched_again(
     Raises
     ------
     AatriError
-        The failure of the search, where neither helps.
+        The failure of the search, where none of these helps.
     """
     done = _with_all_images(block, search, adjust, failure)
     done = without_wrong_image(block, search, adjust) if done is None else done
@@ -94,7 +94,9 @@ def without_far_points(
     if block.rays is None or POINT not in least_squares.covariances:
         return None
     _, test = distance_tests(least_squares, block.rays)
-    far = least_squares.point_adjusted & ~(test >= AT_INFINITY)
+    seen = np.bincount(block.rays.point[least_squares.ray_used], minlength=len(test)) > 0
+    unlimited = seen & np.isnan(least_squares.point_covariance_m2).any(axis=(1, 2))  # that of fixed points is 0
+    far = least_squares.point_adjusted & ((test < AT_INFINITY) | unlimited)
     if not far.any():
         return None
     before = from_result(block, least_squares)
@@ -102,10 +104,13 @@ def without_far_points(
     nearer = replace(before, observed=tuple(_switched(o, rows, False) for o, rows in zip(before.observed, idle)))
     with contextlib.suppress(ConvergenceError, GeometryError):
         done, groups = search(nearer)
-        with_far_rays = tuple(_switched(o, rows, True) for o, rows in zip(done.inputs.observed, idle))
+        with_far_rays = tuple(_switched(o, rows, True) for o, rows in zip(done.inputs.observed, idle, strict=True))
         inputs = from_result(replace(done.inputs, observed=with_far_rays), done.result)
         inputs = replace(inputs, xyz_m=np.where(far[:, None], block.xyz_m, inputs.xyz_m))
-        return replace(done, inputs=inputs, result=adjust(inputs, AdjustOptions())), groups
+        text = "points at infinity took no part in the search for gross errors, and are adjusted as measured"
+        note = Note("warning", text, tuple(np.asarray(block.point_ids)[far].tolist()))
+        result = adjust(inputs, AdjustOptions())
+        return replace(done, inputs=inputs, result=result, notes=(*done.notes, note)), groups
     return None
 
 
@@ -117,25 +122,46 @@ def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
 
 
 def without_wrong_image(
-    block: BundleInput, search: Search, adjust: Adjust
+    block: BundleInput, search: Search, adjust: Adjust, max_sigma0: float = MAX_SIGMA0
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
-    """The search without the rays of the image that is left out wherever the block fits; None where there is none."""
-    rays, fitting = block.rays, list[tuple[Bool, BundleInput]]()
+    """The search without the rays of the image that is left out wherever the block fits; None where there is none.
+
+    Parameters
+    ----------
+    max_sigma0 : float
+        Of a block that fits.
+    """
+    rays, fitting = block.rays, list[tuple[int, Bool, BundleInput]]()
     for image in [] if rays is None else _doubtful_images(block, rays):
         of_image = np.arange(len(block.image_ids)) == image
         observed = tuple(_switched(o, _rays_at(o, of_image, POSE), False) for o in block.observed)
         fewer = replace(block, observed=observed)
         with contextlib.suppress(ConvergenceError, GeometryError):
             result = adjust(fewer, AdjustOptions(coarse=True))
-            if result.adjusted.redundancy > 0 and result.adjusted.sigma0 <= MAX_SIGMA0:
-                fitting.append((~result.image_adjusted, fewer))
-    for lost, fewer in fitting:
-        if all((lost <= lost_too).all() for lost_too, _ in fitting):  # whatever else is left out, this one is
-            try:
-                return search(fewer)
-            except (ConvergenceError, GeometryError) as failure:
-                return _with_all_images(fewer, search, adjust, failure)
+            if result.adjusted.redundancy > 0 and result.adjusted.sigma0 <= max_sigma0:
+                fitting.append((image, _without_rays_in_use(block, result), fewer))
+    for image, lost, fewer in fitting:
+        if not all((lost <= lost_too).all() for _, lost_too, _ in fitting):
+            continue  # it is not left out whatever else is
+        done: tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None
+        try:
+            done = search(fewer)
+        except (ConvergenceError, GeometryError) as failure:
+            done = _with_all_images(fewer, search, adjust, failure)
+        if done is None or not done[0].result.image_adjusted[image]:  # which is told of images that take no part
+            return done
+        text = "all image points of an image are left out: the block fits without them, and never with them"
+        note = Note("warning", text, (str(block.image_ids[image]),))
+        return replace(done[0], notes=(*done[0].notes, note)), done[1]
     return None
+
+
+def _without_rays_in_use(block: BundleInput, result: BundleResult) -> Bool:
+    """Images with image points of which none is used, (n_images,); positions and attitudes adjust them all the same."""
+    rays, n = block.rays, len(block.image_ids)
+    assert rays is not None
+    measured, used = (np.bincount(rays.image[rows], minlength=n) > 0 for rows in (rays.active, result.ray_used))
+    return np.asarray(measured & ~used)
 
 
 def without_scattered_points(block: BundleInput) -> BundleInput:
@@ -166,8 +192,9 @@ def _doubtful_images(block: BundleInput, rays: ImagePointRows) -> list[int]:
     images = np.unique(rays.image[rays.active])
     if len(images) > MOST_TRIED:
         use, of_ray = _misses(block, rays)
-        middle = [np.median(of_ray[rays.image[use] == image]) for image in images]
-        images = images[np.argsort(-np.nan_to_num(middle), kind="stable")[:MOST_TRIED]]
+        of_images = (of_ray[rays.image[use] == image] for image in images)
+        middle = [np.median(miss) if len(miss) else 0.0 for miss in of_images]
+        images = images[np.argsort(-np.array(middle), kind="stable")[:MOST_TRIED]]
     return images.tolist() if len(rays.image) <= MOST_RAYS_TRIED else []
 
 
