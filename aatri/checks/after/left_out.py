@@ -82,11 +82,12 @@ def _differences(o: AdjustedObservations, result: BundleResult) -> Float:
 
 
 def _with_points_enough(inputs: BundleInput, result: BundleResult) -> Bool:
-    """Images that adjusted points would orient, (n_images,): enough of them, and not along a line."""
+    """Images left out that adjusted points would orient, (n_images,): enough of them, and not along a line."""
     enough = np.zeros(len(inputs.image_ids), dtype=bool)
     if inputs.rays is None:
         return enough
-    rows = np.flatnonzero(inputs.rays.active & result.point_adjusted[inputs.rays.point])
+    rows = inputs.rays.active & result.point_adjusted[inputs.rays.point] & ~result.image_adjusted[inputs.rays.image]
+    rows = np.flatnonzero(rows)
     image, xy_mm = inputs.rays.image[rows], inputs.rays.xy_mm[rows]
     for k in np.flatnonzero(np.bincount(image, minlength=len(enough)) >= RESECTING).tolist():
         along, across = np.linalg.svd(xy_mm[image == k] - xy_mm[image == k].mean(axis=0), compute_uv=False)
