@@ -86,12 +86,14 @@ def _with_points_enough(inputs: BundleInput, result: BundleResult) -> Bool:
     enough = np.zeros(len(inputs.image_ids), dtype=bool)
     if inputs.rays is None:
         return enough
-    rows = inputs.rays.active & result.point_adjusted[inputs.rays.point] & ~result.image_adjusted[inputs.rays.image]
-    rows = np.flatnonzero(rows)
-    image, xy_mm = inputs.rays.image[rows], inputs.rays.xy_mm[rows]
-    for k in np.flatnonzero(np.bincount(image, minlength=len(enough)) >= RESECTING).tolist():
-        along, across = np.linalg.svd(xy_mm[image == k] - xy_mm[image == k].mean(axis=0), compute_uv=False)
-        enough[k] = across >= RESECTING_ACROSS * along
+    rays = inputs.rays
+    rows = np.flatnonzero(rays.active & result.point_adjusted[rays.point] & ~result.image_adjusted[rays.image])
+    rows = rows[np.argsort(rays.image[rows], kind="stable")]
+    for of_image in np.split(rows, np.flatnonzero(np.diff(rays.image[rows])) + 1):
+        if len(of_image) >= RESECTING:
+            xy_mm = rays.xy_mm[of_image]
+            along, across = np.linalg.svd(xy_mm - xy_mm.mean(axis=0), compute_uv=False)
+            enough[rays.image[of_image[0]]] = across >= RESECTING_ACROSS * along
     return enough
 
 
