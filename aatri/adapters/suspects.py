@@ -179,8 +179,8 @@ def inherited(
         return Suspects.empty(), []
     suspects, notes = initial.suspects, []
     staying, of_block = staying_out(suspects), suspects.row >= 0
-    all_out = [kind for kind in (CONTROL, POSITION) if groups_back and _all_left_out(initial, staying, kind)]
-    all_out = [] if taken_back else all_out
+    tested_again = (CONTROL, POSITION) if groups_back and not taken_back else ()
+    all_out = [kind for kind in tested_again if _all_left_out(initial, staying, kind)]
     of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT
     for kinds, what in (
         (all_out, "all of their kind, taken back to be tested as a group"),

@@ -109,7 +109,7 @@ def adjusted_bundle(
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
         counts = Counter(suspects.kind[staying_out].tolist())
-        text = "all of a kind that an earlier stage has left out stays out: with it the bundle does not converge"
+        text = "no convergence with what an earlier stage has left out altogether: what does not fit stays out"
         tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():

@@ -157,7 +157,7 @@ def _stretch(block: Block, body: OrientedBody) -> str:
     """
     places = body.places
     factor = height_factor(places.xyz, places.observed_m, places.given)
-    if factor is None:
+    if factor is None or factor.factor == 0.0:  # heights that are all alike tell no principal distance
         return ""
     levels_m = [
         np.median(places.observed_m[of_kind & places.given[:, 2], 2])

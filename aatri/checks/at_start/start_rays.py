@@ -91,8 +91,9 @@ def start_rays(block: Block, rays: ImagePointRows, start: Poses) -> list[Finding
     chosen = _Rays(images, image, rays.point[use], in_image, start.position_m[images])
     declared = start.ground_from_image[images]
     read = _read_otherwise(chosen, angles_rad[images], declared, block.rotation)
-    exchanged = _exchanged(chosen, declared, block.images.id[images].tolist())
-    return exchanged or read if not read or read[0].level == "note" else read
+    if read and read[0].level != "note":
+        return read
+    return _exchanged(chosen, declared, block.images.id[images].tolist()) or read
 
 
 def _read_otherwise(rays: _Rays, angles_rad: Float, declared: Float, system: str) -> list[Finding]:

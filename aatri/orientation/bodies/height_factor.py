@@ -58,6 +58,7 @@ LEVEL = (
     "are all alike, and those of the model are not",
     "give them as measured, or X and Y alone; over flat ground calibrate the camera",
 )
+"""Heights without relief, of which the factor is 0: of no other unit."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class HeightFactor:
     """How much more heights of control vary than those of the model."""
 
     factor: float
+    """0: of control that is all of one height."""
     sigma: float
     cause: str
     remedy: str
@@ -73,10 +75,10 @@ class HeightFactor:
     @property
     def certain(self) -> bool:
         """Whether this is no matter of a calibration."""
-        return self.cause != LEVEL[0] and (self.factor > SURELY or self.factor < 1 / SURELY)
+        return self.factor != 0.0 and not 1 / SURELY <= self.factor <= SURELY
 
     def __str__(self) -> str:
-        if self.cause == LEVEL[0]:
+        if self.factor == 0.0:
             return f"heights of control {self.cause}"
         return (
             f"heights of control vary {self.factor:.2f} (+- {self.sigma:.2f}) times as much as those of the model: "

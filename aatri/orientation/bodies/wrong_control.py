@@ -91,7 +91,7 @@ def exchanged_control(
         The first points are control, the others positions, whose numbers nobody exchanges; default: all are control.
     fewest : int
         Of all points.
-    up
+    up : (3,) float64, optional
         See `exchanged_of`.
     """
     exchanged = np.zeros(len(x), dtype=bool)

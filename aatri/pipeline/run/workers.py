@@ -163,7 +163,9 @@ def _prepare_memory(task: Task, jobs: int = 1) -> None:
     with contextlib.suppress(OSError, AttributeError, ValueError):  # glibc alone has it
         library, is_ample = ctypes.CDLL(None), _AMPLE * jobs * size < min(_memory(), _memory_limit())
         library.mallopt(_ARENA_MAX, 1)  # arenas of threads return what they have on their own terms
-        any(library.mallopt(_MMAP_THRESHOLD, size) for size in (_KEPT_BYTES if is_ample else (4 << 20,)))
+        for most in _KEPT_BYTES if is_ample else (4 << 20,):
+            if library.mallopt(_MMAP_THRESHOLD, most):
+                break  # older versions refuse more than 32 MB
         library.mallopt(_TRIM_THRESHOLD, _TRIMMED_BYTES if is_ample else 128 << 10)
         if not is_ample:
             library.malloc_trim(0)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from aatri.adapters.ground.ground_fit import _stretch
+from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.height_factor import height_factor
 
 
@@ -81,6 +86,7 @@ def test_heights_that_are_guessed_say_nothing_of_their_unit() -> None:
     warned = height_factor(_model(truth), guessed, ALL)
     assert warned is not None
     assert "all alike" in str(warned)
+    assert warned.factor == 0.0
     assert not warned.certain  # a lens that is not calibrated bends a model over flat ground
     assert height_factor(_model(truth), guessed, ALL, np.full(12, 5.0)) is None
 
@@ -100,3 +106,15 @@ def test_control_of_exactly_one_height_tells_no_factor() -> None:
     model_m = np.column_stack([plan_m, 2e-4 * rng.standard_normal(9)])
     given_m = np.column_stack([plan_m, np.full(9, 6.0)])
     assert height_factor(model_m, given_m, np.ones((9, 3), dtype=bool), np.zeros(9)) is None
+
+
+def test_control_and_positions_of_one_height_ask_for_no_principal_distance() -> None:
+    """As where nobody has written heights: their factor is 0, and none divides by it."""
+    rng, n = np.random.default_rng(3), 12
+    xyz_m = np.column_stack([rng.uniform(0.0, 500.0, (n, 2)), rng.normal(0.0, 5.0, n)])
+    kind, name = np.repeat(["control", "position"], n // 2), np.arange(n).astype(np.str_)
+    level = GivenPlaces(kind, name, xyz_m, xyz_m * [1, 1, 0], np.ones((n, 3), dtype=bool), np.arange(n))
+    assert height_factor(level.xyz, level.observed_m, level.given) is not None
+    body: Any = SimpleNamespace(places=level)
+    block: Any = None
+    assert _stretch(block, body) == ""
