@@ -108,6 +108,19 @@ def test_a_fraction_of_the_true_ones_is_told(scale: float) -> None:
     assert np.median(found[:, 1]) == pytest.approx(size, rel=0.1)
 
 
+@pytest.mark.slow(after=1)
+def test_the_largest_of_scaled_errors_are_not_taken_for_gross_ones() -> None:
+    """Of 12 positions, each three components, which a block sees 0.3 to 30 times as well as they are given."""
+    rng, trials = np.random.default_rng(5), 200
+    told, record = 0, np.repeat(np.arange(12), 3)
+    for _ in range(trials):
+        axes, variance = np.linalg.qr(rng.standard_normal((36, 36)))[0], np.logspace(-1, 3, 36)
+        R = (axes / (1 + variance)) @ axes.T
+        error = 5.0 * rng.standard_normal(36) + axes @ (np.sqrt(variance) * rng.standard_normal(36))
+        told += small_class_scale(R @ error, R, record)[0] > 1.0
+    assert told >= 0.95 * trials
+
+
 def test_next_to_no_redundancy_tells_nothing() -> None:
     """Of images that see the points twenty times worse than the control is given."""
     told = [small_class_scale(*_residuals(5.0, seed, 0.05), RECORD)[0] > 1.0 for seed in range(40)]
