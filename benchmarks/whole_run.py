@@ -8,7 +8,8 @@ interior, as one `aatri run` with search for gross errors and report; then once 
 run is watched from outside, every ten milliseconds: a stage is *made* while its file `running/STAGE.json` stands, and
 *written* from when its folder in the store appears. *Around* is what comes before the first stage (imports, plan) and
 after the last (report). Memory is the resident set of the process and its children. Processor seconds are those of all
-threads, and suffer less from what else the machine does. With `--tree` the same is done on another checkout.
+threads, and suffer less from what else the machine does. Python keeps its compiled modules, as for a user. With
+`--tree` the same is done on another checkout.
 """
 
 from __future__ import annotations
@@ -75,12 +76,13 @@ def measured(tree: Path, given: argparse.Namespace) -> str:
 def _watched(tree: Path, folder: Path, options: list[str]) -> dict[str, list[float]]:
     """Seconds when each stage began, was first written and ended, with its peak memory; of "" for the whole run."""
     command = [sys.executable, "-c", "from aatri.cli.main import main; main()", "run", "--quiet", *options]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     before, started = children.ru_utime + children.ru_stime, time.perf_counter()
     process = subprocess.Popen(
         command,
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(tree.resolve())},
+        env={**environment, "PYTHONPATH": str(tree.resolve())},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
