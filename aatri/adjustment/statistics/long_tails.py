@@ -7,10 +7,12 @@ classes of size between e_b and e_b+1, given that they lie there,
 
     ln L = sum n_b ln((F(e_b+1) - F(e_b)) / F(e_B)),      F(e) = P(|s t_nu| <= e)
 
-Gross errors are beyond, and have no say. Of few residuals many nu are nearly as likely: taken is the least that they
-allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for what such a tail explains is no gross
-error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit is the value that `BEYOND` of such
-errors exceed, where that is larger than the limit of normal ones: of 3,000 normal residuals it stays, of 500 it is 5.
+Gross errors are beyond, and have no say; where some are beyond what any tail explains, classes below are taken to
+hold as many in each standard deviation as the nearer half of these. Of few residuals many nu are nearly as likely:
+taken is the least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for what such a
+tail explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit is the value
+that `BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal residuals it
+stays, of 500 it is 5.
 
 Source: Wilks 1938 (likelihood intervals); Jeffreys 1961, Theory of Probability, 5.7 (series of observations have nu of
 4 to 9); Lange, Little and Taylor 1989, Robust statistical modeling using the t distribution.
@@ -79,9 +81,9 @@ def tail_of(w: Float, limit: float) -> Tail:
         return normal
     edges = np.linspace(0.0, REACH * limit, _CLASSES + 1)
     count = np.histogram(w, edges)[0]
-    e = edges / (middle * _SCALES[:, None])
-    by_normal = _log_likelihood(count, ndtr(e)).max()
-    by_student = np.array([_log_likelihood(count, stdtr(nu, e)) for nu in _FREEDOM])
+    e, gross = edges / (middle * _SCALES[:, None]), _share_of_gross_errors(w / middle, edges[-1] / middle, count.sum())
+    by_normal = _log_likelihood(count, ndtr(e), gross).max()
+    by_student = np.array([_log_likelihood(count, stdtr(nu, e), gross) for nu in _FREEDOM])
     likely = np.flatnonzero(by_student.max(axis=1) >= max(by_normal, by_student.max()) - ALLOWED)
     if not len(likely):
         return normal
@@ -91,7 +93,14 @@ def tail_of(w: Float, limit: float) -> Tail:
     return Tail(float(_FREEDOM[nu]), beyond) if beyond > limit else normal
 
 
-def _log_likelihood(count: Float, below: Float) -> Float:
+def _share_of_gross_errors(w: Float, reach: float, n: float) -> float:
+    """Share of gross errors among the n residuals up to `reach`: as dense there as beyond what any tail explains."""
+    far = np.sort(w[w > -stdtrit(LEAST_FREEDOM, 0.5 * BEYOND)])
+    half = len(far) // 2
+    return min(0.5, half / float(far[half] - far[0]) * reach / n) if half and far[half] > far[0] else 0.0
+
+
+def _log_likelihood(count: Float, below: Float, gross: float) -> Float:
     """Of counts in classes of size, (k,), by probabilities of being below their edges, (k, classes + 1)."""
     share = np.diff(below, axis=1) / (below[:, -1:] - 0.5)
-    return np.asarray(np.log(np.maximum(share, 1e-300)) @ count)
+    return np.asarray(np.log(np.maximum((1.0 - gross) * share + gross / len(count), 1e-300)) @ count)

@@ -8,8 +8,8 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
 
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
 chi-square of one degree at `ALARM`, and gross errors do not explain as much, of up to `room.SMALL_ROOM` records of the
-class or of one of another kind: each lets v'R^-v fall by v_j'R_jj^-1 v_j, and costs the quantile of chi-square at
-`ALARM` that its components have (`SEPARABLE` of another kind).
+class or of one of another kind: each lets v'R^-v fall by v_j'R_jj^-1 v_j, of all components of the record or of one,
+and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of another kind).
 
 Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
 1987 (the test of s at the end of its range).
@@ -55,15 +55,21 @@ def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0
 
 
 def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
-    """What the gross errors of a few records explain, less what chance would: the largest of one, two, three of them."""
-    of_record = [np.flatnonzero(record == k) for k in np.unique(record)]
+    """What the gross errors of one, two or three records explain, less what chance would: the largest."""
+    candidates = [np.flatnonzero(record == k) for k in np.unique(record)]
+    candidates = [
+        rows for of_record in candidates for rows in (of_record, *(of_record[[k]] for k in range(len(of_record))))
+    ]
     total, most = 0.0, 0.0
-    for _ in range(min(SMALL_ROOM, len(of_record) - 1)):
+    for _ in range(min(SMALL_ROOM, len(np.unique(record)) - 1)):
         gains = [
-            float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows]) for rows in of_record
+            float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows])
+            - float(chdtri(len(rows), ALARM))
+            for rows in candidates
         ]
-        rows = of_record.pop(int(np.argmax(gains)))
-        total += max(gains) - float(chdtri(len(rows), ALARM))
+        rows, gain = candidates[int(np.argmax(gains))], max(gains)
+        candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
+        total += gain
         most = max(most, total)
         by = R[:, rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True)
         v, R = v - by @ v[rows], R - by @ R[rows]

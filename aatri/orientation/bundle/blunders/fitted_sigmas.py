@@ -151,7 +151,7 @@ class FittedSigmas(Rejections):
     def _smallest_factors(self, factor: Float) -> Float:
         return self.all.smallest(self.scaling.classes.number, factor)
 
-    def _tails(self, result: BundleResult, least_squares: BundleResult | None = None, *, anew: bool = True) -> Float:
+    def _tails(self, result: BundleResult, *, anew: bool = True) -> Float:
         """Limit of each record over that of normal errors; a limit that the user has stated obeys.
 
         Not `anew`, no tail grows longer than it was: gross errors that come back smear, and would bring more back.
@@ -159,7 +159,7 @@ class FittedSigmas(Rejections):
         limit, classes = self.options.limit, self.scaling.classes
         if not self.options.counts:
             return np.broadcast_to(1.0, len(self.all.native))
-        tails = classes.tails(result, least_squares, limit)
+        tails = classes.tails(result, limit)
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
         return self._smallest_factors(np.array([tail.limit for tail in self.tails]) / limit)
 

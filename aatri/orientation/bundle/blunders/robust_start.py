@@ -5,6 +5,8 @@ nothing so far off pull (`robust.robust_from_start`), and that result counts of 
 Each point with something above the limit, or rejected by an earlier stage, is looked at from the robust poses, held
 (`points`): the fewest records are left out without which the others agree. Of other kinds what is above the limit goes;
 where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
+The limit is that of normal errors: gross errors smear here too, and seem long tails. The least squares that follow tell
+the tails, and take back what these explain.
 """
 
 import contextlib
@@ -65,14 +67,15 @@ class RobustStart(FittedSigmas):
             result = self._robust_from(self.block, rescaled, active)
             least_squares = self._least_squares_beside(result, rescaled, active)
         state = result.adjusted.state
-        tails = self._tails(result, least_squares)
         # what least squares followed, so that nothing controlled it there, may be far off here: at least |v|
-        test = np.fmax(*(self._robust_tests(result, covariances) for covariances in (least_squares, None))) / tails
+        test = np.fmax(*(self._robust_tests(result, covariances) for covariances in (least_squares, None)))
         above_limit = active & (test > self.options.limit)
         self.block = from_result(self.block, result)
         without_point = above_limit & ~self.all.at_points
         points = np.unique(self.all.point[(above_limit | (self.all.native & ~active)) & self.all.at_points])
-        gross_errors_at = self.gross_errors_at_intersections(result, points, active, test, tails)
+        gross_errors_at = self.gross_errors_at_intersections(
+            result, points, active, test, np.broadcast_to(1.0, len(test))
+        )
         exchanged = exchanged_coordinates(
             self.all.observed, self.all.split(active & gross_errors_at), state, self.block.xyz_m
         )

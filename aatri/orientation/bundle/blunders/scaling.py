@@ -119,9 +119,9 @@ class Classes:
                 scale[kind_classes], redundancy[kind_classes], estimable[kind_classes] = s, r, s > 1.0
         return ClassScales(scale, redundancy, estimable)
 
-    def tails(self, result: BundleResult, least_squares: BundleResult | None, limit: float) -> tuple[Tail, ...]:
-        """Tails of the errors of all classes, from the residuals of what is used or predicted; see `scales`."""
-        v, r, group = self._residuals(result, least_squares, predicted=True)
+    def tails(self, result: BundleResult, limit: float) -> tuple[Tail, ...]:
+        """Tails of the errors of all classes, from the residuals of what is used or predicted."""
+        v, r, group = self._residuals(result, None, predicted=True)
         controlled = r > LEAST_SHARE
         return tuple(
             tail_of(np.abs(v[in_class]) / np.sqrt(r[in_class]), limit)
