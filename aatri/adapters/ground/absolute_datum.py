@@ -38,6 +38,8 @@ class StripsOfBlock:
     ground: GroundObserved
     strips: Strips
     image_points: ImagePoints
+    last: str = ""
+    """Kind that does not take part at first, and comes back where it fits the others."""
 
     @cached_property
     def rays(self) -> ImagePointRows:
@@ -93,7 +95,8 @@ def oriented_part(
     """
 
     def begin(observed: Sequence[Observed]) -> Bool:
-        return not_rejected(observed, {o.kind: strips.suspects for o in observed})
+        first: Bool = np.concatenate([np.full(len(o), o.kind != block_strips.last) for o in observed])
+        return first & not_rejected(observed, {o.kind: strips.suspects for o in observed})
 
     ground, strips = block_strips.ground, block_strips.strips
     body, lacking = _body(ground.block, strips, component), block_strips.control_beside(component)

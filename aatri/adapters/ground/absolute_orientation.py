@@ -20,6 +20,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.deformation import search_notes
+from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
 
 EXTRAPOLATION_WARNED = 3.0
 
@@ -96,7 +97,12 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         if without is not None:
             return without
         block, strips = block_strips.ground.block, block_strips.strips
-        warning = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
+        try:
+            warning = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
+        except ConvergenceError:
+            if max_sigma0 is not None or (without := _without_a_kind(block_strips, joining)) is None:
+                raise
+            return without
         return oriented.with_notes([warning])
     if oriented.strips < len(block_strips.strips.strips) and (level := _levelled(block_strips, joining)) is not None:
         return level if level.strips > oriented.strips else fitting
@@ -142,6 +148,27 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
     return by_themselves.with_notes(
         [*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting]
     )
+
+
+def _without_a_kind(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+    """The same by all but positions, or all but control, where the others fit: these come back as far as they fit.
+
+    None where they are off in height above all, which a principal distance or a height datum explains.
+    """
+    for kind, name in ((POSITION, "observed positions"), (CONTROL, "control")):
+        by_others = replace(block_strips, last=kind)
+        if (oriented := _tried(by_others, joining)) is None or (notes := _fitting(by_others, oriented)) is None:
+            continue
+        adjusted = [(part.result.places, part.result.tied.active) for part in oriented.parts]
+        used = np.concatenate([active[places.row[places.kind == kind]] for places, active in adjusted])
+        off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == kind] for places, _ in adjusted])[~used]
+        if used.all() or not np.nanmedian(np.linalg.norm(off_m[:, :2], axis=1)) > np.nanmedian(np.abs(off_m[:, 2])):
+            continue
+        text = f"{name}: {len(off_m)} of {len(used)} contradict all else, which fits without them"
+        row_shift = next(filter(None, (one_row_off(places) for places, _ in adjusted)), "")
+        text += f"; {row_shift}; {ONE_ROW}" if row_shift else ""
+        return oriented.with_notes([Note("warning", text), *notes])
+    return None
 
 
 def _tried(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:

@@ -212,3 +212,14 @@ def test_a_strip_with_two_control_points_is_tied_by_points_nearly_on_a_line_whic
     solution = similarity(made.block(), made.strips(), made.image_points(), context=told)
     assert not told.warnings
     np.testing.assert_allclose(solution.images.position_m, made.truth_X0, atol=1e-3)
+
+
+def test_positions_of_the_images_before_do_not_keep_a_strip_from_its_control() -> None:
+    """Five positions that are a base or two off beside six control points: no deformation explains all of them."""
+    made, images, told = MadeBlock(1, 10, noise_m=0.02), np.array([2, 3, 4, 6, 8]), Told()
+    made.control([*made.corners(), 30, 50], sigma_m=0.05)
+    made.positions(images.tolist(), error_m=np.roll(made.truth_X0, 1, axis=0) - made.truth_X0)
+    solution = similarity(made.block(), made.strips(), made.image_points(), context=told)
+    np.testing.assert_allclose(solution.images.position_m, made.truth_X0, atol=1.0)
+    (text,) = [text for text in told.warnings if "contradict all else" in text]
+    assert "observed positions: 5 of 5" in text
