@@ -95,8 +95,10 @@ def oriented_part(
     """
 
     def begin(observed: Sequence[Observed]) -> Bool:
-        first: Bool = np.concatenate([np.full(len(o), o.kind != block_strips.last) for o in observed])
-        return first & not_rejected(observed, {o.kind: strips.suspects for o in observed})
+        use = not_rejected(observed, {o.kind: strips.suspects for o in observed})
+        is_last = np.array([o.kind == block_strips.last for o in observed], dtype=bool)
+        use[np.repeat(is_last, [len(o) for o in observed])] = False
+        return use
 
     ground, strips = block_strips.ground, block_strips.strips
     body, lacking = _body(ground.block, strips, component), block_strips.control_beside(component)

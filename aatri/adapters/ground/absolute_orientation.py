@@ -100,7 +100,7 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         try:
             warning = distant_start(block, strips, oriented.parts, error, may_begin=max_sigma0 is None)
         except ConvergenceError:
-            if max_sigma0 is not None or (without := _without_a_kind(block_strips, joining)) is None:
+            if max_sigma0 is not None or (without := _without_positions(block_strips, joining)) is None:
                 raise
             return without
         return oriented.with_notes([warning])
@@ -150,25 +150,23 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
     )
 
 
-def _without_a_kind(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
-    """The same by all but positions, or all but control, where the others fit: these come back as far as they fit.
+def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+    """The same by all but positions, where the others fit; positions come back as far as they fit these.
 
     None where they are off in height above all, which a principal distance or a height datum explains.
     """
-    for kind, name in ((POSITION, "observed positions"), (CONTROL, "control")):
-        by_others = replace(block_strips, last=kind)
-        if (oriented := _tried(by_others, joining)) is None or (notes := _fitting(by_others, oriented)) is None:
-            continue
-        adjusted = [(part.result.places, part.result.tied.active) for part in oriented.parts]
-        used = np.concatenate([active[places.row[places.kind == kind]] for places, active in adjusted])
-        off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == kind] for places, _ in adjusted])[~used]
-        if used.all() or not np.nanmedian(np.linalg.norm(off_m[:, :2], axis=1)) > np.nanmedian(np.abs(off_m[:, 2])):
-            continue
-        text = f"{name}: {len(off_m)} of {len(used)} contradict all else, which fits without them"
-        row_shift = next(filter(None, (one_row_off(places) for places, _ in adjusted)), "")
-        text += f"; {row_shift}; {ONE_ROW}" if row_shift else ""
-        return oriented.with_notes([Note("warning", text), *notes])
-    return None
+    by_others = replace(block_strips, last=POSITION)
+    if (oriented := _tried(by_others, joining)) is None or (notes := _fitting(by_others, oriented)) is None:
+        return None
+    adjusted = [(part.result.places, part.result.tied.active) for part in oriented.parts]
+    used = np.concatenate([active[places.row[places.kind == POSITION]] for places, active in adjusted])
+    off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == POSITION] for places, _ in adjusted])[~used]
+    if used.all() or not np.nanmedian(np.linalg.norm(off_m[:, :2], axis=1)) > np.nanmedian(np.abs(off_m[:, 2])):
+        return None
+    text = f"observed positions: {len(off_m)} of {len(used)} contradict all else, which fits without them"
+    row_shift = next(filter(None, (one_row_off(places) for places, _ in adjusted)), "")
+    text += f"; {row_shift}; {ONE_ROW}" if row_shift else ""
+    return oriented.with_notes([Note("warning", text), *notes])
 
 
 def _tried(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
