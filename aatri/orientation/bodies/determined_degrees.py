@@ -48,7 +48,7 @@ def kept_coefficients(degrees: Int, basis: StripBasis = SECOND_DEGREE) -> Bool:
 
 
 def determined_degrees(
-    problem: TiedProblem, design: Float, use: Bool, highest: Int, basis: StripBasis = SECOND_DEGREE
+    problem: TiedProblem, products: Float, count: Int, use: Bool, highest: Int, basis: StripBasis = SECOND_DEGREE
 ) -> tuple[Int, list[Fall]]:
     """Degrees of plan and height of every strip, and what fell.
 
@@ -56,8 +56,10 @@ def determined_degrees(
     ----------
     problem : TiedProblem
         With all coefficients free; what is given is control.
-    design : (n, 3, K) float64
-        Derivatives of the deformations of the strip points, in the axes of their strips (`design_of_points`).
+    products : (n_strips, K, K) float64
+        D'D with the derivatives D of the deformations of each strip's points (`products_of_points`).
+    count : (n_strips,) int
+        How many points each has.
     use : (n + n_control,) bool
         Observations that count: strip points, then control.
     highest : (n_strips, 2) int
@@ -70,26 +72,20 @@ def determined_degrees(
     falls : list of Fall
     """
     with one_blas_thread():  # matrices of some hundred rows
-        return _determined_degrees(problem, design, use, highest, basis)
-
-
-def _determined_degrees(
-    problem: TiedProblem, design: Float, use: Bool, highest: Int, basis: StripBasis
-) -> tuple[Int, list[Fall]]:
-    degrees, falls = highest.copy(), []
-    N, products = _normal_matrix(problem, use), _products(problem.ties[0].records.touches[0][1], design, len(degrees))
-    for part in (0, 1):
-        while (degrees[:, part] >= 0).any():
-            kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
-            reasons = _undetermined(N[np.ix_(kept, kept)], kept, basis)
-            if not reasons:
-                reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, *products)
-            if not reasons:
-                break
-            for strip, reason in sorted(reasons.items()):
-                degrees[strip, part] -= 1
-                falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
-    return degrees, falls
+        degrees, falls = highest.copy(), []
+        N = _normal_matrix(problem, use)
+        for part in (0, 1):
+            while (degrees[:, part] >= 0).any():
+                kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
+                reasons = _undetermined(N[np.ix_(kept, kept)], kept, basis)
+                if not reasons:
+                    reasons = _extrapolating(N[np.ix_(kept, kept)], kept, part, products, count)
+                if not reasons:
+                    break
+                for strip, reason in sorted(reasons.items()):
+                    degrees[strip, part] -= 1
+                    falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
+        return degrees, falls
 
 
 def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
@@ -132,15 +128,6 @@ def _above_rank(unit: Float) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
-
-
-def _products(point_strip: Int, design: Float, n_strips: int) -> tuple[Float, Int]:
-    """D'D of the design of each strip's points, (n_strips, K, K), and how many points it has."""
-    order = np.argsort(point_strip, kind="stable")
-    count = np.bincount(point_strip, minlength=n_strips)
-    ends = np.cumsum(count)
-    flat = [design[order[end - n : end]].reshape(-1, design.shape[2]) for n, end in zip(count, ends)]
-    return np.stack([D.T @ D for D in flat]), count
 
 
 def _extrapolating(N: Float, kept: Int, part: int, products: Float, count: Int) -> dict[int, str]:

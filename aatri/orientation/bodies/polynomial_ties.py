@@ -46,9 +46,12 @@ def polynomial_ties(
     p = terms_of_points(points, axes)
     usual = basis.labels == SECOND_DEGREE.labels
 
+    def design(rows: Int) -> Float:
+        return np.asarray(G[strip[rows]] @ design_of_points(points.take(rows), axes, basis))
+
     @cache
     def D() -> Float:
-        return np.asarray(G[strip] @ design_of_points(points, axes, basis))
+        return design(np.arange(len(strip)))
 
     def on_ground(state: Float, rows: Int) -> Float:
         if not usual:
@@ -58,7 +61,7 @@ def polynomial_ties(
         return np.asarray(points.xyz[rows] + np.einsum("nit,nt->ni", turned[strip[rows]], p[rows]))
 
     def derivatives(_state: Float, rows: Int) -> Float:
-        return np.asarray(D()[rows])
+        return design(rows) if usual else np.asarray(D()[rows])  # of all rows they are the largest array
 
     def compiled(order: Int) -> Weigh:
         k, q, terms = strip[order], point[order], np.ascontiguousarray(p[order])
@@ -95,6 +98,16 @@ def design_of_points(points: BodyPoints, axes: Sequence[StripAxes], basis: Strip
     """Derivatives of the deformations of every strip point, in its strip's axes, by the coefficients, (n, 3, K)."""
     local, half = in_axes(points, axes)
     return basis.rows(local[:, 0], local[:, 1], half[:, 1] / half[:, 0])
+
+
+def products_of_points(points: BodyPoints, axes: Sequence[StripAxes], basis: StripBasis) -> tuple[Float, Int]:
+    """D'D of the design D of each strip's points, (n_strips, K, K), and how many points it has."""
+    order, count = np.argsort(points.strip, kind="stable"), np.bincount(points.strip, minlength=len(axes))
+    products = np.zeros((len(axes), basis.size, basis.size))
+    for k, rows in enumerate(np.split(order, np.cumsum(count)[:-1])):  # of all together it is the largest array
+        D = design_of_points(points.take(rows), axes, basis).reshape(-1, basis.size)
+        products[k] = D.T @ D
+    return products, count
 
 
 def in_axes(points: BodyPoints, axes: Sequence[StripAxes]) -> tuple[Float, Float]:

@@ -25,7 +25,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
-from aatri.orientation.bodies.polynomial_ties import design_of_points, polynomial_ties
+from aatri.orientation.bodies.polynomial_ties import polynomial_ties, products_of_points
 
 MOST_NAMED = 6
 """Strips that fell alike, up to which each has a warning of its own."""
@@ -101,16 +101,16 @@ def adjust_strip_polynomials(
 
     complete = with_free(ties.unknowns.free)
     use = np.ones(complete.edges[-1], dtype=bool) if begin is None else begin(complete.observed)
-    design, rule = design_of_points(points, axes, basis), snooping_of(complete, limit)
+    products, rule = products_of_points(points, axes, basis), snooping_of(complete, limit)
     while True:
-        degrees, fell = determined_degrees(complete, design, use, degrees, basis)
+        degrees, fell = determined_degrees(complete, *products, use, degrees, basis)
         falls += fell
         free = kept_coefficients(degrees, basis)
         problem = complete if free.all() else with_free(free)
         tied = adjust_tied(problem, rule, active=use, undoubted=undoubted, after=after)
         # Rejected control determines nothing any more: if a degree falls for it, all is adjusted once more.
         lost = (use & ~tied.active)[len(points.strip) :].any()
-        if not lost or not determined_degrees(complete, design, tied.active, degrees, basis)[1]:
+        if not lost or not determined_degrees(complete, *products, tied.active, degrees, basis)[1]:
             break
         use, after = tied.active, None
     return StripPolynomials(

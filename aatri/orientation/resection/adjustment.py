@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.threads import in_threads, items_between
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.orientation.resection.kernels.resection import resect
 
 HUBER = 3.0
@@ -70,23 +70,26 @@ def resect_images(
     -------
     ResectedImages
     """
-    n_images = len(c_mm)
-    usable = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(xy_mm).all(axis=1)
-    usable &= np.isfinite(position_m[image]).all(axis=1) & np.isfinite(ground_from_image[image]).all(axis=(1, 2))
-    rays = np.flatnonzero(usable)
+    n_images, known = len(c_mm), finite_rows(xyz_m)
+    oriented = finite_rows(position_m) & np.isfinite(ground_from_image).all(axis=(1, 2))
+    rays = np.flatnonzero(known[point] & oriented[image] & finite_rows(xy_mm))
     rays = rays[np.argsort(image[rays], kind="stable")]
-    xy, sigma, row, X = xy_mm[rays], sigma_mm[rays], image[rays], xyz_m[point[rays]]
+    xy, weight, row = xy_mm[rays], sigma_mm[rays], image[rays]
     count = np.bincount(row, minlength=n_images)
-    origin = np.nanmean(X, axis=0) if len(X) else np.zeros(3)
+    mean_sigma = np.bincount(row, weight.mean(axis=1), minlength=n_images) / np.maximum(count, 1)
+    np.reciprocal(weight, out=weight)  # arrays of all image points are large
+    origin = xyz_m[known].mean(axis=0) if known.any() else np.zeros(3)
+    X = (xyz_m - origin)[point[rays]]
+    del rays, row
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     X0 = np.array(position_m - origin, dtype=np.float64, order="C")
     R = np.array(ground_from_image, dtype=np.float64, order="C")
     Q, spread, done = np.full((n_images, 6, 6), np.nan), np.full(n_images, np.nan), np.zeros(n_images, dtype=bool)
     arguments = (
         first,
-        np.ascontiguousarray(X - origin),
-        np.ascontiguousarray(xy),
-        1.0 / sigma,
+        X,
+        xy,
+        weight,
         np.array(c_mm, dtype=np.float64),
         MIN_POINTS,
         HUBER,
@@ -99,7 +102,6 @@ def resect_images(
         done,
     )
     in_threads(len(xy), lambda a, b: resect(*items_between(first, a, b), *arguments), worth=WORTH_A_THREAD)
-    mean_sigma = np.bincount(row, sigma.mean(axis=1), minlength=n_images) / np.maximum(count, 1)
     return ResectedImages(
         np.where(done[:, None], X0 + origin, position_m),
         np.where(done[:, None, None], R, ground_from_image),
