@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
 from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
@@ -28,6 +31,7 @@ from aatri.checks.finding import Finding, report
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import several
 from aatri.notes import Note, tell
+from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
 from aatri.observations.positions import uses_positions
@@ -89,6 +93,8 @@ def adjusted_bundle(
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
     at_start = findings_at_start(source, inputs, of_the_block=initial is None)
     report([*notes, *at_start], context)
+    if searched:
+        inputs = _without_doubted(inputs, at_start)
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
     except (ConvergenceError, GeometryError) as error:
@@ -118,6 +124,17 @@ def adjusted_bundle(
             remedy="keep fewer images and points in it, or give this block what they need",
         )
     return AdjustedBundle(source, done, groups, components, chosen, suspects, share)
+
+
+def _without_doubted(inputs: BundleInput, at_start: Sequence[Finding | Note]) -> BundleInput:
+    """The block without the attitudes that a check of its start names: the search tests them, and takes what fits."""
+    named = [f.rows[ATTITUDE] for f in at_start if isinstance(f, Finding) and ATTITUDE in f.rows]
+    if not named:
+        return inputs
+    rejected = [np.isin(o.row, np.concatenate(named)) & (o.kind == ATTITUDE) for o in inputs.observed]
+    before = [np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected for o in inputs.observed]
+    without = (o.again().without(r | b) if r.any() else o for o, r, b in zip(inputs.observed, rejected, before))
+    return replace(inputs, observed=tuple(without))
 
 
 def _with_information(

@@ -8,7 +8,7 @@ or in nine of ten, as one strip of three flown the other way does. Then the read
 proposed in which they agree (`angle_readings`); by nine of ten where the others agree in it as well as before, and
 `FEWEST_ATTITUDES` did not: fewer are gross errors, which the adjustment looks for. What all b of a camera have in
 common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
-lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Fewer than half that lack one turn of their own,
+lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Up to half that lack one turn of their own,
 larger than that, in which most agree to `WRONG_ATTITUDES_RAD`, are told together.
 """
 
@@ -35,6 +35,9 @@ from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
+
+MOST_CANDIDATES = 50
+"""Attitudes that are tried as the place of most; so many, evenly taken, are near it."""
 
 
 def attitude_conventions(
@@ -78,6 +81,8 @@ def attitude_conventions(
 def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes, rotation: Float) -> Finding | None:
     """An error where all attitudes of a camera are turned by more than boresights and their standard deviations are."""
     about_rad = log_rotation(_lacking(rows.observed, rotation)[1])
+    if np.mean(_unlikely(rows, rotation) > WRONG_ATTITUDES_RAD) == 0.5:  # exactly: either half may be turned
+        return None
     if unlikely_turns(about_rad, np.nanmedian(rows.sigma_rad, axis=0)) <= LARGEST_BORESIGHT_RAD:
         return None
     about_deg = np.degrees(about_rad)
@@ -94,15 +99,18 @@ def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes,
 
 
 def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Float) -> Finding | None:
-    """A warning where fewer than half of the attitudes lack one turn beside the others, as of a strip flown back."""
+    """A warning where up to half of the attitudes lack one turn beside the others, as of a strip flown back."""
     is_off = _unlikely(rows, rotation) > WRONG_ATTITUDES_RAD
     off = np.flatnonzero(is_off)
-    if not FEWEST_ATTITUDES <= len(off) < 0.5 * len(rotation):
+    if not FEWEST_ATTITUDES <= len(off) <= 0.5 * len(rotation):
         return None
     alike = off[_unlikely(rows.take(off), rotation[off]) <= WRONG_ATTITUDES_RAD]
     if len(alike) < max(FEWEST_ATTITUDES, 0.5 * len(off)):
         return None
-    of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (alike, ~is_off))
+    others = np.flatnonzero(~is_off)
+    of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (alike, others))
+    if len(alike) == len(others) and np.trace(of_part) > np.trace(of_others):  # the less turned ones are right
+        alike, of_part, of_others = others, of_others, of_part
     turn_rad = log_rotation(of_part @ of_others.T)
     if np.linalg.norm(turn_rad) <= LARGEST_BORESIGHT_RAD:  # by less a start may be off, where control holds it badly
         return None
@@ -111,7 +119,8 @@ def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Flo
     text += "about the axes of the camera"
     remedy = "check these images: a strip flown back, or measured in photographs that lie the other way"
     names = tuple(images[rows.image[alike]].tolist())
-    return Finding("attitude_convention", "warning", text, remedy, where=f"camera {camera}", ids=names)
+    which = {ATTITUDE: rows.row[alike]}
+    return Finding("attitude_convention", "warning", text, remedy, where=f"camera {camera}", ids=names, rows=which)
 
 
 def _of_camera(
@@ -122,7 +131,7 @@ def _of_camera(
     unread, unlikely = None, _unlikely(rows, rotation)
     too_many = (unlikely > WRONG_ATTITUDES_RAD).sum() >= FEWEST_ATTITUDES  # for gross errors
     for share in SHARES_OF_ATTITUDES:
-        if np.quantile(unlikely, share) <= WRONG_ATTITUDES_RAD:
+        if np.quantile(unlikely, share, method="inverted_cdf") <= WRONG_ATTITUDES_RAD:
             continue
         scatter = _scatter(rows.observed, rotation, share)
         text = f"attitudes as {declared} differ from the orientations of its images by {np.degrees(scatter):.3g} deg "
@@ -143,13 +152,17 @@ def _of_camera(
 def _lacking(observed: Float, rotation: Float) -> tuple[Float, Float]:
     """Turns between attitudes and orientations beyond a common one, (n,) rad, and the common one, (3, 3)."""
     lacking = observed.swapaxes(1, 2) @ rotation
-    common = nearest_rotation(np.median(lacking, axis=0))
+    n, half = len(lacking), (len(lacking) + 1) // 2
+    candidates = lacking[:: max(1, n // MOST_CANDIDATES)]
+    nearness = lacking.reshape(n, 9) @ candidates.reshape(-1, 9).T  # trace: 1 + 2 cos of the angle between them
+    best = np.argmax(np.sort(nearness, axis=0)[n - half])  # half of them may lie elsewhere, all in one place
+    common = nearest_rotation(np.median(lacking[np.argsort(-nearness[:, best], kind="stable")[:half]], axis=0))
     return np.linalg.norm(log_rotation(lacking @ common.T), axis=1), common
 
 
 def _scatter(observed: Float, rotation: Float, share: float) -> float:
     """Turn between attitudes and orientations beyond a common one that this share of them does not exceed, rad."""
-    return float(np.quantile(_lacking(observed, rotation)[0], share))
+    return float(np.quantile(_lacking(observed, rotation)[0], share, method="inverted_cdf"))
 
 
 def _suits_others(observed: Float, reading: Float, rotation: Float) -> bool:

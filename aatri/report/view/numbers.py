@@ -52,8 +52,10 @@ def angles_in(unit: str) -> Iterator[None]:
 
 
 def small_angle(value_rad: float) -> str:
-    """A small angle to three digits, whole from a thousand on."""
+    """A small angle to three digits, whole from a thousand on; beyond a degree in deg or gon."""
     units = angle_units.get()
+    if abs(value_rad) > ANGLE_RAD["deg"]:
+        return f"{value_rad * units.per_rad:.3g} {units.angle}"
     value = value_rad * units.small_per_rad
     return f"{value:{'.0f' if abs(value) >= 1000 else '.3g'}}{'' if units.small == '″' else ' '}{units.small}"
 

@@ -195,11 +195,13 @@ def test_gross_errors_of_attitudes_are_found() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("turns_deg", "named"), [((180.0, 180.0, 180.0), True), ((180.0, 90.0, -60.0), False)])
+@pytest.mark.parametrize(
+    ("turns_deg", "named"), [((180.0,) * 3, True), ((180.0,) * 5, True), ((180.0, 90.0, -60.0), False)]
+)
 def test_attitudes_of_a_few_images_that_are_turned_alike_are_named_with_their_turn(
     turns_deg: tuple[float, ...], named: bool
 ) -> None:
-    block, rows = flown(4, boresight="known"), [0, 1, 2]
+    block, rows = flown(4, boresight="known"), list(range(len(turns_deg)))
     angles = block.exterior.angles_rad.copy()
     angles[rows, 2] += np.radians(turns_deg)
     block = replace(block, exterior=replace(block.exterior, angles_rad=angles))
