@@ -290,6 +290,7 @@ def test_angles_are_told_in_gon_where_that_is_asked_and_from_then_on(tmp_path: P
         assert small_angle(np.pi / 200e3) == "1 mgon"
     assert small_angle(np.pi / 648000) == "1″"
     assert small_angle(1423.4 * np.pi / 648000) == "1423″"
+    assert small_angle(np.pi / 9) == "20 deg"
 
 
 def test_a_sigma0_that_differs_from_one_in_no_digit_shown_is_no_sentence_however_many_observations_say_so() -> None:

@@ -5,10 +5,9 @@ axes, zones, heights and principal distances are tried before anything is orient
 
 Seen: coordinates in another unit or order, heights that count from another surface, another lens, wrong images.
 Test: the misfit (`control_rays`) of the block is above 5 % with observed positions, 25 % with approximate ones, and
-above what the standard deviations of the positions allow. One
-change of everything is looked for that makes it small. Over flat ground the height of the positions and the principal
-distance cannot be told apart. Where the misfit of the block is small, single images are named,
-or single points if these are fewer.
+above what the standard deviations of the positions allow. One change of everything is looked for that makes it small.
+Over flat ground the height of the positions and the principal distance cannot be told apart; one that is free may begin
+far off. Where the misfit of the block is small, single images are named, or single points if these are fewer.
 
 Source: Church, Revised geometry of the aerial photograph (1945); Manual of Photogrammetry, space resection.
 """
@@ -101,12 +100,19 @@ def angles_that_differ(block: Block, xy_mm: Float, usable: Bool) -> list[Finding
     seen = contradiction(rays)
     if seen is None:
         return []
-    if seen.certain:
+    if seen.certain and not (seen.of == "camera" and _lens_is_free(block, rays)):
         return [Finding("angles", "error", seen.text, seen.remedy, where=_place(block, seen.of, rays))]
     points = block.points.id[control_of(block).point[list(seen.points)]]
     ids, images = tuple(points.tolist()), tuple(block.images.id[seen.images].tolist())
     other = (f"another camera or position of {shown(images)}",) if ids and images else ()
     return [Finding("angles", "warning", seen.text, seen.remedy, ids=ids or images, alternatives=other)]
+
+
+def _lens_is_free(block: Block, rays: ControlRays) -> bool:
+    """Whether the block leaves every principal distance free: then a wrong one is a start value."""
+    p = block.camera_parameters
+    free = p.camera[(p.name == "principal_distance") & p.free]
+    return bool(np.isin(block.images.camera[rays.image], free).all())
 
 
 def contradiction(rays: ControlRays) -> Contradiction | None:

@@ -45,16 +45,26 @@ def lost_control(block: Block) -> list[Finding]:
     control = np.flatnonzero((ground.role == CONTROL).any(axis=1))
     first = next(iter(meant))
     level: Level = "warning"
-    what = f"points with coordinates that nothing measures; did you mean {shown(_pairs(block, meant))}?"
+    what = "points with coordinates that nothing measures"
     if len(control) and not is_used[ground.point[control]].any():
-        level, what = "error", f"no control point is measured; did you mean {shown(_pairs(block, meant))}?"
+        level, what = "error", "no control point is measured"
+    what += f"; did you mean {shown(_pairs(block, meant), 3)}?"
     remedy = "give a point the same id in all tables, to the letter"
     return [Finding("control_ids", level, what, remedy, where=read_at(block, ground, first))]
 
 
 def _pairs(block: Block, meant: dict[int, str]) -> list[str]:
     ids = block.points.id[block.ground_points.point]
-    return [f"{printable(name)!r} for {printable(str(ids[row]))!r}" for row, name in meant.items()]
+    return [
+        f"{printable(name)!r} for {printable(str(ids[row]))!r}{_form(name, str(ids[row]))}"
+        for row, name in meant.items()
+    ]
+
+
+def _form(a: str, b: str) -> str:
+    """Of ids that look alike, why they are not the same."""
+    same = unicodedata.normalize("NFC", a) == unicodedata.normalize("NFC", b)
+    return " (another Unicode form)" if same else ""
 
 
 def _plain(name: str) -> str:

@@ -6,13 +6,16 @@ Images come from a plain central projection of stations turned at random, which 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aatri.checks.as_read.angles import Contradiction, contradiction
-from aatri.checks.as_read.control_rays import ControlRays
+from aatri.checks.as_read.angles import Contradiction, angles_that_differ, contradiction
+from aatri.checks.as_read.control_rays import ControlRays, photo_mm
 from aatri.checks.as_read.positions import impossible_positions
+from aatri.formats.tables.reader import read_block
+from tests.small_blocks import flown
 
 C_MM = 100.0
 ORIGIN = np.array([5000.0, 9000.0, 100.0])
@@ -102,6 +105,17 @@ def test_another_principal_distance_is_told_with_its_value(factor: float) -> Non
     assert found.of == "camera"
     assert f"a principal distance of 100 instead of {C_MM * factor:.4g} mm" in found.text
     assert found.certain
+
+
+@pytest.mark.parametrize(("sigma", "level"), [(0.0, "error"), (float("inf"), "warning")])
+def test_a_principal_distance_that_is_free_may_begin_far_off(tmp_path: Path, sigma: float, level: str) -> None:
+    small = flown(relief_m=150.0, noise=0.0)
+    small.control = dict.fromkeys(small.xyz_m, "XYZ")
+    small.camera = {"principal_distance": 0.6 * C_MM, "sigmas": {"principal_distance": sigma}}
+    block = read_block(small.write(tmp_path / "block"))
+    (seen,) = angles_that_differ(block, photo_mm(block), np.ones(len(block.image_points), dtype=bool))
+    assert seen.level == level
+    assert "a principal distance of 100" in seen.sentence
 
 
 def test_a_height_or_a_principal_distance_that_fit_alike_are_both_told_in_one_sentence() -> None:

@@ -134,6 +134,7 @@ def test_control_under_other_names_is_an_error_that_names_them(tmp_path: Path, o
         named(old, new).read(tmp_path)
     assert caught.value.exit_code == 3
     assert "ground_points.csv:2" in str(caught.value)
+    assert ("(another Unicode form)" in str(caught.value)) == (unicodedata.normalize("NFC", old) == new)
 
 
 def test_one_point_under_another_name_is_a_warning(tmp_path: Path) -> None:
