@@ -52,11 +52,7 @@ def angles_in(unit: str) -> Iterator[None]:
 
 
 def small_angle(value_rad: float) -> str:
-<<<<<<< HEAD
     """A small angle to three digits, whole from a thousand on; beyond a degree in deg or gon."""
-=======
-    """A small angle to three digits, whole from a thousand on; beyond a degree in degrees or gon."""
->>>>>>> df91cbc9 (x)
     units = angle_units.get()
     if abs(value_rad) > ANGLE_RAD["deg"]:
         return f"{value_rad * units.per_rad:.3g} {units.angle}"
