@@ -45,8 +45,8 @@ COLLINEAR, THINNEST = 0.01, 1e-8
 """Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first.
 Down to the second, where rounding begins to decide the turn about that line, they are one start among others."""
 
-HEADINGS = 12
-"""Starts: every 30 degrees one."""
+HEADINGS, SAME_ENDS = 12, 3
+"""Starts: every 30 degrees one. So many that come to one end, from all around, need no further ones."""
 
 SHIFT_AND_SCALE = [0, 1, 2, 6]
 
@@ -144,7 +144,8 @@ def searched_start(
     """
     failure: GeometryError | ConvergenceError | None = None
     ends = list[tuple[bool, float, Similarity]]()
-    turns = [exp_rotation(np.array([0.0, 0.0, turn])) for turn in np.arange(HEADINGS) * 2 * np.pi / HEADINGS]
+    spread = 5 * np.arange(HEADINGS) % HEADINGS  # 150 degrees from one to the next: neighbours come late
+    turns = [exp_rotation(np.array([0.0, 0.0, turn])) for turn in spread * 2 * np.pi / HEADINGS]
     starts = [Similarity(np.zeros(3), 1.0, turn @ levelling(body.up)) for turn in turns]
     for start in starts if offered is None else [offered, *starts]:
         try:
@@ -153,6 +154,10 @@ def searched_start(
             failure = failure or error
             continue
         ends.append((looks_upwards(to_ground, body.up), cost, to_ground))
+        least = min(ends, key=lambda end: end[:2])
+        same = sum(end[0] == least[0] and end[1] <= least[1] + TOLERANCE for end in ends)
+        if same >= SAME_ENDS and not least[0]:
+            break
     if not ends:
         raise failure or GeometryError("nothing is observed of it", remedy="give control or observed positions")
     _, cost, to_ground = min(ends, key=lambda end: end[:2])
