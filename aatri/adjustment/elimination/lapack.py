@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from llvmlite.binding import get_host_cpu_features
 from scipy.linalg import cython_blas, cython_lapack
 
 from aatri.arrays import Float
@@ -39,6 +40,10 @@ _syrk = _routine(cython_blas, "dsyrk", 10)
 _symm = _routine(cython_blas, "dsymm", 12)
 _gemm = _routine(cython_blas, "dgemm", 13)
 
+
+BY_INVERSES = bool(get_host_cpu_features().get("avx512f"))
+"""Panels are divided by inverted diagonal blocks. With AVX-512 that is twice as fast as dtrsm of OpenBLAS; without it
+dtrsm takes a third to a half of the time in fronts of 160 to 320 rows, and nine tenths in those of 1,500."""
 
 DIVIDED = 128
 """Columns of a panel that are divided by the factor at once."""
@@ -85,9 +90,13 @@ def cholesky_panel(F: Float, m: int) -> int:
 
 
 def _divide(F: Float, m: int) -> None:
-    """F21 <- F21 L11^-T, block of columns by block: products with inverted diagonal blocks, twice as fast as dtrsm."""
+    """F21 <- F21 L11^-T, at once, or block of columns by block: products with inverted diagonal blocks."""
     n, lda = F.shape[0], _int(F.shape[0])
     at = _places(F)
+    if not BY_INVERSES:
+        _trsm(_R, _L, _T, _N, _int(n - m), _int(m), _ONE,
+              at(0, 0), lda, at(m, 0), lda)
+        return
     for first in range(0, m, DIVIDED):
         width = min(DIVIDED, m - first)
         if first:

@@ -1,4 +1,4 @@
-"""Panels in a file: the same bits, and nothing left behind."""
+"""Panels in a file: the same bits, and nothing left behind; a panel and its factor."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
+from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.panels import PanelsInFile
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.errors import ResourceError
@@ -88,3 +89,17 @@ def test_the_same_solution_with_and_without_spilling(monkeypatch: pytest.MonkeyP
     for name, covariance in expected.groups.items():
         np.testing.assert_allclose(found.groups[name], covariance, rtol=1e-9, atol=1e-12)
     assert spilled.cost == pytest.approx(kept.cost, rel=1e-12)
+
+
+@pytest.mark.parametrize("by_inverses", [False, True])
+def test_a_panel_is_factorised_as_the_whole_matrix_would_be(by_inverses: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lapack, "BY_INVERSES", by_inverses)
+    n, m, rng = 310, 2 * lapack.DIVIDED + 20, np.random.default_rng(1)
+    A = rng.standard_normal((n, 2 * n))
+    N = A @ A.T
+    F = np.asfortranarray(N)
+    assert lapack.cholesky_panel(F, m) == 0
+    L = np.linalg.cholesky(N)
+    np.testing.assert_allclose(np.tril(F)[:, :m], L[:, :m], rtol=0, atol=1e-10 * np.abs(L).max())
+    rest = N[m:, m:] - L[m:, :m] @ L[m:, :m].T
+    np.testing.assert_allclose(np.tril(F[m:, m:]), np.tril(rest), rtol=0, atol=1e-10 * np.abs(N).max())
