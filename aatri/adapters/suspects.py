@@ -13,6 +13,7 @@ from aatri.adapters.observation_tables import suspect_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
+from aatri.adjustment.statistics.exchanged import SHARE_REJECTED
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
@@ -195,10 +196,12 @@ def inherited(
 
 
 def _all_left_out(solution: Solution, staying: Bool, kind: str) -> bool:
-    """Whether several observations of a kind were rejected, and none took part."""
+    """Whether several observations of a kind were rejected, and none took part; not two that are exchanged."""
     of_kind = solution.residuals.kind == kind
-    rejected = int((staying & (solution.suspects.kind == kind)).sum())
-    return rejected > 1 and not solution.residuals.active[of_kind].any()
+    error = solution.suspects.error[staying & (solution.suspects.kind == kind)]
+    if len(error) == 2 and np.linalg.norm(error.sum(axis=0)) < SHARE_REJECTED * np.linalg.norm(error, axis=1).min():
+        return False  # each is off by the way to the other
+    return len(error) > 1 and not solution.residuals.active[of_kind].any()
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

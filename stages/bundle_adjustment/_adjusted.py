@@ -100,9 +100,8 @@ def adjusted_bundle(
     except (ConvergenceError, GeometryError) as error:
         left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
         staying_out = left_out.verdict != suspects.verdict
-        again = isinstance(error, ConvergenceError) and staying_out.any()
         try:
-            if not again:
+            if not staying_out.any():
                 raise error
             inputs, share = inputs_with(left_out)
             done, groups, components = adjusted_block(source, inputs, options, context)

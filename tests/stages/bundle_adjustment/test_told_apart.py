@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aatri.adapters.suspects import inherited
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -125,3 +126,21 @@ def test_data_snooping_begins_robustly_where_least_squares_do_not_converge(tmp_p
     s = done.bundle.suspects
     assert {a, b} <= set(s.point[(s.image == "203") & staying_out(s)].tolist())
     assert any("the search began with a robust adjustment" in line for line in done.lines)
+
+
+@pytest.mark.slow(after=1)
+def test_two_control_points_of_two_that_are_exchanged_stay_out_beside_positions_on_a_line(tmp_path: Path) -> None:
+    """The graph names them; taken back, they turn the strip over, and no adjustment converges."""
+    small = flown(strips=1, per_strip=5)
+    small.control, small.attitudes = {"C1": "XYZ", "C4": "XYZ"}, list(small.strip)
+    written = small.write(tmp_path / "block") / "ground_points.csv"
+    text = written.read_text().replace("C1,", "?,").replace("C4,", "C1,").replace("?,", "C4,")
+    written.write_text(text)
+    done = adjusted_by("graph", tmp_path / "block")
+    s = done.bundle.suspects
+    assert s.point[(s.kind == "control") & staying_out(s)].tolist() == ["C1", "C4"]
+    assert done.bundle.images.oriented.all()
+    assert done.bundle.sigma0 < 1.2
+    assert any("fit with their numbers exchanged" in text for text in done.warnings)
+    before, _ = inherited(done.initial)
+    assert before.verdict[before.kind == "control"].tolist() == ["rejected", "rejected"]
