@@ -68,9 +68,11 @@ def design(
             remedy="add `design: {use: design/criteria, from: {block, solution: bundle}}` (see aatri stages)",
         )
 
+    running: dict[str, Any] = {"in_memory": {}}
+
     def made(one: Opened) -> GateError | None:
         chosen = select(one.nodes, start=None, until=None, only=(), force=())
-        records, _ = carry_out(one, chosen, {}, quiet=silent, debug=False)
+        records, _ = carry_out(one, chosen, running, quiet=silent, debug=False)
         return failure_of(judge(one.spec, records, chosen.stages))
 
     compared, failed = made_variants(opened, made(opened), made)

@@ -33,16 +33,20 @@ class OpenCombination:
     """Of the whole block; else of a part of it."""
     unknowns: tuple[tuple[str, str], ...] = ()
     """Labels and groups of the unknowns that are named."""
+    counts: tuple[int, ...] = ()
+    """Of how many blocks each of them takes part."""
 
     def __str__(self) -> str:
         return self.text
 
 
 class OpenError(GeometryError):
-    """Combinations of unknowns are open: `combinations` are those that the message names."""
+    """Combinations of unknowns are open: `combinations` are those that the message names; `exact`: a pivot vanishes."""
 
-    def __init__(self, what: str, *, remedy: str = "", combinations: Sequence[OpenCombination] = ()) -> None:
-        self.combinations = tuple(combinations)
+    def __init__(
+        self, what: str, *, remedy: str = "", combinations: Sequence[OpenCombination] = (), exact: bool = False
+    ) -> None:
+        self.combinations, self.exact = tuple(combinations), exact
         super().__init__(what, remedy=remedy)
 
 
@@ -84,7 +88,8 @@ class OpenDirections:
             what = f"the observations nearly leave {several(self.count, 'combination')} of unknowns open"
             remedy = "observe more, hold them or weigh them by a prior, or estimate fewer parameters"
         named = "; ".join(map(str, self.texts))
-        raise OpenError(f"{before}{what}: {named}{more}", remedy=remedy, combinations=self.texts)
+        is_exact = self.exact and not before
+        raise OpenError(f"{before}{what}: {named}{more}", remedy=remedy, combinations=self.texts, exact=is_exact)
 
     def notes(self) -> list[Note]:
         """Warnings of what is nearly open."""
@@ -97,7 +102,7 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
     all images where the principal distance is open, is small in each of them.
     """
-    shares: list[tuple[float, float, str, tuple[str, str]]] = []
+    shares: list[tuple[float, float, str, tuple[str, str], int]] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
@@ -108,9 +113,11 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
                 large = np.argsort(-own, kind="stable")[: int((own > NAMED * most).sum())].tolist()
                 named = " with ".join(u.label(k, scalar) for k in large)
                 many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
-                shares.append((total, most, named if len(large) <= 4 else many, (u.labels[scalar], u.name)))
+                shares.append((total, most, named if len(large) <= 4 else many, (u.labels[scalar], u.name), len(large)))
     shares.sort(key=lambda share: -share[0])
-    largest = max((own for _, own, _, _ in shares), default=0.0)
+    largest = max((own for _, own, *_ in shares), default=0.0)
     members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
-    text = " with ".join(name for _, _, name, _ in members) or "unknowns of no group"
-    return OpenCombination(text, unknowns=tuple(unknown for *_, unknown in members))
+    text = " with ".join(name for _, _, name, *_ in members) or "unknowns of no group"
+    return OpenCombination(
+        text, unknowns=tuple(unknown for *_, unknown, _ in members), counts=tuple(count for *_, count in members)
+    )

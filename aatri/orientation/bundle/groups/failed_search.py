@@ -9,7 +9,8 @@ them on: the search is made without them, as if they were not measured, and they
 
 An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
 refused, or nothing converges, each image is left out on trial; if the block fits without one, and never with it, the
-search is made again as if this one had not been measured. So it is with an image that is open on the way only.
+search is made again as if this one had not been measured. So it is with an image that is open on the way only. What no
+observation determines of the whole, or of most images, is as open without one: no image is tried.
 
 Before that least squares of all observations may fit them. Without some observations, or by other weights, weak points
 may run away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what
@@ -23,6 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.openness.open_directions import OpenError
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -65,10 +67,19 @@ def searched_again(
         The failure of the search, where none of these helps.
     """
     done = _with_all_images(block, search, adjust, failure)
-    done = without_wrong_image(block, search, adjust) if done is None else done
+    if done is None and not _is_open_without_any_image(block, failure):
+        done = without_wrong_image(block, search, adjust)
     if done is None:
         raise failure
     return done
+
+
+def _is_open_without_any_image(block: BundleInput, failure: AatriError) -> bool:
+    """Whether what is open is of the whole, or of most images: that it is with fewer image points, too."""
+    return (isinstance(failure, OpenError) and failure.exact) and any(
+        c.of_whole or any(g == POSE and 2 * n > len(block.image_ids) for (_, g), n in zip(c.unknowns, c.counts))
+        for c in failure.combinations
+    )
 
 
 def _with_all_images(
