@@ -62,30 +62,6 @@ def without_search(block: BundleInput, adjusted: Any) -> AdjustedBlock:
     return searched_again(block, failing, adjusted, FAILURE)[0]
 
 
-COMBINATIONS = {
-    "whole": OpenCombination("scale", of_whole=True),
-    "most images": OpenCombination(
-        "Z0 of image i1 and 4 more", unknowns=(("Z0", POSE), ("c", "camera")), counts=(5, 1)
-    ),
-    "an image": OpenCombination("Z0 of image i1", unknowns=(("Z0", POSE), ("c", "camera")), counts=(1, 1)),
-}
-
-
-@pytest.mark.parametrize(
-    ("what", "exact"), [("whole", True), ("whole", False), ("most images", True), ("an image", True)]
-)
-def test_no_image_is_left_out_on_trial_where_all_of_them_are_open(what: str, exact: bool) -> None:
-    failure, adjusted = OpenError("open", combinations=[COMBINATIONS[what]], exact=exact), list[BundleInput]()
-
-    def failing(block: BundleInput, *_: Any) -> Any:
-        adjusted.append(block)
-        raise failure
-
-    with pytest.raises(OpenError):
-        searched_again(made_bundle().together(), failing, failing, failure)
-    assert len(adjusted) == (1 if exact and what != "an image" else 1 + 6)
-
-
 def test_all_observations_are_used_where_they_fit_and_the_failure_is_a_warning() -> None:
     parts = made_bundle()
     done = without_search(parts.together(), least_squares)

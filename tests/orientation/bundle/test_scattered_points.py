@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.errors import ConvergenceError
 from aatri.observations.control import Control
 from aatri.observations.poses import POSE
@@ -132,3 +133,27 @@ def test_an_image_that_is_left_out_whatever_is_left_out_on_trial_is_the_one(is_h
     assert images_in_use == [[0, 1, 3, 4, 5]]
     assert done is not None
     assert [note.ids for note in done[0].notes] == [("i2",)] * is_held
+
+
+COMBINATIONS = {
+    "whole": OpenCombination("scale", of_whole=True),
+    "most images": OpenCombination(
+        "Z0 of image i1 and 4 more", unknowns=(("Z0", POSE), ("c", "camera")), counts=(5, 1)
+    ),
+    "an image": OpenCombination("Z0 of image i1", unknowns=(("Z0", POSE), ("c", "camera")), counts=(1, 1)),
+}
+
+
+@pytest.mark.parametrize(
+    ("what", "exact"), [("whole", True), ("whole", False), ("most images", True), ("an image", True)]
+)
+def test_no_image_is_left_out_on_trial_where_all_of_them_are_open(what: str, exact: bool) -> None:
+    failure, adjusted = OpenError("open", combinations=[COMBINATIONS[what]], exact=exact), list[BundleInput]()
+
+    def failing(block: BundleInput, *_: Any) -> Any:
+        adjusted.append(block)
+        raise failure
+
+    with pytest.raises(OpenError):
+        searched_again(made_bundle().together(), failing, failing, failure)
+    assert len(adjusted) == (1 if exact and what != "an image" else 1 + 6)
