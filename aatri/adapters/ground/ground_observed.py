@@ -103,7 +103,10 @@ class GroundObserved:
             start = body.on_ground(to)
             source = ObservationSource(self.block, None, self.origin_m, start, (), level, self.frame, self.geodesy)
             beside = tuple(o for o in self.beside if attitudes or o.kind != ATTITUDE)
-            return concerning([o for o in (*observe(source, options), *beside) if chosen(o)], body)
+            taking_part = [o for o in (*observe(source, options), *beside) if chosen(o)]
+            unknowns = {*start, *(name for o in taking_part for name in o.start)}
+            # a lever arm of given weight is none without positions
+            return concerning([o for o in taking_part if unknowns.issuperset(dict(o.records.touches))], body)
 
         return observed
 

@@ -251,3 +251,13 @@ def test_few_points_hold_an_image_so_loosely_that_its_position_and_control_are_n
     small.attitudes = list(small.strip)
     s = adjusted_by("graph", small.write(tmp_path / "block")).initial.suspects
     assert not (staying_out(s) & (s.kind != "image_point")).any()
+
+
+def test_a_lever_arm_of_given_weight_goes_with_positions_that_contradict_all_else(tmp_path: Path) -> None:
+    small = flown(strips=2)
+    small.camera = {"lever_arm": [0.0] * 3, "sigmas": {"lever_arm": [0.05] * 3}}
+    small.position_m = {i: x + np.array([0.0, 0.0, 3.0]) for i, x in small.position_m.items()}
+    exterior = small.write(tmp_path / "block") / "exterior.csv"
+    first, *rows = exterior.read_text().splitlines()
+    exterior.write_text("\n".join([f"{first},refers_to", *(f"{row},antenna" for row in rows), ""]))
+    assert any("contradict all else" in text for text in adjusted_by("graph", exterior.parent).warnings)
