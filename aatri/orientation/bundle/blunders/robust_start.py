@@ -92,6 +92,7 @@ class RobustStart(FittedSigmas):
         stays = np.isin(np.arange(len(self.block.xyz_m)), crowded) & result.point_adjusted
         self.block = replace(self.block, xyz_m=np.where(stays[:, None], state[POINT], self.block.xyz_m))
         readmitted = self.all.native & self.at_points_of(np.setdiff1d(points, crowded)) & ~gross_errors_at
+        self.attributions[:] = 0  # points that are lost here are looked at again by least squares
         return (active | readmitted) & ~rejected
 
     def _robust_from(self, start: BundleInput, initial: TestedBlock | None, active: Bool) -> BundleResult:

@@ -21,7 +21,7 @@ from aatri.adjustment.statistics.small_scales import small_class_scale
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
-from aatri.observations.observed import Observed
+from aatri.observations.observed import Observed, full_whitener
 from aatri.observations.poses import POINT, POSE, is_additional
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
 from aatri.orientation.bundle.blunders.all_records import is_ray
@@ -173,13 +173,13 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     of_others = _largest_gain_beside(result, place)
     if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record, of_others)[0] == 1.0:
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
-    L = records.whitener[rows]
-    inverse = np.linalg.pinv(L if L.ndim == 3 else L[:, :, None] * np.eye(records.rows))
+    L = full_whitener(records.whitener[rows])
+    inverse = np.linalg.pinv(L)
     H = np.zeros((len(rows), records.rows, used.size))
     for k, block in enumerate(inverse):
         H[k, :, k * records.rows : (k + 1) * records.rows] = block
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
-    return small_class_scale(v.ravel()[used], R, record, of_others)
+    return small_class_scale(v.ravel()[used], R, record, of_others, L.reshape(-1, records.rows)[used])
 
 
 def _largest_gain_beside(result: BundleResult, place: int) -> float:
