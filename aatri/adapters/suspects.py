@@ -196,10 +196,11 @@ def inherited(
 
 
 def _all_left_out(solution: Solution, staying: Bool, kind: str) -> bool:
-    """Whether several observations of a kind were rejected, and none took part; not two that are exchanged."""
+    """Whether several observations of a kind were rejected, and none took part; not two exchanged control points."""
     of_kind = solution.residuals.kind == kind
-    error = solution.suspects.error[staying & (solution.suspects.kind == kind)]
-    if len(error) == 2 and np.linalg.norm(error.sum(axis=0)) < SHARE_REJECTED * np.linalg.norm(error, axis=1).min():
+    error = np.nan_to_num(solution.suspects.error[staying & (solution.suspects.kind == kind)])
+    sizes = np.linalg.norm(error, axis=1)
+    if kind == CONTROL and len(error) == 2 and np.linalg.norm(error.sum(axis=0)) < SHARE_REJECTED * sizes.min():
         return False  # each is off by the way to the other
     return len(error) > 1 and not solution.residuals.active[of_kind].any()
 

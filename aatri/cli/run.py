@@ -139,7 +139,7 @@ def run(
     if cluster and jobs > 1:
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
     running = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
-    running["in_memory"] = {}  # what variants have in common is read by none of them
+    running["in_memory"] = {}  # stages that variants share stay in memory, and are not read again by each
     records, report = carry_out(
         opened, selection, running, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_
     )

@@ -19,6 +19,7 @@ from aatri.adapters.bundle.information_observed import (
 )
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
+from aatri.adjustment.openness.open_directions import OpenError
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
@@ -85,23 +86,27 @@ def adjusted_bundle(
     source = observation_source(block, image_points, initial, parameters, tangent, shared=shared)
     source = with_row_times(source, options.readout_sigma, options.velocity_sigma)
 
+    at_start: list[Finding | Note] = []
+
     def inputs_with(suspects: Suspects) -> tuple[BundleInput, InformationShare | None]:
         stated = bundle_input(source, options, suspects, searched=searched)
+        stated = _without_doubted(stated, at_start) if searched else stated
         return _with_information(source, stated, information, context)
 
     inputs, share = inputs_with(suspects)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
-    at_start = findings_at_start(source, inputs, of_the_block=initial is None)
+    at_start += findings_at_start(source, inputs, of_the_block=initial is None)
     report([*notes, *at_start], context)
-    if searched:
-        inputs = _without_doubted(inputs, at_start)
+    if searched and any(isinstance(f, Finding) and ATTITUDE in f.rows for f in at_start):
+        tell([Note("note", "attitudes that are named begin as rejected, and come back where they fit")], context)
+        inputs, share = inputs_with(suspects)
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
     except (ConvergenceError, GeometryError) as error:
         left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
         staying_out = left_out.verdict != suspects.verdict
         try:
-            if not staying_out.any():
+            if not (staying_out.any() and isinstance(error, (ConvergenceError, OpenError))):
                 raise error
             inputs, share = inputs_with(left_out)
             done, groups, components = adjusted_block(source, inputs, options, context)
@@ -114,7 +119,8 @@ def adjusted_bundle(
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
         counts = Counter(suspects.kind[staying_out].tolist())
-        text = "no convergence with what an earlier stage has left out altogether: what does not fit stays out"
+        failure = "the datum is open" if isinstance(error, OpenError) else "no convergence"
+        text = f"{failure} with what an earlier stage has left out altogether: what does not fit stays out"
         tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():

@@ -63,6 +63,8 @@ def _printed(command: str, monkeypatch: pytest.MonkeyPatch) -> tuple[str, str]:
             monkeypatch.chdir(words.removeprefix("cd "))
         elif words.startswith("aatri "):
             done = CliRunner().invoke(app, shlex.split(re.sub(r" 2?>.*", "", words))[1:])
+            if done.exception and not isinstance(done.exception, SystemExit):
+                raise done.exception
             said += done.stderr
             of_this = "" if words.endswith(" > /dev/null") else done.output if words.endswith("2>&1") else done.stdout
             printed += _by_shell(after, of_this) if after else of_this

@@ -38,8 +38,8 @@ class StripsOfBlock:
     ground: GroundObserved
     strips: Strips
     image_points: ImagePoints
-    last: str = ""
-    """Kind that does not take part at first, and comes back where it fits the others."""
+    last_kind: str = ""
+    """Kind of observations that do not take part at first, and come back where they fit the others."""
 
     @cached_property
     def rays(self) -> ImagePointRows:
@@ -96,7 +96,7 @@ def oriented_part(
 
     def begin(observed: Sequence[Observed]) -> Bool:
         use = not_rejected(observed, {o.kind: strips.suspects for o in observed})
-        is_last = np.array([o.kind == block_strips.last for o in observed], dtype=bool)
+        is_last = np.array([o.kind == block_strips.last_kind for o in observed], dtype=bool)
         use[np.repeat(is_last, [len(o) for o in observed])] = False
         return use
 

@@ -153,19 +153,21 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
 def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
     """The same by all but positions, where the others fit; positions come back as far as they fit these.
 
-    None where they are off in height above all, which a principal distance or a height datum explains.
+    None where fewer than half are off, or in height above all, which a principal distance or a height datum explains.
     """
-    by_others = replace(block_strips, last=POSITION)
+    by_others = replace(block_strips, last_kind=POSITION)
     if (oriented := _tried(by_others, joining)) is None or (notes := _fitting(by_others, oriented)) is None:
         return None
     adjusted = [(part.result.places, part.result.tied.active) for part in oriented.parts]
     used = np.concatenate([active[places.row[places.kind == POSITION]] for places, active in adjusted])
     off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == POSITION] for places, _ in adjusted])[~used]
-    if used.all() or not np.nanmedian(np.linalg.norm(off_m[:, :2], axis=1)) > np.nanmedian(np.abs(off_m[:, 2])):
+    known = off_m[np.isfinite(off_m).all(axis=1)]
+    if 2 * len(known) < len(used) or not np.median(np.abs(known[:, :2]), axis=0).max() > np.median(np.abs(known[:, 2])):
         return None
+    notes = [
+        Note("warning", f"{row_shift}; {ONE_ROW}") for places, _ in adjusted if (row_shift := one_row_off(places))
+    ] + notes
     text = f"observed positions: {len(off_m)} of {len(used)} contradict all else, which fits without them"
-    row_shift = next(filter(None, (one_row_off(places) for places, _ in adjusted)), "")
-    text += f"; {row_shift}; {ONE_ROW}" if row_shift else ""
     return oriented.with_notes([Note("warning", text), *notes])
 
 

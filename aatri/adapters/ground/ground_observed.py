@@ -105,7 +105,7 @@ class GroundObserved:
             beside = tuple(o for o in self.beside if attitudes or o.kind != ATTITUDE)
             taking_part = [o for o in (*observe(source, options), *beside) if chosen(o)]
             unknowns = {*start, *(name for o in taking_part for name in o.start)}
-            # a lever arm of given weight is none without positions
+            # the weight of a lever arm says nothing of a body without positions, which bring its unknowns
             return concerning([o for o in taking_part if unknowns.issuperset(dict(o.records.touches))], body)
 
         return observed

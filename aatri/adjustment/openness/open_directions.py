@@ -88,7 +88,7 @@ class OpenDirections:
             what = f"the observations nearly leave {several(self.count, 'combination')} of unknowns open"
             remedy = "observe more, hold them or weigh them by a prior, or estimate fewer parameters"
         named = "; ".join(map(str, self.texts))
-        is_exact = self.exact and not before
+        is_exact = self.exact and not before  # of a block that has lost parts rounding proves nothing
         raise OpenError(f"{before}{what}: {named}{more}", remedy=remedy, combinations=self.texts, exact=is_exact)
 
     def notes(self) -> list[Note]:

@@ -5,14 +5,14 @@ freedom; images of unlike quality, taken together, as well. Then a |w| of 6 is c
 read from the middle: of the |w| below `REACH` limits the scale s and nu maximise the likelihood of the counts n_b in
 classes of size between e_b and e_b+1, given that they lie there,
 
-    ln L = sum n_b ln((F(e_b+1) - F(e_b)) / F(e_B)),      F(e) = P(|s t_nu| <= e)
+    ln L = sum n_b ln((1 - g) (F(e_b+1) - F(e_b)) / F(e_B) + g / B),      F(e) = P(|s t_nu| <= e)
 
-Gross errors are beyond, and have no say; where some are beyond what any tail explains, classes below are taken to
-hold as many in each standard deviation as the nearer half of these. Of few residuals many nu are nearly as likely:
-taken is the least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for what such a
-tail explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit is the value
-that `BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal residuals it
-stays, of 500 it is 5.
+Gross errors are beyond, and have no say but for their share g among the B classes: where some are beyond what any tail
+explains there are as many to a standard deviation below. Of few residuals many nu are nearly as likely: taken is the
+least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for what such a tail
+explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit is the value that
+`BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal residuals it stays,
+of 500 it is 5.
 
 Source: Wilks 1938 (likelihood intervals); Jeffreys 1961, Theory of Probability, 5.7 (series of observations have nu of
 4 to 9); Lange, Little and Taylor 1989, Robust statistical modeling using the t distribution.
@@ -94,10 +94,14 @@ def tail_of(w: Float, limit: float) -> Tail:
 
 
 def _share_of_gross_errors(w: Float, reach: float, n: float) -> float:
-    """Share of gross errors among the n residuals up to `reach`: as dense there as beyond what any tail explains."""
-    far = np.sort(w[w > -stdtrit(LEAST_FREEDOM, 0.5 * BEYOND)])
+    """Share of gross errors among the n residuals up to `reach`: as dense as beyond what any tail explains.
+
+    The density is that of the nearer half of those, from where they begin; there are no more than beyond.
+    """
+    begin = -float(stdtrit(LEAST_FREEDOM, 0.5 * BEYOND))
+    far = np.sort(w[w > begin])
     half = len(far) // 2
-    return min(0.5, half / float(far[half] - far[0]) * reach / n) if half and far[half] > far[0] else 0.0
+    return min(0.5, len(far) / n, half / float(far[half - 1] - begin) * reach / n) if half else 0.0
 
 
 def _log_likelihood(count: Float, below: Float, gross: float) -> Float:

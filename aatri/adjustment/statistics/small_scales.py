@@ -55,34 +55,33 @@ def small_class_scale(
     cost = (np.log(variance) + z2 / variance).sum(axis=1)
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
-    others = max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record), _gain_of_shift(v, R, shift))
+    others = max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record))
+    if shift is not None:
+        others = max(others, _beyond_chance(shift.T @ v, shift.T @ R @ shift))
     if gain <= max(LIMIT, others):
         return 1.0, float(size.sum())
     return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
 
 
-def _gain_of_shift(v: Float, R: Float, shift: Float | None) -> float:
-    """What a shift of all explains, less what chance would."""
-    if shift is None:
-        return 0.0
-    along = shift.T @ v
-    explained = along @ np.linalg.pinv(shift.T @ R @ shift, 1e-9, hermitian=True) @ along
-    return float(explained - chdtri(shift.shape[1], ALARM))
+def _beyond_chance(g: Float, M: Float) -> float:
+    """What parameters with the gradient g and the information M explain, less what chance would at `ALARM`."""
+    size, axes = np.linalg.eigh(M)
+    seen = size > 1e-9 * size[-1]
+    explained = ((axes[:, seen].T @ g) ** 2 / size[seen]).sum()
+    return float(explained - chdtri(max(np.count_nonzero(seen), 1), ALARM))
 
 
 def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
-    """What the gross errors of one, two or three records explain, less what chance would: the largest."""
-    candidates = [np.flatnonzero(record == k) for k in np.unique(record)]
-    candidates = [
-        rows for of_record in candidates for rows in (of_record, *(of_record[[k]] for k in range(len(of_record))))
-    ]
+    """What the gross errors of one, two or three records explain, less what chance would: the largest.
+
+    Each is asked for by itself; that the largest is chosen is not charged, in favour of gross errors.
+    """
+    numbers = np.unique(record)
+    of_records = [np.flatnonzero(record == k) for k in numbers]
+    candidates = [*of_records, *(rows[[k]] for rows in of_records if len(rows) > 1 for k in range(len(rows)))]
     total, most = 0.0, 0.0
-    for _ in range(min(SMALL_ROOM, len(np.unique(record)) - 1)):
-        gains = [
-            float(v[rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True) @ v[rows])
-            - float(chdtri(len(rows), ALARM))
-            for rows in candidates
-        ]
+    for _ in range(min(SMALL_ROOM, len(numbers) - 1)):
+        gains = [_beyond_chance(v[rows], R[np.ix_(rows, rows)]) for rows in candidates]
         rows, gain = candidates[int(np.argmax(gains))], max(gains)
         candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
         total += gain

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Text, finite_rows
+from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.checks.at_start.angle_readings import agreeing_reading, unlikely_turns
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import (
@@ -37,7 +37,7 @@ from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 
 MOST_CANDIDATES = 50
-"""Attitudes that are tried as the place of most; so many, evenly taken, are near it."""
+"""Attitudes, evenly taken, of which that is the common one which is nearest to half of all."""
 
 
 def attitude_conventions(
@@ -81,8 +81,9 @@ def attitude_conventions(
 def _turned_alike(declared: str, camera: str, mount_deg: float, rows: Attitudes, rotation: Float) -> Finding | None:
     """An error where all attitudes of a camera are turned by more than boresights and their standard deviations are."""
     about_rad = log_rotation(_lacking(rows.observed, rotation)[1])
-    if np.mean(_unlikely(rows, rotation) > WRONG_ATTITUDES_RAD) == 0.5:  # exactly: either half may be turned
-        return None
+    off = _unlikely(rows, rotation) > WRONG_ATTITUDES_RAD
+    if 2 * np.count_nonzero(off) == len(off) and _agreeing(rows, rotation, np.flatnonzero(off)).mean() > 0.5:
+        return None  # either half may be turned
     if unlikely_turns(about_rad, np.nanmedian(rows.sigma_rad, axis=0)) <= LARGEST_BORESIGHT_RAD:
         return None
     about_deg = np.degrees(about_rad)
@@ -104,12 +105,12 @@ def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Flo
     off = np.flatnonzero(is_off)
     if not FEWEST_ATTITUDES <= len(off) <= 0.5 * len(rotation):
         return None
-    alike = off[_unlikely(rows.take(off), rotation[off]) <= WRONG_ATTITUDES_RAD]
+    alike = off[_agreeing(rows, rotation, off)]
     if len(alike) < max(FEWEST_ATTITUDES, 0.5 * len(off)):
         return None
     others = np.flatnonzero(~is_off)
     of_part, of_others = (_lacking(rows.observed[k], rotation[k])[1] for k in (alike, others))
-    if len(alike) == len(others) and np.trace(of_part) > np.trace(of_others):  # the less turned ones are right
+    if len(off) == len(others) and np.trace(of_part) > np.trace(of_others):  # the less turned ones are right
         alike, of_part, of_others = others, of_others, of_part
     turn_rad = log_rotation(of_part @ of_others.T)
     if np.linalg.norm(turn_rad) <= LARGEST_BORESIGHT_RAD:  # by less a start may be off, where control holds it badly
@@ -121,6 +122,11 @@ def _some_turned_alike(images: Text, camera: str, rows: Attitudes, rotation: Flo
     names = tuple(images[rows.image[alike]].tolist())
     which = {ATTITUDE: rows.row[alike]}
     return Finding("attitude_convention", "warning", text, remedy, where=f"camera {camera}", ids=names, rows=which)
+
+
+def _agreeing(rows: Attitudes, rotation: Float, chosen: Int) -> Bool:
+    """Which of some attitudes lack one turn, as most of these do, (n,)."""
+    return np.asarray(_unlikely(rows.take(chosen), rotation[chosen]) <= WRONG_ATTITUDES_RAD)
 
 
 def _of_camera(
@@ -153,7 +159,7 @@ def _lacking(observed: Float, rotation: Float) -> tuple[Float, Float]:
     """Turns between attitudes and orientations beyond a common one, (n,) rad, and the common one, (3, 3)."""
     lacking = observed.swapaxes(1, 2) @ rotation
     n, half = len(lacking), (len(lacking) + 1) // 2
-    candidates = lacking[:: max(1, n // MOST_CANDIDATES)]
+    candidates = lacking[:: -(-n // MOST_CANDIDATES)]
     nearness = lacking.reshape(n, 9) @ candidates.reshape(-1, 9).T  # trace: 1 + 2 cos of the angle between them
     best = np.argmax(np.sort(nearness, axis=0)[n - half])  # half of them may lie elsewhere, all in one place
     common = nearest_rotation(np.median(lacking[np.argsort(-nearness[:, best], kind="stable")[:half]], axis=0))

@@ -46,7 +46,7 @@ COLLINEAR, THINNEST = 0.01, 1e-8
 Down to the second, where rounding begins to decide the turn about that line, they are one start among others."""
 
 HEADINGS, SAME_ENDS = 12, 3
-"""Starts: every 30 degrees one. So many that come to one end, from all around, need no further ones."""
+"""Starts: every 30 degrees one. So many that come to one cost, from all around, need no further ones."""
 
 SHIFT_AND_SCALE = [0, 1, 2, 6]
 

@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 
 from aatri.adjustment.records import Bind, Fill, Weigh
+from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripAxes, StripBasis, terms
@@ -104,9 +105,10 @@ def products_of_points(points: BodyPoints, axes: Sequence[StripAxes], basis: Str
     """D'D of the design D of each strip's points, (n_strips, K, K), and how many points it has."""
     order, count = np.argsort(points.strip, kind="stable"), np.bincount(points.strip, minlength=len(axes))
     products = np.zeros((len(axes), basis.size, basis.size))
-    for k, rows in enumerate(np.split(order, np.cumsum(count)[:-1])):  # of all together it is the largest array
-        D = design_of_points(points.take(rows), axes, basis).reshape(-1, basis.size)
-        products[k] = D.T @ D
+    with one_blas_thread():  # the last bits depend on how many there are
+        for k, rows in enumerate(np.split(order, np.cumsum(count)[:-1])):  # of all together D is the largest array
+            D = design_of_points(points.take(rows), axes, basis).reshape(-1, basis.size)
+            products[k] = D.T @ D
     return products, count
 
 

@@ -78,7 +78,9 @@ def resect_images(
     count = np.bincount(row, minlength=n_images)
     mean_sigma = np.bincount(row, weight.mean(axis=1), minlength=n_images) / np.maximum(count, 1)
     np.reciprocal(weight, out=weight)  # arrays of all image points are large
-    origin = xyz_m[known].mean(axis=0) if known.any() else np.zeros(3)
+    seen = np.zeros(len(xyz_m), dtype=bool)
+    seen[point[rays]] = True
+    origin = xyz_m[seen].mean(axis=0) if seen.any() else np.zeros(3)
     X = (xyz_m - origin)[point[rays]]
     del rays, row
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)

@@ -29,6 +29,7 @@ MOST = 20
 
 FREE = ("principal_distance", "principal_point.x", "principal_point.y", "k1", "k2", "k3", "p1", "p2")
 FLAT = {**SMALL_UAV, "flight": {"strips": 4, "images_per_strip": 8}, "ties": {"random_per_image": 60.0}}
+# as few images as show the valley: each is adjusted for seconds
 HOVER = {"preset": "hover", "flight": {"strips": 4}, "ties": {"new_points": 300}}
 ORBIT = {"preset": "orbit", "flight": {"images_per_strip": 10}, "ties": {"new_points": 150}}
 OBLIQUE = {"preset": "oblique", "flight": {"strips": 2, "images_per_strip": 3}, "ties": {"new_points": 300}}

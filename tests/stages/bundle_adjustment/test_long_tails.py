@@ -14,8 +14,9 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.false_alarms import KINDS, left_out
+from tests.campaigns.legal.cell import cell_of
 from tests.campaigns.legal.flight import scene_of
-from tests.campaigns.legal.judged import Ear, read, through
+from tests.campaigns.legal.judged import Ear, end_of, read, through
 from tests.stages.chain import run_chain, simulated
 
 
@@ -116,3 +117,18 @@ def test_gross_errors_of_moderate_size_are_no_long_tail() -> None:
         sigma0.append(solution.sigma0)
     assert np.mean(found) > 0.9
     assert 0.95 < np.mean(sigma0) < 1.1
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "control=none positions=some attitudes=none tilt=0 camera=film parameters=fixed sigmas=fifth wrong=shuffled "
+        "seed=7131 sigmas_of=all noise=normal",
+        "control=full positions=none attitudes=all tilt=0 camera=digital parameters=free sigmas=fifth wrong=parallel "
+        "seed=7199 sigmas_of=all noise=normal",
+    ],
+)
+def test_points_lost_with_a_robust_start_come_back(text: str) -> None:
+    """Small blocks with a fifth of the true standard deviations: two points of two and three rays were lost in each."""
+    assert end_of(cell_of(text), "graph").outcome == "good"

@@ -40,6 +40,7 @@ class Rejections:
     undecided : (n,) bool
         Left out though only some of them are wrong.
     attributions : (n_points,) int64
+        How often least squares have been asked what is wrong at a point.
     doubtful : (n_points,) bool
         Points where nothing tells what is wrong, and it is small.
     kept : (n,) bool
@@ -66,6 +67,7 @@ class Rejections:
         at_points = picked & self.all.at_points
         points = np.unique(self.all.point[at_points])
         points = points[(self.attributions[points] < MOST_ATTRIBUTIONS) & ~self.doubtful[points]]
+        self.attributions[points] += 1
         suspected = np.ones(len(points), dtype=bool)
         rejected = (
             self.gross_errors_at(tested.result, points, suspected, use, tested.test, tested.tails, move=False) & use
@@ -105,7 +107,6 @@ class Rejections:
         wrong = np.zeros(len(active), dtype=bool)
         if not len(points):
             return wrong
-        self.attributions[points] += 1
         of_image = self.all.image >= 0  # what images see that are not adjusted is no witness; a network has none
         usable = ~of_image
         usable[of_image] = result.image_adjusted[self.all.image[of_image]]

@@ -6,7 +6,7 @@ Each point with something above the limit, or rejected by an earlier stage, is l
 (`points`): the fewest records are left out without which the others agree. Of other kinds what is above the limit goes;
 where a kind has more of it than there is room for, and all else agrees without this kind and only so, the kind goes.
 The limit is that of normal errors: gross errors smear here too, and seem long tails. The least squares that follow tell
-the tails, and take back what these explain.
+the tails, and take back single observations that these explain.
 """
 
 import contextlib
@@ -92,7 +92,6 @@ class RobustStart(FittedSigmas):
         stays = np.isin(np.arange(len(self.block.xyz_m)), crowded) & result.point_adjusted
         self.block = replace(self.block, xyz_m=np.where(stays[:, None], state[POINT], self.block.xyz_m))
         readmitted = self.all.native & self.at_points_of(np.setdiff1d(points, crowded)) & ~gross_errors_at
-        self.attributions[:] = 0  # points that are lost here are looked at again by least squares
         return (active | readmitted) & ~rejected
 
     def _robust_from(self, start: BundleInput, initial: TestedBlock | None, active: Bool) -> BundleResult:

@@ -264,6 +264,7 @@ class _Search(ExactCoordinates):
         points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
         if rays is None or not len(points):
             return np.zeros_like(use)
+        self.attributions[points] += 1
         xyz, poses = self.robust_intersections(result, points), result.adjusted.state[POSE]
         rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
         no_suspects, tails = np.zeros(len(points), dtype=bool), HARMLESS * tested.tails
