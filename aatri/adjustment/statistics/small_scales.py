@@ -9,8 +9,7 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
 chi-square of one degree at `ALARM`, and gross errors do not explain as much, of up to `room.SMALL_ROOM` records of the
 class or of one of another kind: each lets v'R^-v fall by v_j'R_jj^-1 v_j, of all components of the record or of one,
-and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of another kind). Nor does a shift of
-all, against the other kinds, explain as much.
+and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of another kind).
 
 Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
 1987 (the test of s at the end of its range).
@@ -28,9 +27,7 @@ LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 _SCALES = np.exp(np.linspace(0.0, np.log(50.0), 151))
 
 
-def small_class_scale(
-    v: Float, R: Float, record: Int, gain_of_others: float = 0.0, shift: Float | None = None
-) -> tuple[float, float]:
+def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0.0) -> tuple[float, float]:
     """Scale of the standard deviations of a class, 1 where it is not told, and the redundancy that it leads to.
 
     Parameters
@@ -44,9 +41,6 @@ def small_class_scale(
     gain_of_others : float
         By how much leaving out one record of another kind reduces the squares of all: a wrong control point, beside
         which all positions seem to be off.
-    shift : (n, k) float64, optional
-        Derivatives of the whitened observations by a shift of all: two kinds that are apart by one are no matter of
-        standard deviations.
     """
     size, axes = np.linalg.eigh(R)
     seen = size > 1e-9
@@ -55,10 +49,7 @@ def small_class_scale(
     cost = (np.log(variance) + z2 / variance).sum(axis=1)
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
-    others = max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record))
-    if shift is not None:
-        others = max(others, _beyond_chance(shift.T @ v, shift.T @ R @ shift))
-    if gain <= max(LIMIT, others):
+    if gain <= LIMIT or gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record)):
         return 1.0, float(size.sum())
     return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
 

@@ -173,13 +173,12 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     of_others = _largest_gain_beside(result, place)
     if small_class_scale(v.ravel()[used], np.diag(r.ravel()[used]), record, of_others)[0] == 1.0:
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
-    L = full_whitener(records.whitener[rows])
-    inverse = np.linalg.pinv(L)
+    inverse = np.linalg.pinv(full_whitener(records.whitener[rows]))
     H = np.zeros((len(rows), records.rows, used.size))
     for k, block in enumerate(inverse):
         H[k, :, k * records.rows : (k + 1) * records.rows] = block
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
-    return small_class_scale(v.ravel()[used], R, record, of_others, L.reshape(-1, records.rows)[used])
+    return small_class_scale(v.ravel()[used], R, record, of_others)
 
 
 def _largest_gain_beside(result: BundleResult, place: int) -> float:

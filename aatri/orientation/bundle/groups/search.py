@@ -124,22 +124,9 @@ def search_with_groups(
     if len(significant) < len(groups):
         reduced = _adjusted_with_groups(from_result(block, done.result), significant, single)
         groups, done = (groups, done) if reduced is None else (significant, reduced)
-        if reduced is not None and len(groups) == 1 and groups[0] not in carried:
-            groups, done = _alone(block, groups[0], reduced, single, candidates_of)
     if not groups:
         return done, ()
     return _without_group_unknowns(block, done, groups, adjust, options)
-
-
-def _alone(
-    block: BundleInput, group: Group, beside: AdjustedBlock, single: Single, candidates_of: CandidatesOf
-) -> tuple[list[Group], AdjustedBlock]:
-    """A group without that beside which it was accepted: it stays if it does harm so too, with that harm."""
-    without = _carried(from_result(block, beside.result), [], single)
-    if without is None:
-        return [group], beside
-    same = [g for g in significant_groups(block, without.result, candidates_of) if g.key == group.key]
-    return (same, beside) if same else ([], without)
 
 
 def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
