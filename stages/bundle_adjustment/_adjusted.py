@@ -19,7 +19,6 @@ from aatri.adapters.bundle.information_observed import (
 )
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
-from aatri.adjustment.openness.open_directions import OpenError
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
@@ -106,7 +105,7 @@ def adjusted_bundle(
         left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
         staying_out = left_out.verdict != suspects.verdict
         try:
-            if not (staying_out.any() and isinstance(error, (ConvergenceError, OpenError))):
+            if not staying_out.any():
                 raise error
             inputs, share = inputs_with(left_out)
             done, groups, components = adjusted_block(source, inputs, options, context)
@@ -119,8 +118,7 @@ def adjusted_bundle(
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
         counts = Counter(suspects.kind[staying_out].tolist())
-        failure = "the datum is open" if isinstance(error, OpenError) else "no convergence"
-        text = f"{failure} with what an earlier stage has left out altogether: what does not fit stays out"
+        text = "no adjustment with what an earlier stage has left out altogether: what does not fit stays out"
         tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():
