@@ -31,6 +31,8 @@ IN_ANY_LINE = ("p.txt",)
 """Files of a stream of numbers: a number too many is told of the file."""
 IN_COLUMNS = ("block.ori", "geoin.dat")
 """Files of columns of fixed width, which a longer number does not fit."""
+WITH_DASHES = ("control.txt", "check.txt")
+"""Files in which a dash stands for a coordinate that is not known."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,8 @@ class Numbers:
             lines = ("",) if file in IN_ANY_LINE else {f":{line}" for line in (cell.line, cell.opened)}
             named = any(f"{self.folder / file}{line}" in str(error) for line in lines) or expected is not None
             return "" if named else f"{file}:{cell.line}: {text!r} is refused elsewhere: {str(error)[:200]}"
-        if expected is None and not (text == "nan" and self._left_open(after)):
+        may_be_open = text == "nan" or (text == "-" and file in WITH_DASHES)
+        if expected is None and not (may_be_open and self._left_open(after)):
             return f"{file}:{cell.line}: {text!r} for {old!r} is read"
         if expected is None:
             return ""
