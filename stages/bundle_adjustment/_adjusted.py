@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from aatri.adapters.bundle.information_observed import (
 )
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
+from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
@@ -85,20 +85,20 @@ def adjusted_bundle(
     source = observation_source(block, image_points, initial, parameters, tangent, shared=shared)
     source = with_row_times(source, options.readout_sigma, options.velocity_sigma)
 
-    at_start: list[Finding | Note] = []
-
-    def inputs_with(suspects: Suspects) -> tuple[BundleInput, InformationShare | None]:
-        stated = bundle_input(source, options, suspects, searched=searched)
-        stated = _without_doubted(stated, at_start) if searched else stated
+    def inputs_with(suspects: Suspects, doubted: Int) -> tuple[BundleInput, InformationShare | None]:
+        stated = _without_attitudes(bundle_input(source, options, suspects, searched=searched), doubted)
         return _with_information(source, stated, information, context)
 
-    inputs, share = inputs_with(suspects)
+    doubted: Int = np.zeros(0, dtype=np.int64)
+    inputs, share = inputs_with(suspects, doubted)
     notes = [*options_without_data(block, options), *source.notes, *(n for o in inputs.observed for n in o.notes)]
-    at_start += findings_at_start(source, inputs, of_the_block=initial is None)
+    at_start = findings_at_start(source, inputs, of_the_block=initial is None)
     report([*notes, *at_start], context)
-    if searched and any(isinstance(f, Finding) and ATTITUDE in f.rows for f in at_start):
+    named = [f.rows[ATTITUDE] for f in at_start if isinstance(f, Finding) and ATTITUDE in f.rows]
+    if searched and named:
         tell([Note("note", "attitudes that are named begin as rejected, and come back where they fit")], context)
-        inputs, share = inputs_with(suspects)
+        doubted = np.concatenate(named)
+        inputs, share = inputs_with(suspects, doubted)
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
     except (ConvergenceError, GeometryError) as error:
@@ -107,7 +107,7 @@ def adjusted_bundle(
         try:
             if not staying_out.any():
                 raise error
-            inputs, share = inputs_with(left_out)
+            inputs, share = inputs_with(left_out, doubted)
             done, groups, components = adjusted_block(source, inputs, options, context)
         except (ConvergenceError, GeometryError):
             # which may be the reason
@@ -118,7 +118,7 @@ def adjusted_bundle(
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
         counts = Counter(suspects.kind[staying_out].tolist())
-        text = "no adjustment with what an earlier stage has left out altogether: what does not fit stays out"
+        text = "no adjustment succeeds with what an earlier stage has left out altogether: what does not fit stays out"
         tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():
@@ -129,15 +129,14 @@ def adjusted_bundle(
     return AdjustedBundle(source, done, groups, components, chosen, suspects, share)
 
 
-def _without_doubted(inputs: BundleInput, at_start: Sequence[Finding | Note]) -> BundleInput:
-    """The block without the attitudes that a check of its start names: the search tests them, and takes what fits."""
-    named = [f.rows[ATTITUDE] for f in at_start if isinstance(f, Finding) and ATTITUDE in f.rows]
-    if not named:
-        return inputs
-    rejected = [np.isin(o.row, np.concatenate(named)) & (o.kind == ATTITUDE) for o in inputs.observed]
-    before = [np.zeros(len(o), dtype=bool) if o.rejected is None else o.rejected for o in inputs.observed]
-    without = (o.again().without(r | b) if r.any() else o for o, r, b in zip(inputs.observed, rejected, before))
-    return replace(inputs, observed=tuple(without))
+def _without_attitudes(inputs: BundleInput, rows: Int) -> BundleInput:
+    """The block with some attitudes, (k,) rows of the exterior, rejected: a search tests them, and takes what fits."""
+    observed = list(inputs.observed)
+    for k, o in enumerate(observed):
+        if o.kind == ATTITUDE and len(rows):
+            rejected = np.isin(o.row, rows)
+            observed[k] = o.again().without(rejected if o.rejected is None else rejected | o.rejected)
+    return replace(inputs, observed=tuple(observed))
 
 
 def _with_information(

@@ -162,11 +162,13 @@ def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> Oriente
     used = np.concatenate([active[places.row[places.kind == POSITION]] for places, active in adjusted])
     off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == POSITION] for places, _ in adjusted])[~used]
     known = off_m[np.isfinite(off_m).all(axis=1)]
-    if 2 * len(known) < len(used) or not np.median(np.abs(known[:, :2]), axis=0).max() > np.median(np.abs(known[:, 2])):
+    if not len(known) or 2 * len(known) < len(used):
         return None
-    notes = [
-        Note("warning", f"{row_shift}; {ONE_ROW}") for places, _ in adjusted if (row_shift := one_row_off(places))
-    ] + notes
+    median_m = np.median(np.abs(known), axis=0)
+    if median_m[:2].max() <= median_m[2]:
+        return None
+    row_shifts = filter(None, (one_row_off(places) for places, _ in adjusted))
+    notes = [*(Note("warning", f"{row_shift}; {ONE_ROW}") for row_shift in row_shifts), *notes]
     text = f"observed positions: {len(off_m)} of {len(used)} contradict all else, which fits without them"
     return oriented.with_notes([Note("warning", text), *notes])
 

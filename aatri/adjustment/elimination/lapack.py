@@ -42,8 +42,6 @@ _symm = _routine(cython_blas, "dsymm", 12)
 _gemm = _routine(cython_blas, "dgemm", 13)
 
 
-
-
 def _has_avx512() -> bool:
     """Whether the processor has it; False where nobody can tell."""
     with contextlib.suppress(RuntimeError):

@@ -76,9 +76,13 @@ def searched_again(
 
 def _is_open_without_any_image(block: BundleInput, failure: AatriError) -> bool:
     """Whether what is open is of the whole, or of most images: that it is with fewer image points, too."""
-    return (isinstance(failure, OpenError) and failure.exact) and any(
-        c.of_whole or any(g == POSE and 2 * n > len(block.image_ids) for (_, g), n in zip(c.unknowns, c.counts))
-        for c in failure.combinations
+    return (
+        isinstance(failure, OpenError)
+        and failure.exact
+        and any(
+            c.of_whole or any(g == POSE and 2 * n > len(block.image_ids) for (_, g), n in zip(c.unknowns, c.counts))
+            for c in failure.combinations
+        )
     )
 
 
