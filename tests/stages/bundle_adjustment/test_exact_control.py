@@ -1,4 +1,4 @@
-"""Control without standard deviations: a wrong point is found, right ones stay."""
+"""Control, positions and attitudes without standard deviations: a wrong one is found, right ones stay."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aatri.codes import CONTROL
 from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.campaigns.pair_of_the_notes import C_MM, SIGMA_MM, pair
 from tests.stages.chain import run_chain, simulated
-from tests.stages.hand_block import read, start
+from tests.stages.hand_block import angles_deg, ground_rows, hand, read, start
 
 
 def _block(*, survey_m: float, wrong_m: float = 0.0) -> Block:
@@ -74,4 +74,28 @@ def test_a_wrong_point_of_two_images_whose_points_are_all_exact_goes_and_all_oth
     solution = bundle(block, points, start(of, block))
     assert _left_out(solution) == ["p06"]
     assert set(solution.suspects.point[solution.suspects.verdict != "readmitted"].tolist()) == {"p06"}
+    assert 0.85 < solution.sigma0 < 1.15
+
+
+OF = hand()
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize(
+    ("kind", "wrong"), [("position", "Z"), ("position", "XYZ"), ("attitude", "a1"), ("attitude", "a3")]
+)
+def test_a_wrong_exact_position_or_attitude_goes_alone_and_all_rays_stay(kind: str, wrong: str, tmp_path: Path) -> None:
+    """Of image i1, 3 m or 0.2 degrees off, beside a right one of i4; five weighted control points."""
+    names = ("X", "Y", "Z") if kind == "position" else ("a1", "a2", "a3")
+    values = OF.position_m if kind == "position" else angles_deg(OF, "omega-phi-kappa")
+    off = np.array([name in wrong for name in names]) * (3.0 if kind == "position" else 0.2)
+    rows = [f"i{k},{','.join(map(repr, (values[k] + o).tolist()))},0,0,0" for k, o in ((1, off), (4, 0.0 * off))]
+    head = ",".join(["image", *names, *(f"s{name[-1]}" for name in names)])
+    noisy = OF.xy_mm + 0.005 * np.random.default_rng(3).standard_normal(OF.xy_mm.shape)
+    ground = ground_rows(OF, [0, 5, 14, 24, 29])
+    block, points = read(tmp_path, OF, ground=ground, exterior="\n".join([head, *rows, ""]), xy_mm=noisy)
+    solution = bundle(block, points, start(OF, block))
+    suspects = solution.suspects
+    gone = np.isin(suspects.verdict, ("rejected", "undecidable"))
+    assert list(zip(suspects.kind[gone].tolist(), suspects.image[gone].tolist())) == [(kind, "i1")]
     assert 0.85 < solution.sigma0 < 1.15

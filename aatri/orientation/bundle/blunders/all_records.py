@@ -47,7 +47,7 @@ class AllRecords:
         observed = tuple(o.again() for o in block.observed)
         native, point, image, alone_at_point = [], [], [], []
         for o in observed:
-            measured = not (o.components or o.exact)
+            measured = not o.components and (not o.exact or is_of_image(o))
             touched = [blocks for group, blocks in o.records.touches if group == POINT]
             poses = [blocks.astype(np.int32) for group, blocks in o.records.touches if group == POSE]
             native.append(o.records.active & measured)
@@ -93,12 +93,16 @@ class AllRecords:
         """Redundancy of each kind, in records, half of them where it is not known; and how many there are."""
         count = np.array([int(self.native[part].sum()) for part in self.parts], dtype=np.int64)
         redundancy = np.asarray(0.5 * count, dtype=np.float64)
+        native = [
+            o.used & part for o, part in zip(() if result is None else result.observations, self.split(self.native))
+        ]
+        placing = sum(_placing(o)[rows].sum() for o, rows in zip(self.observed, native))
+        datum_share = max(0.0, 1.0 - DATUM / max(placing, 1.0))  # seven of them may be all that gives the datum
         for i, o in enumerate(() if result is None else result.observations):
-            rows = np.flatnonzero(o.used & self.native[self.parts[i]])
-            m = o.observed.records.observed_components()[rows].sum(axis=1)
+            rows = np.flatnonzero(native[i])
             exact = o.observed.demanded()[rows].sum(axis=1).astype(np.float64)
-            datum_share = max(0.0, 1.0 - DATUM / max(exact.sum(), 1.0))  # seven of them may be all that gives the datum
-            r = m - np.einsum("nii->n", o.covariance[rows])
+            m = o.observed.records.observed_components()[rows].sum(axis=1) * (not o.observed.exact)
+            r = 0.0 * m if o.observed.exact else m - np.einsum("nii->n", o.covariance[rows])
             redundancy[i] = redundancy_in_records(r + datum_share * exact, m + exact)
         return redundancy, count
 
@@ -117,7 +121,23 @@ class AllRecords:
     def without(self, observed: Sequence[Observed], active: Bool) -> tuple[Observed, ...]:
         """Observations less those that are not active; conditions that an earlier stage has rejected stay out."""
         rejected = self.split(self.native & ~active)
-        return tuple(o if o.exact else o.again().without(r) for o, r in zip(observed, rejected))
+        return tuple(o if o.exact and not is_of_image(o) else o.again().without(r) for o, r in zip(observed, rejected))
+
+
+def is_of_image(o: Observed) -> bool:
+    """Whether these are values of a single image: what is exact of a position or attitude may be wrong, as control."""
+    return _of_single(o) == [POSE]
+
+
+def _of_single(o: Observed) -> list[str]:
+    """The groups of poses and points that each record touches: one, where it is a value of a single image or point."""
+    return [group for group, _ in o.records.touches if group in (POSE, POINT)]
+
+
+def _placing(o: Observed) -> Int:
+    """How many coordinates or angles each record gives of a single point or image, (n,): these place a block."""
+    values = (o.records.observed_components() | o.demanded()).sum(axis=1)
+    return np.asarray(values if len(_of_single(o)) == 1 and not o.components else 0 * values)
 
 
 def is_ray(o: Observed) -> bool:

@@ -1,7 +1,8 @@
-"""Exact coordinates are tested too: held exactly they have no residual, and a wrong one bends the block unseen.
+"""Exact values of points and images are tested too: they have no residual, and a wrong one bends the block unseen.
 
-For the test they are observed with `SOFT` of the standard deviation of new points. That is small beside what the other
-observations say of them, so that |w| is nearly that of the Lagrange multiplier of the condition that holds them,
+For the test they are observed with `SOFT` of the standard deviation of new points, angles with its angle at the
+distance of the images. That is small beside what the other observations say of them, so that |w| is nearly that of the
+Lagrange multiplier of the condition that holds them,
 
     w = lambda / sigma_lambda,    sigma_lambda^2 = 1 / q,    q the variance of the coordinate without the condition
 
@@ -12,7 +13,7 @@ Where all disagree they are not exact: what is gross must stand out of the other
 Source: Teunissen 2000, Testing Theory, 3 (conditions as observations without variance).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,13 +23,15 @@ from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
-from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.all_records import AllRecords, is_of_image
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.swaps import Swap
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, TestedBlock, misfit
 from aatri.orientation.bundle.result import from_result
+from aatri.orientation.bundle.seen_distances import median_distance_m
 
 SOFT = 0.3
 """Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
@@ -54,7 +57,7 @@ class ExactCoordinates(RobustStart):
         A far one bends all rays: standard deviations that fit with it are so large that nothing is wrong any more.
         """
         limit = self.options.limit
-        if all(o.holds is None for o in self.all.observed):
+        if not any(map(is_testable, self.all.observed)):
             return start, active
         while start.result.adjusted.has_factor and misfit(start.result, limit) > 0:
             test = tests_of_exact(start, self.all, self.adjust)
@@ -89,7 +92,7 @@ class ExactCoordinates(RobustStart):
             Those that are out already.
         """
         limit, wrong = self.options.limit, np.zeros_like(searched[1])
-        if all(o.holds is None for o in self.all.observed):
+        if not any(map(is_testable, self.all.observed)):
             return searched, wrong
         while searched[0].result.adjusted.has_factor:
             tested, use, swapped = searched
@@ -125,16 +128,21 @@ def tests_of_exact(tested: TestedBlock, records: AllRecords, adjust: Adjust) -> 
         Adjusted, with covariances.
     """
     block = from_result(tested.block, tested.result)
-    observed = exact_as_observed(block.observed, tested.result.point_covariance_m2)
+    observed = exact_as_observed(block, tested.result.point_covariance_m2)
     if observed is None:
         return np.full(len(records.native), np.nan)
     soft = replace(tested, result=adjust(replace(block, observed=observed), AdjustOptions(coarse=True)))
-    exact = np.concatenate([np.full(len(o), o.holds is not None) for o in block.observed])
+    exact = np.concatenate([np.full(len(o), is_testable(o)) for o in block.observed])
     return np.where(exact & tested.active, soft.test, np.nan)
 
 
-def exact_as_observed(observed: Sequence[Observed], point_covariance_m2: Float) -> tuple[Observed, ...] | None:
-    """The observations with exact coordinates as observed ones, so that they have tests; None where there are none.
+def is_testable(o: Observed) -> bool:
+    """Whether some of these are exact and yet cells of a table, which may be wrong: no conditions."""
+    return o.holds is not None or (o.exact and is_of_image(o))
+
+
+def exact_as_observed(block: BundleInput, point_covariance_m2: Float) -> tuple[Observed, ...] | None:
+    """The observations with exact values as observed ones, so that they have tests; None where there are none.
 
     Parameters
     ----------
@@ -143,10 +151,11 @@ def exact_as_observed(observed: Sequence[Observed], point_covariance_m2: Float) 
     """
     variance = np.diagonal(point_covariance_m2, axis1=1, axis2=2)
     new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
-    if not new.any() or all(o.holds is None for o in observed):
+    if not new.any() or not any(map(is_testable, block.observed)):
         return None
     sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
-    return tuple(softened(o, sigma_m) for o in observed)
+    distance_m = median_distance_m(block.rays, block.poses, block.xyz_m) or 1.0
+    return tuple(softened(o, sigma_m / distance_m if o.unit == "rad" else sigma_m) for o in block.observed)
 
 
 def scale_of(test: Float) -> float:
@@ -160,7 +169,7 @@ def exact_notes(records: AllRecords, wrong: Bool) -> list[Note]:
     return [
         Note(
             "warning",
-            f"{o.kind}: exact coordinates contradict the block by more than chance explains, and are used; if they are "
+            f"{o.kind}: exact values contradict the block by more than chance explains, and are used; if they are "
             "not exact, give their standard deviations",
             labels(o, part),
         )
@@ -169,12 +178,14 @@ def exact_notes(records: AllRecords, wrong: Bool) -> list[Note]:
     ]
 
 
-def softened(o: Observed, sigma_m: float) -> Observed:
-    """Exact coordinates as observed ones, so that they have residuals."""
-    if o.holds is None or not sigma_m > 0:
+def softened(o: Observed, sigma: float) -> Observed:
+    """Exact coordinates or angles as observed ones, so that they have residuals; `sigma` in m, of angles in rad."""
+    if not is_testable(o) or not sigma > 0:
         return o
+    if o.holds is None:
+        return replace(o, records=replace(o.records, whitener=o.records.whitener / sigma), exact=False)
     whitener = o.records.whitener if o.records.whitener.ndim == 3 else o.records.whitener[:, :, None] * np.eye(3)
     whitener = whitener.copy()
     row, component = np.nonzero(o.holds.scalar)
-    whitener[row, component, component] = 1.0 / sigma_m
+    whitener[row, component, component] = 1.0 / sigma
     return replace(o, records=replace(o.records, whitener=whitener), holds=None)

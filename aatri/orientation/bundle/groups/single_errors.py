@@ -15,7 +15,7 @@ from aatri.arrays import Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.exact_coordinates import exact_as_observed
+from aatri.orientation.bundle.blunders.exact_coordinates import exact_as_observed, is_testable
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.tested_block import gains_of
 from aatri.orientation.bundle.groups.as_unknowns import with_groups
@@ -57,7 +57,7 @@ def cost_without_worst(block: BundleInput, result: BundleResult, adjust: Adjust)
     def adjusted_with(observed: Sequence[Observed]) -> BundleResult | None:
         return attempted(lambda: adjust(replace(start, observed=tuple(observed)), AdjustOptions(coarse=True)))
 
-    as_observed = exact_as_observed(start.observed, result.point_covariance_m2)
+    as_observed = exact_as_observed(start, result.point_covariance_m2)
     tested = result if as_observed is None else adjusted_with(as_observed) or result
     gains = [_gains(o, tested) for o in tested.observations]
     place = int(np.argmax([gain.max(initial=0.0) for gain in gains]))
@@ -83,7 +83,7 @@ def beyond_exact(
         Of the block with `groups` carried, its single gross errors left out: an exact coordinate may be one that stays,
         as nothing tells which of a few is wrong.
     """
-    if all(o.holds is None for o in block.observed):
+    if not any(map(is_testable, block.observed)):
         return list(candidates)
     start = from_result(block, result)
     least = cost_without_worst(start, result, adjust)
