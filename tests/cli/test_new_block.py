@@ -97,9 +97,23 @@ def test_coordinates_of_a_map_in_a_local_frame_are_asked_about(tmp_path: Path) -
     assert "E 5002" in question
 
 
-def test_pixel_axes_of_photo_coordinates_are_said_to_bear_on_nothing(tmp_path: Path) -> None:
-    """The example of the contract has them, so that they are no error."""
+@pytest.mark.parametrize(("kind", "idle"), [("digital", "origin and y bear"), ("film", "size, origin and y bear")])
+def test_pixels_of_photo_coordinates_are_said_to_bear_on_nothing(tmp_path: Path, kind: str, idle: str) -> None:
+    """The example of the contract has them, so that they are no error. A digital camera has its format in pixels."""
     told: list[str] = []
     reporter = SimpleNamespace(log=told.append, warn=lambda _: None, progress=lambda *_: None)
-    read(_filled(tmp_path, ("image_coordinates: pixel", "image_coordinates: photo")), reporter)
-    assert any("origin and y bear on nothing" in line for line in told)
+    changes = ("image_coordinates: pixel", "image_coordinates: photo"), ("kind: digital", f"kind: {kind}")
+    read(_filled(tmp_path, *changes), reporter)
+    assert any(f"pixel: {idle} on nothing" in line for line in told)
+
+
+@pytest.mark.parametrize(("unit", "idle"), [("mm", True), ("px", False)])
+def test_the_size_of_pixels_is_said_to_bear_on_nothing_unless_standard_deviations_are_in_pixels(
+    tmp_path: Path, unit: str, idle: bool
+) -> None:
+    told: list[str] = []
+    reporter = SimpleNamespace(log=told.append, warn=lambda _: None, progress=lambda *_: None)
+    in_mm = ("image_coordinates: pixel", "image_coordinates: photo"), ("kind: digital", "kind: film")
+    changes = (", origin: top-left-corner, y: down", ""), ("sigma_image: mm", f"sigma_image: {unit}")
+    read(_filled(tmp_path, *in_mm, *changes), reporter)
+    assert any("pixel: size bears on nothing" in line for line in told) == idle

@@ -40,6 +40,13 @@ NETWORK = {"geodetic.csv", "relative_control.yaml"}
 OF_IMAGES = {"image_points.csv", "fiducials.csv", "exterior.csv"}
 """Files that name images."""
 
+IDLE_PIXELS = {
+    (True, True): "size, origin and y bear",
+    (True, False): "size bears",
+    (False, True): "origin and y bear",
+}
+"""What of `pixel` bears on nothing: by whether its size does, and whether an origin is given."""
+
 
 def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
     """Read a block folder.
@@ -78,6 +85,7 @@ def _block(source: Source) -> Block:
         raise_all(source.problems)  # else every row that names an image would be one more fault
     if not (source.folder / "image_points.csv").exists() and images.get("id") and not any(images.get("path", ())):
         source.problems.append(missing(source.folder / "image_points.csv", FILES))  # nothing to find points in either
+    _tell_idle_pixels(source, {c for c, path in zip(images.get("camera", ()), images.get("path", ())) if path})
     camera_of = {image: cameras.get(name, 0) for image, name in zip(images.get("id", ()), images.get("camera", ()))}
     measured, surveyed = source.table("image_points.csv"), source.table("ground_points.csv")
     points = [name for table in (measured, surveyed) if table is not None for name in set(table.text["point"])]
@@ -119,10 +127,6 @@ def _earth_and_names(source: Source) -> dict[str, Any]:
     """What block.yaml says of the block at large; keys that bear on nothing are told."""
     settings = source.settings
     height, undulation = settings.terrain_height, settings.undulation
-    if idle := [
-        k for k, c in settings.cameras.items() if c.image_coordinates != "pixel" and c.pixel and c.pixel.origin
-    ]:
-        source.reporter.log(f"pixel: origin and y bear on nothing, image coordinates are in mm: camera {shown(idle)}")
     if height is not None:
         source.reporter.log(
             "terrain_height is for refraction and earth curvature (image_refinement), and for what is "
@@ -142,6 +146,24 @@ def _earth_and_names(source: Source) -> dict[str, Any]:
         "heading": settings.heading or "true",
         "frames": _frames(settings),
     }
+
+
+def _tell_idle_pixels(source: Source, with_path: set[str]) -> None:
+    """Say what `pixel` says of cameras for nothing, whose image coordinates are in mm.
+
+    The size is for formats of digital cameras, for photographs (the cameras `with_path`) and for sigmas in pixels.
+    """
+    idle: dict[str, list[str]] = {}
+    in_px = source.settings.units.sigma_image == "px"
+    for name, c in source.settings.cameras.items():
+        if c.image_coordinates == "pixel" or c.pixel is None:
+            continue
+        has_use = in_px or name in with_path or (c.kind == "digital" and c.format)
+        words = IDLE_PIXELS.get((not has_use, c.pixel.origin is not None))
+        if words:
+            idle.setdefault(words, []).append(name)
+    for words, names in idle.items():
+        source.reporter.log(f"pixel: {words} on nothing, image coordinates are in mm: camera {shown(names)}")
 
 
 def _check_files(source: Source) -> None:
