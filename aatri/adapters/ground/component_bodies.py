@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import NEIGHBOUR
+from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved
 from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block
+from aatri.codes import CONTROL
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
@@ -24,6 +25,9 @@ its points were known far better across than along, no orientation would settle.
 
 FREE_SHARE = 0.1
 """Standard deviation of a principal distance of which nothing is said, as a share of it."""
+
+DATUM_SHARE = 0.1
+"""Standard deviation of approximate coordinates over their extent: control says what it can, they the rest."""
 
 
 def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
@@ -87,6 +91,21 @@ def observed_by_neighbours(
             turned = other.poses.ground_from_image[image]
             observed.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
     return tuple(observed)
+
+
+def observed_at_datum_points(ground: GroundObserved) -> tuple[Observed, ...]:
+    """Approximate coordinates of the points that a free datum rests on; none where the block marks none."""
+    table, frame = ground.block.ground_points, ground.frame
+    xyz = (table.xyz_m if frame is None else frame.from_block(table.xyz_m)) - ground.origin_m
+    known, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
+    row = np.flatnonzero(known & chosen)
+    sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0
+    if not (len(row) and sigma_m > 0):
+        return ()
+    point, all_ = table.point[row].astype(np.int32), np.ones((len(row), 3), dtype=bool)
+    C = np.tile(sigma_m**2 * np.eye(3), (len(row), 1, 1))
+    approximate = Control(np.full(len(row), -1, dtype=np.int32), point, xyz[row], C, all_, ~all_)
+    return observed_control(approximate, np.zeros(3), ground.block.points.id[point], kind=NEIGHBOUR)
 
 
 def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of, observed_by_neighbours, precision
+from aatri.adapters.ground.component_bodies import body_of, observed_at_datum_points, observed_by_neighbours, precision
 from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
@@ -51,6 +51,7 @@ IMAGES_ALONE = (
     "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "
     "`positions: {use: false}`"
 )
+BY_DATUM_POINTS = "the datum points place it, to begin a bundle with `datum: free` and `datum_over: marked`"
 FEWEST_OTHERS, MOST_SHARED = 4, 30
 """Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
 conditions); of more points than the second one wrong does not spoil the start."""
@@ -115,6 +116,14 @@ def to_ground(
     return done, notes
 
 
+def _beside(
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, what: str
+) -> tuple[OnGround, OrientedBody]:
+    """A component by what is observed of it, and by what is known beside that."""
+    body, _ = oriented_by(ground, body_of(component, rays), settings, what)
+    return OnGround(component.moved(body.ground_from_body), None, body.ground_from_body), body
+
+
 def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: int) -> AatriError:
     """The error of a block that nothing places; where it has positions alone its images may still be oriented."""
     text = (
@@ -141,7 +150,8 @@ def _otherwise(
     settings: OrientationSettings,
     failure: AatriError,
 ) -> tuple[OnGround | None, list[Note]]:
-    """A component that observations of its own leave open: by its neighbours, or hardly determined; else None."""
+    """A component that observations of its own leave open: by its neighbours, hardly determined, or, where there is no
+    other, by the points that a free datum rests on; else None."""
     beside = _by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
     if not isinstance(beside, str):
         part, left_out = beside
@@ -152,6 +162,11 @@ def _otherwise(
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
+        datum_points = () if done or isinstance(failure, ConvergenceError) else observed_at_datum_points(ground)
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            if datum_points:
+                placed_there = _beside(replace(ground, beside=datum_points), component, rays, settings, what)[0]
+                return placed_there, [Note("note", f"{BY_DATUM_POINTS}; without them {failure.what}")]
         reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
         return None, [_apart(ground.block, component, reason)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
@@ -169,10 +184,7 @@ def _by_neighbours(
 
     def oriented(own: ImageComponent) -> tuple[OnGround, OrientedBody] | None:
         beside = observed_by_neighbours(ground.block, neighbours, own, rays)
-        if not beside:
-            return None
-        body, _ = oriented_by(replace(ground, beside=beside), body_of(own, rays), settings, what)
-        return OnGround(own.moved(body.ground_from_body), None, body.ground_from_body), body
+        return _beside(replace(ground, beside=beside), own, rays, settings, what) if beside else None
 
     try:
         part = oriented(component)

@@ -13,7 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from aatri.artifacts.suspects import staying_out
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.initial_orientation.graph import graph
 from tests.small_blocks import Small, adjusted_by, flown, measure, off_m, two_apart
+from tests.stages.hand_block import hand, read
 
 
 def bare(tilt_deg: float = 0.0) -> Small:
@@ -261,3 +264,30 @@ def test_a_lever_arm_of_given_weight_goes_with_positions_that_contradict_all_els
     first, *rows = exterior.read_text().splitlines()
     exterior.write_text("\n".join([f"{first},refers_to", *(f"{row},antenna" for row in rows), ""]))
     assert any("contradict all else" in text for text in adjusted_by("graph", exterior.parent).warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("marked", [[2, 9, 17, 27], [2, 27], []])
+def test_what_control_leaves_open_the_datum_points_close(tmp_path: Path, marked: list[int]) -> None:
+    """A point known in full and three heights leave kappa open; approximate coordinates 10 m off begin a free datum."""
+    of = hand()
+    control = [",".join([f"p{p:02}", *(f"{v!r}" if k in axes else "" for k, v in enumerate(of.xyz_m[p].tolist()))])
+               for p, axes in ((14, (0, 1, 2)), (0, (2,)), (5, (2,)), (24, (2,)))]  # fmt: skip
+    off_m = 10.0 * np.random.default_rng(5).standard_normal((len(marked), 3))
+    near = [
+        f"p{p:02},{x!r},{y!r},{z!r},approximate,yes"
+        for p, (x, y, z) in zip(marked, (of.xyz_m[marked] + off_m).tolist())
+    ]
+    ground = "\n".join(["point,X,Y,Z,role,datum", *(f"{row},control,no" for row in control), *near, ""])
+    noisy = of.xy_mm + 0.005 * np.random.default_rng(3).standard_normal(of.xy_mm.shape)
+    block, points = read(tmp_path, of, ground=ground, xy_mm=noisy)
+    if not marked:
+        with pytest.raises(GeometryError, match="rotation about Z"):
+            graph(block, points, rng=np.random.default_rng(1))
+        return
+    begin = graph(block, points, rng=np.random.default_rng(1))
+    assert np.abs(begin.points.xyz_m - of.xyz_m).max() < 40.0
+    solution = bundle(block, points, begin, options=BundleOptions(datum="free", datum_over="marked"))
+    assert 0.85 < solution.sigma0 < 1.15
+    np.testing.assert_allclose(solution.points.xyz_m[14], of.xyz_m[14], atol=0.05)
+    np.testing.assert_allclose(solution.points.xyz_m[[0, 5, 24], 2], of.xyz_m[[0, 5, 24], 2], atol=0.1)
