@@ -1,6 +1,7 @@
 """What a run says at its end: the table of its stages, its warnings, where it lies, and the judgement of its result.
 
-Before it, what the run has estimated of its cameras: values, standard deviations, correlations.
+Before it, what the run has estimated of its cameras. All of it but the table of stages is on the first page of the
+report, so that a run that has nothing to do reads no artifact.
 """
 
 from __future__ import annotations
@@ -8,21 +9,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from aatri.cli.terminal.console import narrate, say, say_table
+from aatri.cli.terminal.console import say, say_table
 from aatri.ids import several
 from aatri.notes import CONTRADICTION
 from aatri.units import METRES_OF_MODEL
-
-if TYPE_CHECKING:
-    from aatri.artifacts.solution import Parameters, Solution
-
-MOST_ROWS = 40
-OF_IMAGES = ("film", "velocity")
-"""Groups whose parameters are those of single images: hundreds, which are counted."""
-STRONG = 0.9
-"""Correlations from here on are told."""
 
 MOST_WARNINGS = 10
 """So many are shown at the end; the report has all."""
@@ -44,7 +36,7 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
 
     page = _first_page(report.with_suffix(".json")) if report is not None else {}
     say_result(records, metric=METRES_OF_MODEL not in page.get("facts", {}))
-    say_calibration(folder, records)
+    say_parameters(page.get("parameters", {}))
     say()
     text = page.get("judgement", "")
     _say_problems(page.get("problems", ()), text, refused=not all(gate.passed for gate in gates))
@@ -97,71 +89,13 @@ def _is_in_judgement(text: str, judged: str) -> bool:
     return text in judged or (bool(colon) and f"{head}: " in judged)
 
 
-def say_calibration(run: Path, records: Sequence[Mapping[str, Any]]) -> None:
-    """Print what the last Solution estimated of cameras and sets; parameters of single images are counted."""
-    solutions = [r for r in records if r.get("output", {}).get("kind") == "Solution"]
-    if not solutions or not solutions[-1]["output"].get("rows", {}).get("parameters", 1):
+def say_parameters(estimated: Mapping[str, Any]) -> None:
+    """The table of parameters that the last Solution estimated, and pairs that the data hardly separate."""
+    if not estimated:
         return
-    stage = solutions[-1]["stage"]
-    from aatri.artifacts.solution import Solution
-    from aatri.errors import AatriError
-    from aatri.pipeline.store import run_folder as store
-    from aatri.tables.hdf5 import read
-
-    try:
-        shown = ("parameters", "parameter_covariances", "calibrated_sets")
-        solution = read(store.artifact_path(run, stage), Solution, shown)
-    except AatriError as error:
-        narrate(f"warning: {error}")
-        return
-    say_parameters(stage, solution)
-
-
-def say_parameters(stage: str, solution: Solution) -> None:
-    """The table of parameters that were estimated, and pairs that the data hardly separate."""
-    from aatri.formats.results.parameter_units import parameter_units
-    from aatri.formats.results.solution_tables import removed_parameters
-    from aatri.report.view.numbers import estimate
-
-    p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
-    estimated = [k for k in range(len(p)) if removed[k] or p.sigma[k] != 0]
-    rows = [k for k in estimated if p.group[k] not in OF_IMAGES]
-    if not rows:
-        return
-    cells = [
-        [
-            f"{p.object[k]} {p.name[k]}",
-            *(("removed", "", units[k]) if removed[k] else estimate(float(p.value[k]), float(p.sigma[k]), units[k])),
-        ]
-        for k in rows[:MOST_ROWS]
-    ]
     say()
-    say_table((f"{stage}: parameters", "value", "sigma", "unit"), cells, ("value", "sigma"))
-    left_off = [(len(rows[MOST_ROWS:]), "more"), (len(estimated) - len(rows), "of single images")]
-    if counts := [f"{count} {which}" for count, which in left_off if count]:
-        say(f"{', '.join(counts)}: aatri show RUN:{stage} parameters --all")
-    for text in _strong(solution):
+    say_table((f"{estimated['stage']}: parameters", "value", "sigma", "unit"), estimated["rows"], ("value", "sigma"))
+    if estimated["left_off"]:
+        say(f"{estimated['left_off']}: aatri show RUN:{estimated['stage']} parameters --all")
+    for text in estimated["correlations"]:
         say(text)
-
-
-def _strong(solution: Solution) -> list[str]:
-    import numpy as np
-
-    p, c = solution.parameters, solution.parameter_covariances
-    if c is None or not len(c):
-        return []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
-    pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
-    lines = [
-        f"{p.object[c.first[k]]}: {p.name[c.first[k]]} and {p.name[c.second[k]]}{_of(p, c.first[k], c.second[k])} "
-        f"correlate by {r[k]:.3f}"
-        for k in pairs[np.argsort(-np.abs(r[pairs]), kind="stable")][:MOST_ROWS].tolist()
-    ]
-    if len(pairs) > MOST_ROWS:
-        lines.append(f"{several(len(pairs) - MOST_ROWS, 'further correlation')} of {STRONG} and more")
-    return lines
-
-
-def _of(p: Parameters, first: int, second: int) -> str:
-    return "" if p.object[first] == p.object[second] else f" of {p.object[second]}"

@@ -34,6 +34,7 @@ from aatri.report.facts import accuracy_statement, facts
 from aatri.report.judgement import judgement
 from aatri.report.problems import in_words, problems
 from aatri.report.questions import questions
+from aatri.report.sections.calibration import in_short
 from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable
@@ -191,6 +192,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "internal": [asdict(light) for light in internal],
         "external": [asdict(light) for light in external],
         "observations": [dict(zip(classes.heads, row)) for row in classes.rows] if classes else [],
+        "parameters": next((in_short(*last) for last in run.readable(Solution).items()), {}),
         "counts": _counts(run),
         "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
     }

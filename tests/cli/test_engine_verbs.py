@@ -46,10 +46,17 @@ def test_every_verb_of_the_help_is_there() -> None:
 @pytest.mark.slow
 def test_status_and_a_run_with_nothing_to_do_import_nothing_heavy(tmp_path: Path) -> None:
     options = (
-        "{preset: rc30, flight: {strips: 2, images_per_strip: 3, cross_strips: 0}, known: {full: 4}, "
+        "{preset: uav, flight: {strips: 2, images_per_strip: 4, cross_strips: 0}, known: {full: 8}, "
         "ties: {new_points: 80}}"
     )
-    path = write_pipeline(tmp_path, f"  block: {{use: block/simulate, with: {options}}}\n")
+    refined = "from: {block, image_points: interior, initial: start}, with: {self_calibration: {set: brown_conrady}}"
+    path = write_pipeline(
+        tmp_path,
+        f"  block: {{use: block/simulate, with: {options}}}\n"
+        "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
+        "  start: {use: initial_orientation/graph, from: {block, image_points: interior}}\n"
+        f"  bundle: {{use: bundle_adjustment/bundle, {refined}}}\n",
+    )
     code = (
         "import sys; from typer.testing import CliRunner; from aatri.cli.main import app\n"
         f"r = CliRunner().invoke(app, [sys.argv[1], {str(path)!r}]); assert r.exit_code == 0, r.output\n"
@@ -59,7 +66,8 @@ def test_status_and_a_run_with_nothing_to_do_import_nothing_heavy(tmp_path: Path
         subprocess.run([sys.executable, "-c", code, verb], capture_output=True, text=True, check=True).stdout
         for verb in ("run", "status", "run")
     )
-    assert "nothing to do: 1 stage up to date" in again
+    assert "nothing to do: 4 stages up to date" in again
+    assert "bundle: parameters" in again  # from the report's first page
     assert status.endswith(" []\n")
     assert again.endswith(" []\n")
 

@@ -1,11 +1,15 @@
 """What was estimated of the cameras: values, standard deviations, whether they are significant, correlations."""
 
+from typing import Any
+
 import numpy as np
 
+from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.formats.results.interior_orientation import interior_covariances
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
+from aatri.ids import several
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
 from aatri.report.view.numbers import estimate, in_trade_unit, number
@@ -14,6 +18,69 @@ from aatri.units import DASH, decimals, digits
 FILM = "film"
 STRONG = 0.5
 """Correlations below this are left out."""
+OF_IMAGES = ("film", "velocity")
+"""Groups whose parameters are those of single images: hundreds, which are counted."""
+MOST_ROWS, HARDLY_SEPARATED = 40, 0.9
+"""Of parameters and correlations on the first page."""
+
+
+def in_short(stage: str, solution: Solution) -> dict[str, Any]:
+    """What a stage estimated, for the first page: at most 40 parameters, and pairs that the data hardly separate.
+
+    Parameters
+    ----------
+    stage : str
+    solution : Solution
+
+    Returns
+    -------
+    dict
+        `stage`; `rows` of name, value, standard deviation and unit; `left_off` and `correlations` in words. Empty where
+        nothing but parameters of single images was estimated.
+    """
+    p, units, removed = solution.parameters, parameter_units(solution), removed_parameters(solution.parameters)
+    estimated = [k for k in range(len(p)) if removed[k] or p.sigma[k] != 0]
+    rows = [k for k in estimated if p.group[k] not in OF_IMAGES]
+    if not rows:
+        return {}
+    texts = [
+        (
+            f"{p.object[k]} {p.name[k]}",
+            *(("removed", "", units[k]) if removed[k] else estimate(float(p.value[k]), float(p.sigma[k]), units[k])),
+        )
+        for k in rows[:MOST_ROWS]
+    ]
+    counts = [(len(rows[MOST_ROWS:]), "more"), (len(estimated) - len(rows), "of single images")]
+    left_off = ", ".join(f"{count} {which}" for count, which in counts if count)
+    return {"stage": stage, "rows": texts, "left_off": left_off, "correlations": _hardly_separated(solution)}
+
+
+def _hardly_separated(solution: Solution) -> list[str]:
+    first, second, r = correlations(solution, HARDLY_SEPARATED)
+    names, owners = solution.parameters.name, solution.parameters.object
+    lines = [
+        f"{owners[i]}: {names[i]} and {names[j]}{_of_other(owners[i], owners[j])} correlate by {size:.3f}"
+        for i, j, size in zip(first[:MOST_ROWS], second[:MOST_ROWS], r.tolist())
+    ]
+    if len(r) > MOST_ROWS:
+        lines.append(f"{several(len(r) - MOST_ROWS, 'further correlation')} of {HARDLY_SEPARATED} and more")
+    return lines
+
+
+def _of_other(owner: str, other: str) -> str:
+    return "" if owner == other else f" of {other}"
+
+
+def correlations(solution: Solution, least: float) -> tuple[Int, Int, Float]:
+    """Pairs of parameters that correlate by `least` and more, the strongest first, and their correlations."""
+    p, c = solution.parameters, solution.parameter_covariances
+    if c is None or not len(c):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
+    pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= least))
+    pairs = pairs[np.argsort(-np.abs(r[pairs]), kind="stable")]
+    return c.first[pairs], c.second[pairs], r[pairs]
 
 
 def parameter_tables(solution: Solution) -> list[PageTable]:
@@ -55,20 +122,13 @@ def _interior(solution: Solution) -> PageTable | None:
 
 def _correlations(solution: Solution) -> PageTable | None:
     """The strongest correlations of the camera parameters."""
-    p, c = solution.parameters, solution.parameter_covariances
-    if c is None or not len(c):
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = c.covariance / (p.sigma[c.first] * p.sigma[c.second])
-    pairs = np.flatnonzero((c.first != c.second) & (np.abs(np.nan_to_num(r)) >= STRONG))
-    pairs = pairs[np.argsort(-np.abs(r[pairs]), kind="stable")]
-    one, other = c.first[pairs], c.second[pairs]
-    elsewhere = [f" of {there}" if there != here else "" for here, there in zip(p.object[one], p.object[other])]
+    p = solution.parameters
+    one, other, r = correlations(solution, STRONG)
     columns: Columns = {
         "of": p.object[one],
         "parameter": p.name[one],
-        "with": [f"{name}{owner}" for name, owner in zip(p.name[other], elsewhere)],
-        "correlation": (r[pairs], "{:.3f}".format),
+        "with": [f"{p.name[j]}{_of_other(p.object[i], p.object[j])}" for i, j in zip(one, other)],
+        "correlation": (r, "{:.3f}".format),
     }
     return all_rows(f"Correlations of {STRONG} or more, the strongest first", columns)
 
