@@ -17,25 +17,29 @@ Source: Rao 1948 (score test); Kraus, Photogrammetry, on systematic errors found
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from scipy.sparse import csr_array, hstack
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.elimination.effects import Effects, reduced_effects
-from aatri.adjustment.elimination.factor import forward_substituted
-from aatri.adjustment.elimination.right_hand_sides import forward, forward_kept, sides_of
+from aatri.adjustment.elimination.right_hand_sides import sides_of, without_blocks
+from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.threads import run_all
 from aatri.arrays import Float, Int
 
 LEAST_SEEN = 1e-6
 """Share of an effect on the observations below which what the unknowns leave of it is rounding, of Q above all."""
 
-MOST_SIDES, ROOM_BYTES = 48, 2e7
-"""Right-hand sides solved for at a time: they are as long as all unknowns; of rays, as long as those kept."""
+ROOM_BYTES = 1e8
+"""Of right-hand sides that are made at a time; then what is not zero is kept of them."""
 
 
 @dataclass(frozen=True)
@@ -127,17 +131,29 @@ def score(
     ray = _rays(adjusted.problem, records, rows)
     order = np.arange(len(rows)) if ray is None else np.argsort(ray, kind="stable")
     rows, unit = rows[order], unit[order]
-    sides = MOST_SIDES if ray is None else ROOM_BYTES / 8 / max(adjusted.problem.layout.n_kept, 1)
-    at_a_time = max(1, int(sides) // k)
-    for first in range(0, n, at_a_time):
+    at_a_time = max(1, int(ROOM_BYTES / 8 / _length(adjusted.problem, records, by_rays=ray is not None)) // k)
+    firsts = range(0, n, at_a_time)
+    kept: list[csr_array] = [csr_array((0, 0))] * len(firsts)
+
+    def add(number: int) -> None:
+        """Some units, which share nothing with others."""
+        first = firsts[number]
         chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
         part = Score(scores.gradient[here], scores.total[here], scores.information[here])
         whitened_H = _WhitenedEffects(records, rows[chunk], H, order[chunk])
         if ray is None:
-            _add_densely(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
+            right = _add_records(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
         else:
-            _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first, least_gain)
+            right = _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first)
+        kept[number] = _nonzero(right)
+
+    if ray is not None:
+        _ = adjusted.problem.ray_lane, adjusted.problem.ray_columns  # made once, not by each thread
+    with ThreadPoolExecutor(adjusted.problem.threads) as pool:
+        run_all(pool, [partial(add, number) for number in range(len(firsts))])
+    if n:
+        _subtract_taken_up(scores, adjusted, hstack(kept, format="csr"), least_gain)
     return scores
 
 
@@ -150,32 +166,58 @@ def _rays(problem: IndexedProblem, records: Records, rows: Int) -> Int | None:
     return place[rows] if (place[rows] >= 0).all() else None
 
 
-def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Effects, unit: Int, least_gain: float) -> None:
-    """Units of rays, in place."""
-    problem, factored, (n, k) = adjusted.problem, adjusted.factored, scores.gradient.shape
-    assert factored is not None
+def _nonzero(right: Float) -> csr_array:
+    """Sparse right-hand sides of dense ones; what scipy makes of an array goes through it five times."""
+    place = np.flatnonzero(right)
+    row, column = np.divmod(place, right.shape[1])
+    return csr_array((right.ravel()[place], column, np.searchsorted(row, np.arange(len(right) + 1))), shape=right.shape)
+
+
+def _length(problem: IndexedProblem, records: Records, *, by_rays: bool) -> int:
+    """Of a right-hand side as it is made: the kept unknowns, of records other than rays also all that they touch."""
+    touched = {group for group, _ in records.touches} if not by_rays else set()
+    return max(1, problem.layout.n_kept, sum(u.free.size for u in problem.unknowns if u.name in touched))
+
+
+def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Effects, unit: Int) -> Float:
+    """Units of rays with the kept unknowns held, in place; returned are the right-hand sides of those."""
+    assert adjusted.factored is not None
     sums = scores.total, scores.gradient, scores.information
-    kept = reduced_effects(problem, factored, adjusted.state, ray, H, unit, sums)
-    gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
-    if not len(gaining):
-        return
-    x = kept.reshape(-1, n, k)[:, gaining].reshape(-1, len(gaining) * k)
-    forward_kept(problem, factored, x)
-    scores.gradient[gaining] -= (x.T @ _forward_gradient(adjusted)).reshape(-1, k)
-    of_unit = x.reshape(-1, len(gaining), k).transpose(1, 0, 2)
-    scores.information[gaining] -= of_unit.swapaxes(1, 2) @ of_unit
+    return reduced_effects(adjusted.problem, adjusted.factored, adjusted.state, ray, H, unit, sums)
 
 
-def _add_densely(scores: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> None:
-    """Units of any records, in place."""
+def _add_records(scores: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> Float:
+    """The same of any records; without the part of the eliminated blocks, and of exact constraints."""
     n, k = scores.gradient.shape
-    v, right = _sides(adjusted, records, rows, H, unit, n)
+    v, groups = _sides(adjusted, records, rows, H, unit, n)
     np.add.at(scores.gradient, unit, np.einsum("nmk,nm->nk", H, v))
     np.add.at(scores.information, unit, np.einsum("nmk,nml->nkl", H, H))
     scores.total[:] = np.einsum("ukk->uk", scores.information)
-    taken_up, left = _taken_up(adjusted, right)
-    scores.information[:] -= taken_up.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
-    scores.gradient[:] -= left.reshape(n, k)
+    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
+    assert factored is not None
+    right = sides_of(problem, groups)
+    kept, of_block = without_blocks(problem, factored, state, right)
+    inner = of_block.reshape(-1, n, k).transpose(1, 2, 0)
+    scores.information[:] -= inner @ inner.swapaxes(1, 2)
+    scores.gradient[:] -= (of_block.reshape(-1, n * k).T @ factored.block_y[right.block].ravel()).reshape(n, k)
+    W = covariance_reduction(problem, factored, state)
+    if W:
+        common = np.asarray(sum(np.einsum("nkc,nks->sc", W[group], values) for group, values in groups.items()))
+        by_unit = common.reshape(n, k, -1)
+        scores.information[:] += by_unit @ by_unit.swapaxes(1, 2)
+    return kept
+
+
+def _subtract_taken_up(scores: Score, adjusted: Adjusted, right: csr_array, least_gain: float) -> None:
+    """What the kept unknowns take up, of the units that may gain enough."""
+    (n, k), factored = scores.gradient.shape, adjusted.factored
+    assert factored is not None
+    gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
+    if len(gaining) < n:
+        right = right[:, (gaining[:, None] * k + np.arange(k)).ravel()]
+    squares, products = unit_products(adjusted.problem, factored, right, k)
+    scores.information[gaining] -= squares
+    scores.gradient[gaining] -= products
 
 
 def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dict[str, Float]:
@@ -238,23 +280,3 @@ def _sides(
         v,
         {group: side.swapaxes(1, 2).reshape(len(side), side.shape[2], units * k) for group, side in right.items()},
     )
-
-
-def _taken_up(adjusted: Adjusted, right: dict[str, Float]) -> tuple[Float, Float]:
-    """c'Q c and c'Q A'v of right-hand sides c, by group."""
-    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
-    assert factored is not None
-    u = forward(problem, factored, state, sides_of(problem, right))
-    taken_up = u.gram()
-    left = u.kept.T @ _forward_gradient(adjusted) + np.einsum("pam,pa->m", u.of_block, factored.block_y[u.block])
-    W = covariance_reduction(problem, factored, state)
-    if W:
-        common = np.asarray(sum(np.einsum("nkc,nks->cs", W[group], values) for group, values in right.items()))
-        taken_up = taken_up - common.T @ common
-    return taken_up, left
-
-
-def _forward_gradient(adjusted: Adjusted) -> Float:
-    """y of the kept unknowns, (n_kept,)."""
-    assert adjusted.factored is not None
-    return forward_substituted(adjusted.problem.tree, adjusted.factored.y, adjusted.problem.layout.n_kept)

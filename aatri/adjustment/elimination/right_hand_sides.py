@@ -72,19 +72,20 @@ def sides_of(problem: IndexedProblem, groups: Mapping[str, Float]) -> Sides:
 
 def forward(problem: IndexedProblem, factored: Factored, state: State, right: Sides) -> Sides:
     """U = L^-1 R."""
+    x, of_block = without_blocks(problem, factored, state, right)
+    with one_blas_thread():  # a few columns are not worth a second thread
+        up_the_tree(problem.tree, factored.factor.panel, x)
+    return Sides(x, right.block, of_block)
+
+
+def without_blocks(problem: IndexedProblem, factored: Factored, state: State, right: Sides) -> tuple[Float, Float]:
+    """R_x - sum E_p' L_p^-T U_p and U_p: what the eliminated blocks leave of right-hand sides, and take up of them."""
     x, of_block = right.kept.copy(), right.of_block
     if len(right.block):
         inverse = inverse_factors(factored.block_factor[right.block])
         of_block = inverse @ of_block
         _subtract_blocks(problem, state, right.block, inverse.swapaxes(1, 2) @ of_block, x)
-    forward_kept(problem, factored, x)
-    return Sides(x, right.block, of_block)
-
-
-def forward_kept(problem: IndexedProblem, factored: Factored, x: Float) -> None:
-    """U_x = L_x^-1 x of right-hand sides of the kept unknowns alone, in place."""
-    with one_blas_thread():  # a few columns are not worth a second thread
-        up_the_tree(problem.tree, factored.factor.panel, x)
+    return x, of_block
 
 
 def backward(
