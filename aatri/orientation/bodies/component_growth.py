@@ -16,12 +16,12 @@ others: a number given to two places. Where common points do not fit each other 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, sums_of
-from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose, robust_closed_form
+from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
 
 WEAKEST_RAD = 0.05
@@ -33,6 +33,9 @@ FEWEST_MIRRORED, CLEARLY = 5, 0.2
 MIRRORED = "fit only mirrored: an axis of one has the wrong sign"
 
 MISFIT = "do not fit each other"
+
+FEW = 1_000
+"""Points of a large body that mostly show that it reaches farther than another."""
 
 LONGEST_LEVER = 20.0
 """How many times the errors of common points may grow at the edge of the smaller component."""
@@ -77,12 +80,17 @@ class Tie:
 
 @dataclass(frozen=True)
 class _Body:
-    """Points of a component, ascending: sums over its strips of coordinates and variances, and how many they are."""
+    """Points of a component, and sums over its strips."""
 
     point: Int
-    xyz: Float
-    variance: Float
-    count: Float
+    """(n,), ascending."""
+    sums: Float
+    """(n, 5). Of coordinates and variances, and how many they are."""
+
+    def mean(self, rows: Int | slice) -> tuple[Float, Float]:
+        """Mean coordinates of some points and their variances, (n, 3), (n,)."""
+        sums = self.sums[rows]
+        return sums[:, :3] / sums[:, 4:], sums[:, 3] / sums[:, 4] ** 2
 
 
 @dataclass(frozen=True)
@@ -106,7 +114,9 @@ def grow_components(
     member = np.arange(n_strips)
     pose = [IDENTITY] * n_strips
     bodies = {k: _body(points, k) for k in range(n_strips)}
-    ties = _ties(bodies, _neighbours(points, n_strips))
+    neighbours = _neighbours(points, n_strips)
+    beside = [{b for pair in neighbours for b in pair if k in pair and b != k} for k in range(n_strips)]
+    ties = _ties(bodies, neighbours)
     while True:
         good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.joins(weakly=weakly)]
         if not good:
@@ -118,10 +128,9 @@ def grow_components(
         member = np.where(member == b, a, member)
         bodies[a] = _merged(bodies[a], bodies.pop(b), joined)
         ties = {pair: tie for pair, tie in ties.items() if a not in pair and b not in pair}
-        in_first = np.zeros(int(points.point.max()) + 1, dtype=bool)
-        in_first[bodies[a].point] = True
-        near = np.flatnonzero(np.bincount(member[points.strip[in_first[points.point]]])).tolist()
-        ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near if label != a])
+        beside[a] |= beside[b]
+        near = sorted({int(member[strip]) for strip in beside[a]} - {a})
+        ties |= _ties(bodies, [(min(a, label), max(a, label)) for label in near])
 
 
 def _neighbours(points: BodyPoints, n_strips: int) -> list[tuple[int, int]]:
@@ -138,25 +147,23 @@ def _neighbours(points: BodyPoints, n_strips: int) -> list[tuple[int, int]]:
 def _body(points: BodyPoints, strip: int) -> _Body:
     rows = np.flatnonzero(points.strip == strip)
     variance = np.einsum("nii->n", points.covariance[rows]) / 3
-    return _summed(points.point[rows], points.xyz[rows], variance, np.ones(len(rows)))
+    point, place = np.unique(points.point[rows], return_inverse=True)
+    values = np.column_stack([points.xyz[rows], variance, np.ones(len(rows))])
+    return _Body(point, sums_of(values, place, len(point)))
 
 
 def _merged(first: _Body, second: _Body, similarity: Similarity) -> _Body:
     """One body of two, the second moved."""
-    moved = second.count[:, None] * similarity.translation + similarity.scale * second.xyz @ similarity.rotation.T
-    return _summed(
-        np.concatenate([first.point, second.point]),
-        np.concatenate([first.xyz, moved]),
-        np.concatenate([first.variance, similarity.scale**2 * second.variance]),
-        np.concatenate([first.count, second.count]),
-    )
-
-
-def _summed(point: Int, xyz: Float, variance: Float, count: Float) -> _Body:
-    distinct, place = np.unique(point, return_inverse=True)
-    n = len(distinct)
-    sums = sums_of(np.column_stack([xyz, variance, count]), place, n)
-    return _Body(distinct, sums[:, :3], sums[:, 3], sums[:, 4])
+    count, scale = second.sums[:, 4:], similarity.scale
+    moved = count * similarity.translation + scale * second.sums[:, :3] @ similarity.rotation.T
+    second = _Body(second.point, np.column_stack([moved, scale**2 * second.sums[:, 3], count]))
+    small, large = sorted((first, second), key=lambda body: len(body.point))
+    place = np.searchsorted(large.point, small.point)
+    there = large.point[np.minimum(place, len(large.point) - 1)] == small.point
+    sums = large.sums.copy()
+    sums[place[there]] += small.sums[there]
+    new = place[~there]
+    return _Body(np.insert(large.point, new, small.point[~there]), np.insert(sums, new, small.sums[~there], axis=0))
 
 
 def _ties(bodies: Mapping[int, _Body], pairs: Sequence[tuple[int, int]]) -> dict[tuple[int, int], Tie]:
@@ -175,13 +182,17 @@ def _of_pair(bodies: Mapping[int, _Body], pair: tuple[int, int]) -> tuple[_Body,
 
 def _fitted(common: Sequence[_Common], bodies: Sequence[tuple[_Body, _Body]]) -> list[Tie]:
     """Ties of pairs of bodies by common points, three or more of each."""
+    similarities, distances = _robust(common)
+    weakest = [_weakest_rotation(*one) for one in zip(common, similarities, distances, bodies)]
+    far = [
+        k for k, (sigma, n, _, by_noise) in enumerate(weakest) if n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
+    ]
+    _, if_mirrored = _robust([replace(common[k], source=common[k].source * [1.0, 1.0, -1.0]) for k in far])
+    mirrored = {k for k, by in zip(far, if_mirrored) if np.median(by) < CLEARLY * np.median(distances[k])}
     ties = []
-    for c, both, similarity, distance in zip(common, bodies, *_robust(common)):
-        sigma, n, lever, by_noise = _weakest_rotation(c, similarity, distance, both)
-        far = n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
-        misfit = MIRRORED if far and _is_mirrored(c, distance) else ""
-        misfit = MISFIT if not misfit and by_noise <= WEAKEST_RAD < sigma else misfit
-        ties.append(Tie(similarity, sigma, n, lever, misfit))
+    for k, (sigma, n, lever, by_noise) in enumerate(weakest):
+        misfit = MISFIT if by_noise <= WEAKEST_RAD < sigma else ""
+        ties.append(Tie(similarities[k], sigma, n, lever, MIRRORED if k in mirrored else misfit))
     return ties
 
 
@@ -194,24 +205,14 @@ def _without_one(common: _Common, bodies: tuple[_Body, _Body]) -> Tie | None:
     return min((tie for tie in ties if tie.joins(weakly=True)), key=lambda tie: tie.sigma_rad, default=None)
 
 
-def _is_mirrored(common: _Common, distance: Float) -> bool:
-    """Whether common points fit much better if one of the components is mirrored."""
-    mirrored = robust_closed_form(common.source * [1.0, 1.0, -1.0], common.target)[1]
-    return bool(np.median(mirrored) < CLEARLY * np.median(distance))
-
-
 def _common(a: _Body, b: _Body) -> _Common:
     """Common points of two components."""
-    there = np.minimum(np.searchsorted(a.point, b.point), len(a.point) - 1)
-    second = np.flatnonzero(a.point[there] == b.point)
-    first = there[second]
-    count_a, count_b = a.count[first], b.count[second]
-    return _Common(
-        b.xyz[second] / count_b[:, None],
-        a.xyz[first] / count_a[:, None],
-        b.variance[second] / count_b**2,
-        a.variance[first] / count_a**2,
-    )
+    small, large = sorted((a, b), key=lambda body: len(body.point))
+    place = np.minimum(np.searchsorted(large.point, small.point), len(large.point) - 1)
+    of_small = np.flatnonzero(large.point[place] == small.point)
+    means = {id(small): small.mean(of_small), id(large): large.mean(place[of_small])}
+    (source, source_variance), (target, target_variance) = means[id(b)], means[id(a)]
+    return _Common(source, target, source_variance, target_variance)
 
 
 def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
@@ -247,13 +248,23 @@ def _weakest_rotation(
     across = float(np.hypot(*spread[1:3]))
     if across <= 1e-9 * spread[0]:
         return np.inf, n, np.inf, np.inf
-    first, second = (body.xyz / body.count[:, None] for body in bodies)
-    second = similarity.translation + similarity.scale * second @ similarity.rotation.T
-    reach = min(_reach(xyz - centre, directions[0]) for xyz in (first, second))
+    reach = _shorter_reach(bodies, similarity, centre, directions[0])
     return sigma / across, n, reach / across, noise / across
 
 
-def _reach(xyz: Float, direction: Float) -> float:
-    """Largest distance from a line through the origin."""
-    away = xyz - np.outer(xyz @ direction, direction)
-    return float(np.sqrt(np.einsum("ni,ni->n", away, away).max()))
+def _shorter_reach(bodies: tuple[_Body, _Body], similarity: Similarity, centre: Float, direction: Float) -> float:
+    """Largest distance of a body's points from a line, of the body where it is less; the second is moved."""
+
+    def reach(body: _Body, rows: slice) -> float:
+        xyz = body.mean(rows)[0]
+        if body is bodies[1]:
+            xyz = similarity.translation + similarity.scale * xyz @ similarity.rotation.T
+        away = xyz - centre
+        away -= np.outer(away @ direction, direction)
+        return float(np.sqrt(np.einsum("ni,ni->n", away, away).max()))
+
+    small, large = sorted(bodies, key=lambda body: len(body.point))
+    shorter = reach(small, slice(None))
+    if reach(large, slice(None, None, 1 + len(large.point) // FEW)) >= shorter:  # by some of its points already
+        return shorter
+    return min(shorter, reach(large, slice(None)))
