@@ -60,6 +60,8 @@ CLEARLY_UPWARDS = 0.17
 FEWEST_MIRRORED, CLEARLY = 5, 0.2
 """Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
+ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
+
 FLAT = 1e-3
 """Misfit, as a share of the extent, of points that fit, or lie in a plane and fit either way."""
 
@@ -144,7 +146,7 @@ def exchanged_by_all(
     if not 2 <= len(control) <= MOST_BY_ALL or redundancy < SPARE:
         return none
 
-    def cost(of: FreeBody, use: Bool, iterations: int) -> float:
+    def cost(of: FreeBody, use: Bool, iterations: int, *, searched: bool = len(control) <= MOST_SEARCHED) -> float:
         places = given_places(observed, state_of(observed, of, level))
         places = places.take(use[places.row])
         start = closed_start(places, places.xyz @ level.rotation)
@@ -153,7 +155,7 @@ def exchanged_by_all(
                 return float("inf")
             return fitted(observe, of, use, start, iterations)
         try:
-            return searched_start(observe, of, use)[1] if len(control) <= MOST_SEARCHED else float("inf")
+            return searched_start(observe, of, use)[1] if searched else float("inf")
         except (ConvergenceError, GeometryError):
             return float("inf")
 
@@ -166,6 +168,9 @@ def exchanged_by_all(
         ordered = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
         return cost(ordered, without_rays(a, b), iterations)
 
+    of_others = cost(body, use & ~rows & ~np.isin(point, point[control]), ITERATIONS, searched=False)
+    if np.isfinite(of_others) and of_others >= EXPLAINED * cost(body, use, ITERATIONS):  # no exchange leaves less
+        return none
     pairs = list(combinations(control.tolist(), 2))
     costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]
     k = int(np.argmin(costs))
@@ -264,18 +269,14 @@ def one_row_off(places: GivenPlaces) -> str:
         return float(np.median(robust_closed_form(x, X)[1][: len(seen)]))
 
     as_given, extent = misfit_m(rows, rows), float(np.linalg.norm(np.ptp(full.observed_m[rows], axis=0)))
-    moved, image, row = min(
-        (misfit_m(rows[:-1], rows[1:]), rows[0], rows[1]), (misfit_m(rows[1:], rows[:-1]), rows[-1], rows[-2])
-    )
+    later, earlier = (misfit_m(rows[:-1], rows[1:]), *rows[:2]), (misfit_m(rows[1:], rows[:-1]), *rows[:-3:-1])
+    moved, image, row = min(later, earlier)
     if not moved < CLEARLY * as_given or as_given <= FLAT * extent:
         return ""
     return (
         f"the positions stand one row off in their table: that of {full.name[row]} fits {full.name[image]}, and so on "
         f"with all {len(rows)}, to {length(moved)} instead of {length(as_given)} (median)"
     )
-
-
-ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
 
 
 def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | None, what: str) -> None:
