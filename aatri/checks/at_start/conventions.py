@@ -1,4 +1,5 @@
-"""Geodetic observations in another convention than declared: mirrored, of opposite sign, in gon, elevations, in feet.
+"""Geodetic observations in another convention than declared: mirrored, of opposite sign, in gon, elevations, in feet;
+or lengths, as of portable frames, in another unit than the coordinates.
 
     e = computed at the start - observed,    of directions less the mean over their set
 
@@ -33,10 +34,14 @@ from aatri.units import FOOT_M
 
 Other = Callable[[Float], Float]
 GON: dict[str, Other] = {"gon, read as degrees": lambda v: 0.9 * v, "degrees, read as gon": lambda v: v / 0.9}
+OF_COORDINATES = "beside coordinates"
 LENGTHS: dict[str, Other] = {
     "in mm": lambda v: 1e-3 * v,
     "in cm": lambda v: 1e-2 * v,
     "in feet": lambda v: FOOT_M * v,
+    f"in m, {OF_COORDINATES} in mm": lambda v: 1e3 * v,
+    f"in m, {OF_COORDINATES} in cm": lambda v: 1e2 * v,
+    f"in m, {OF_COORDINATES} in feet": lambda v: v / FOOT_M,
 }
 OTHERS: dict[str, dict[str, Other]] = {
     directions.DIRECTION: {"counted counter-clockwise": lambda v: -v, **GON},
@@ -104,7 +109,8 @@ def _of_rows(o: Observed, table: Geodetic, v: Float, rows: Int, where: str) -> l
     ratio = size[""] / max(size[best], 1e-300)
     level: Level = "error" if ratio > CERTAIN_CONVENTION else "warning"
     where = f"{where}: {o.kind}s of a portable frame or a set" if where else o.kind
-    return [Finding("conventions", level, text, "declare them so, or convert them", where=where, statistic=ratio)]
+    remedy = "convert the coordinates to m" if OF_COORDINATES in best else "declare them so, or convert them"
+    return [Finding("conventions", level, text, remedy, where=where, statistic=ratio)]
 
 
 def _median(e: Float, angular: bool, sets: Text) -> float:

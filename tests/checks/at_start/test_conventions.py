@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,7 @@ from aatri.observations.poses import POSE, Poses
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.geodetic_blocks import made
+from tests.stages.hand_block import ground_rows, hand, read, start
 
 SURVEY = {
     "survey": {
@@ -52,6 +54,7 @@ def _told(block: Block) -> list[str]:
         ("zenith", lambda v: np.pi / 2 - v, "elevations"),
         ("height_difference", lambda v: -v, "of opposite sign"),
         ("distance", lambda v: v / 0.3048, "in feet"),
+        ("distance", lambda v: v / 1000.0, "in m, beside coordinates in mm"),
     ],
 )
 def test_a_kind_written_otherwise_is_named(kind: str, written: Callable[[np.ndarray], np.ndarray], said: str) -> None:
@@ -73,6 +76,22 @@ def test_an_azimuth_whose_from_and_to_are_exchanged_is_named() -> None:
     (text,) = _told(replace(block, geodetic=replace(g, start=start, end=end)))
     assert "1 of 8 point the other way" in text
     assert f"{start[reversed_row][0]} to {end[reversed_row][0]}" in text
+
+
+@pytest.mark.slow
+def test_control_in_mm_beside_a_portable_frame_in_m_is_named(tmp_path: Path) -> None:
+    """The images are oriented in mm, as control is: the distances between the marks of the body alone contradict it."""
+    of, marks = hand(), [13, 14, 19, 20]
+    more = {"frames": {name: {"axes": ["east", "north", "up"], "crs": "local"} for name in ("map", "pier")}}
+    for times in (1.0, 1000.0):
+        here = replace(of, position_m=times * of.position_m, xyz_m=times * of.xyz_m)
+        control = ground_rows(here, [0, 5, 24, 29], tail=",", head=",frame")
+        body = "".join(f"p{p},{x!r},{y!r},{z!r},pier\n" for p, (x, y, z) in zip(marks, of.xyz_m[marks].tolist()))
+        block, points = read(tmp_path / str(times), here, ground=control + body, more=more)
+        given = bundle_input(observation_source(block, points, start(here, block)), BundleOptions())
+        told = [str(finding) for finding in other_conventions(block, given)]
+        assert len(told) == (times > 1)
+        assert all("values in m, beside coordinates in mm" in text for text in told)
 
 
 @pytest.mark.slow
