@@ -36,6 +36,9 @@ MAX_ITERATIONS = 30
 LINEAR = 1e-5
 """An iteration ends when no residual departs from the linear model by more of its standard deviation."""
 
+ROUNDING = 1e-3
+"""A departure below this that an iteration does not halve is rounding, as where strips of 100 km tie to centimetres."""
+
 STEADY = 1e-3
 """Covariances of ties that have turned with their bodies by a smaller share of themselves stay as they are: weights by
 that share wrong move no result by more than about that share of its standard deviation."""
@@ -213,13 +216,15 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
     done = before.iterations if before else 0
     course: Course | None = None
+    departure = np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
             solved = step(full)
         except (GeometryError, ConvergenceError) as error:
             kind = GeometryError if isinstance(error, GeometryError) else ConvergenceError
             raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
-        if solved.departure <= LINEAR:
+        departure, before_that = solved.departure, departure
+        if departure <= LINEAR or 0.5 * before_that < departure <= ROUNDING:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
         if isinstance(solved, DenseSolution):
             full = solved.state

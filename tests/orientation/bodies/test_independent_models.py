@@ -128,6 +128,16 @@ def test_error_free_models_give_the_truth(plan_height: bool) -> None:
     assert (rounds > 0) == plan_height
 
 
+def test_an_adjustment_that_rounding_keeps_from_being_linear_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = made(3, noise=np.random.default_rng(1))
+    given = control(block, corners(block), perimeter(block))
+    expected = adjusted(block, given)[0]
+    monkeypatch.setattr("aatri.adjusting.tied_solution.LINEAR", 0.0)
+    tied = adjusted(block, given)[0]
+    assert tied.iterations <= expected.iterations + 3
+    assert tied.xyz_m == pytest.approx(expected.xyz_m, abs=1e-11)
+
+
 def test_plan_and_height_in_turn_end_where_all_seven_together_do() -> None:
     block = made(3, noise=np.random.default_rng(1))
     given = control(block, corners(block), perimeter(block))
