@@ -8,8 +8,9 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
 
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
 chi-square of one degree at `ALARM`, and gross errors do not explain as much, of up to `room.SMALL_ROOM` records of the
-class or of one of another kind: each lets v'R^-v fall by v_j'R_jj^-1 v_j, of all components of the record or of one,
-and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of another kind).
+class or of one of another kind, given values of a camera too: each lets v'R^-v fall by v_j'R_jj^-1 v_j, of all
+components of the record or of one, and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of
+another kind).
 
 Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
 1987 (the test of s at the end of its range).

@@ -4,10 +4,11 @@ Seen: positions off by a constant, heights that count from another surface, a ca
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
 contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
-the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred.
+the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred. So it does where
+a camera asks for another calibration, and has left the one given by more than chance does (`MOVED_SIGMAS`).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import product
 
 import numpy as np
@@ -18,6 +19,7 @@ from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
 from aatri.observations.carried_vectors import BORESIGHT, LEVER_ARM
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
@@ -36,7 +38,7 @@ RADIAL = (
 )
 
 
-def contradicts(accepted: AcceptedGroup) -> bool:
+def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> bool:
     """Whether the result cannot be right beyond its standard deviations: the model is wrong, not only the sigmas.
 
     Points of a neighbourhood or of one image, and marks of a frame, are wrong measurements, like single ones that are
@@ -45,25 +47,30 @@ def contradicts(accepted: AcceptedGroup) -> bool:
     g = accepted.group
     if g.per in (NEIGHBOURHOOD, IMAGE, MARK):
         return False
+    if g.kind == IMAGE_POINT and g.per == "camera" and g.unit in moved_cameras:
+        return True  # calibration or block: who knows
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
 
 
 def wrong_groups(
-    groups: tuple[AcceptedGroup, ...], lever_arms_m: Mapping[str, Float], boresights_rad: Mapping[str, Float]
+    groups: tuple[AcceptedGroup, ...],
+    lever_arms_m: Mapping[str, Float],
+    boresights_rad: Mapping[str, Float],
+    moved_cameras: Container[str],
 ) -> list[Finding]:
     """A warning for each group, contradictions first; lever arms and boresights are those given, by camera."""
-    in_order = sorted(groups, key=lambda accepted: not contradicts(accepted))
-    return [_finding(accepted, lever_arms_m, boresights_rad) for accepted in in_order]
+    findings = [_finding(accepted, lever_arms_m, boresights_rad, moved_cameras) for accepted in groups]
+    return sorted(findings, key=lambda finding: not finding.contradicts)
 
 
 def _finding(
-    accepted: AcceptedGroup, lever_arms_m: Mapping[str, Float], boresights_rad: Mapping[str, Float]
+    accepted: AcceptedGroup, arms_m: Mapping[str, Float], boresights_rad: Mapping[str, Float], moved: Container[str]
 ) -> Finding:
     g = accepted.group
     text, remedy = _TEXTS[g.kind, g.cause](g)
-    if g.cause == LEVER_ARM and lever_arms_m[g.unit].any():
-        remedy = _other_lever_arm(g, lever_arms_m[g.unit]) or remedy
+    if g.cause == LEVER_ARM and arms_m[g.unit].any():
+        remedy = _other_lever_arm(g, arms_m[g.unit]) or remedy
     if g.cause == BORESIGHT and boresights_rad[g.unit].any():
         remedy += _other_boresight(g, boresights_rad[g.unit])
     if g.moved:
@@ -77,7 +84,7 @@ def _finding(
     else:
         text += f"; all {len(g.rows) + len(g.undecided)} are left out"
     # of a set of correlated points g.rows is the set
-    rows, wrong = {} if g.cause == COORDINATES else {g.kind: g.rows}, contradicts(accepted)
+    rows, wrong = {} if g.cause == COORDINATES else {g.kind: g.rows}, contradicts(accepted, moved)
     return Finding(
         "groups", "warning", text, remedy, rows=rows, alternatives=others, statistic=g.harm, contradicts=wrong
     )

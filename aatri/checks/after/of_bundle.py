@@ -15,7 +15,7 @@ from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
 from aatri.checks.after.left_out import left_out, left_out_alike
-from aatri.checks.after.parameters import parameter_findings
+from aatri.checks.after.parameters import moved_cameras, parameter_findings
 from aatri.checks.after.rejections import two_objects
 from aatri.checks.after.sigma0 import sigma0
 from aatri.checks.after.sigmas import sigmas_that_do_not_fit
@@ -56,10 +56,12 @@ def findings_after(
     arms, boresights = (
         dict(zip(cameras.id.tolist(), values)) for values in (cameras.lever_arm_m, cameras.boresight_rad)
     )
-    named = wrong_groups(groups, arms, boresights)
-    explained = done.scale != 1.0 or any(map(contradicts, groups))
+    moved = {finding.where for finding in moved_cameras(result)}
+    named = wrong_groups(groups, arms, boresights, moved)
+    wrong = [one for one in groups if contradicts(one, moved)]
+    explained = done.scale != 1.0 or bool(wrong)
     cause = next((group for group in named if group.contradicts), None)
-    carried = [one.group.sigma0 for one in groups if contradicts(one) and not one.left_out]
+    carried = [one.group.sigma0 for one in wrong if not one.left_out]
     with_cause = min(carried, default=np.inf)
     return [
         *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
@@ -68,7 +70,7 @@ def findings_after(
         *two_objects(inputs.rays, inputs.image_ids, inputs.point_ids, result, done.scale),
         *done.notes,
         *result.notes,
-        *([] if any(map(contradicts, groups)) else left_out_alike(result)),
+        *([] if wrong else left_out_alike(result)),
         *left_out(inputs, result),
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),

@@ -57,6 +57,12 @@ def parameter_findings(inputs: BundleInput, result: BundleResult) -> list[Findin
     return findings
 
 
+def moved_cameras(result: BundleResult) -> list[Finding]:
+    """Warnings of cameras that have left their given values, which `parameter_findings` has too."""
+    cameras = [g for g in result.parameters if g.given.group == CAMERA and not g.given.calibrated]
+    return [finding for group in cameras for k in range(len(group.value)) for finding in _moved(group, k)]
+
+
 def _calibrated(group: AdjustedParameters) -> list[Finding]:
     """Whether parameters agree with the calibration that weights them: their difference has covariance P - C."""
     g, findings = group.given, []

@@ -182,9 +182,11 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
 
 
 def _largest_gain_beside(result: BundleResult, place: int) -> float:
-    """The most that leaving out one record of another kind than rays and that at `place` would gain."""
+    """The most that leaving out a value given, or a record of a kind but that at `place` and rays, would gain."""
     others = [
-        o for i, o in enumerate(result.observations) if i != place and o.observed.is_measured and not is_ray(o.observed)
+        o
+        for i, o in enumerate(result.observations)
+        if i != place and (_is_prior(o.observed) or (o.observed.is_measured and not is_ray(o.observed)))
     ]
     gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in others]
     return float(np.nanmax(np.concatenate([np.zeros(1), *gains])))
