@@ -40,6 +40,7 @@ from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL,
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.strip_numbering import flown_lines
 
 DISTANCE = "distance"
 
@@ -82,8 +83,9 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             image, residuals_mm = block.rays.image[rows], v / o.records.whitener[rows]
             corner_mm = _corner_mm(block.images, block.rays)[block.images.camera]
             H = CameraEffects(block.rays.xy_mm[rows] + residuals_mm, block.rays.c_mm[rows], corner_mm[image])
-            units = _of_image_points(block.images, place, rows, image, H, _causes_of_cameras(block))
-            yield from _with_rejected(units, block.images, block.rays, corner_mm, ~adjusted.used)
+            images = _with_lines(block.images, block.image_ids, result.poses.position_m)
+            units = _of_image_points(images, place, rows, image, H, _causes_of_cameras(block))
+            yield from _with_rejected(units, images, block.rays, corner_mm, ~adjusted.used)
             yield from _of_images(block.image_ids, place, rows, image, H, v, o.records.whitener[rows])
             yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
         elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
@@ -91,6 +93,16 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
         elif o.kind == CONTROL and groups == [POINT] and o.records.rows == 3:
             yield from _of_relief(result, place, adjusted, rows)
+
+
+def _with_lines(images: ImageGroups, ids: Ids, position_m: Float) -> ImageGroups:
+    """With the lines that were flown as strips where none is declared, called by their first and last image."""
+    if (images.strip != "").any():
+        return images
+    strip = np.full(len(images.strip), "", dtype=object)
+    for line in flown_lines(position_m, images.time_s, images.sequence):
+        strip[line] = f"{ids[line[0]]} to {ids[line[-1]]}"
+    return replace(images, strip=strip.astype(np.str_))
 
 
 def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:

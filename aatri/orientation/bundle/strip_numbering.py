@@ -20,6 +20,9 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 
+TURN_DEG, LONGEST, FEWEST_OF_LINE = 45.0, 3.0, 3
+"""Where a line of flight ends: nearer to across than to along; images left out; fewer images are no line."""
+
 
 @dataclass(frozen=True)
 class StripNumbering:
@@ -72,6 +75,33 @@ def strip_numbering(position_m: Float, strip: Int, sequence: Float) -> StripNumb
     for k in parallel:
         place[in_parallel & (strip == k), 1] = np.median(rotated_m[in_parallel & (strip == k), 1])
     return StripNumbering(place, len(parallel), int(np.bincount(strip[in_parallel]).max()))
+
+
+def flown_lines(position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
+    """Images that were taken one after the other on a line, where no strips are declared: rows, line by line.
+
+    By time, else by sequence, else as they come. A line ends where the next step turns from the last one by more than
+    `TURN_DEG`, or is longer than `LONGEST` median ones.
+
+    Parameters
+    ----------
+    position_m : (n, 2) or (n, 3) float64, m
+        Projection centres; NaN unknown.
+    time_s, sequence : (n,) float64
+    """
+    known = np.flatnonzero(np.isfinite(position_m).all(axis=1))
+    by = next((values for values in (time_s[known], sequence[known]) if np.isfinite(values).all()), known)
+    order = known[np.argsort(by, kind="stable")]
+    step = np.diff(position_m[order], axis=0)
+    length = np.linalg.norm(step, axis=1)
+    longest, least_cosine = LONGEST * np.median(length) if len(length) else 0.0, np.cos(np.radians(TURN_DEG))
+    lines = [order[:1].tolist()]
+    for k, row in enumerate(order[1:].tolist()):
+        turns = len(lines[-1]) > 1 and step[k] @ step[k - 1] < least_cosine * length[k] * length[k - 1]
+        if turns or length[k] > longest:
+            lines.append([])
+        lines[-1].append(row)
+    return [np.array(line) for line in lines if len(line) >= FEWEST_OF_LINE]
 
 
 def _steps(xy: Float, strip: Int) -> tuple[Int, Float, float]:

@@ -73,15 +73,23 @@ def test_an_affinity_of_a_strip_or_an_image_is_its_own(flown: Chain, way) -> Non
 
 
 @pytest.mark.slow
-def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions() -> None:
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions(declared: bool) -> None:
+    """Also where no strips are declared: the lines that were flown are."""
     block = simulated(3, preset="uav", flight=FLIGHT, known={"full": 9}, ties={"random_per_image": 60.0}, earth="flat")
     m, images = block.image_points, block.images
-    rows = np.flatnonzero(block.strips.id[images.strip[m.image]] == block.strips.id[0])
+    first = images.strip == 0
+    rows = np.flatnonzero(first[m.image])
     size, xy = np.array(block.cameras.format[0]), m.xy.copy()
     middle = 0.5 * size - 0.5
     xy[rows] = middle + 1.05 * (xy[rows] - middle)
     inside = ((xy >= 0) & (xy <= size - 1)).all(axis=1)
     block = replace(block, image_points=replace(m, xy=xy, active=m.active & inside))
+    of_strip = str(block.strips.id[0])
+    if not declared:
+        no_strip, no_place = np.full(len(images), -1, dtype=images.strip.dtype), np.full(len(images), np.nan)
+        block = replace(block, images=replace(images, strip=no_strip, sequence=no_place))
+        of_strip = " to ".join(images.id[np.flatnonzero(first)[[0, -1]]])
     points = calibrated(block)
     start = graph(block, points, rng=np.random.default_rng(1))
     assert (start.suspects.kind == "position").sum() >= 3  # one by one the start rejects the positions of the strip
@@ -90,7 +98,7 @@ def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions() -> None:
     s: Suspects = solution.suspects
     assert not np.isin(s.kind[staying_out(s)], ("control", "position")).any()
     (text,) = _groups_named(tuple(told.warnings))
-    name = f"image points of strip {block.strips.id[0]} ask for a principal distance of 9.24"
+    name = f"image points of strip {of_strip} ask for a principal distance of 9.24"
     assert name in text
     with pytest.raises(ConvergenceError, match=name):  # beyond the bound the error says the same, not what may be
         bundle(block, points, start, options=BundleOptions(max_sigma0=2.0))
