@@ -25,7 +25,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.elimination.effects import Effects
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.unknowns import Ids
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text, sums_of
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.carried_vectors import BORESIGHT, LEVER_ARM
 from aatri.observations.control import KIND as CONTROL
@@ -250,8 +250,8 @@ def _of_images(
     for first in range(0, len(rows), AT_A_TIME):
         part = slice(first, first + AT_A_TIME)
         whitened = H[part][:, :, AFFINITY:] * whitener[part][:, :, None]
-        np.add.at(N, image[part], np.einsum("nmi,nmj->nij", whitened, whitened))
-        np.add.at(g, image[part], np.einsum("nmi,nm->ni", whitened, v[part]))
+        N += sums_of(np.einsum("nmi,nmj->nij", whitened, whitened), image[part], count)
+        g += sums_of(np.einsum("nmi,nm->ni", whitened, v[part]), image[part], count)
     bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
     seen, names = np.flatnonzero(bound > 0), np.asarray(image_ids)
     typical = seen[np.unique(np.linspace(0, len(seen) - 1, min(MOST_TYPICAL, len(seen))).astype(int))]

@@ -32,11 +32,12 @@ def hinge_images(inputs: BundleInput) -> list[Finding]:
             point = np.append(point, touched[POINT][o.records.active])
         elif o.kind == "position":
             own[np.unique(touched[POSE][o.records.active])] += 1.0
-    first = dict(zip(point[::-1].tolist(), image[::-1].tolist()))
+    first = np.full(len(inputs.point_ids), -1)
+    first[point[::-1]] = image[::-1]  # of several rays the first: it is set last
     for o in inputs.observed:
         if o.kind == "control":
-            tied_points = np.unique(dict(o.records.touches)[POINT][o.records.active]).tolist()
-            np.add.at(own, [first[p] for p in tied_points if p in first], 1.0)
+            seen_from = first[np.unique(dict(o.records.touches)[POINT][o.records.active])]
+            np.add.at(own, seen_from[seen_from >= 0], 1.0)
     shows = csr_array((np.ones(len(image)), (image, point)), shape=(len(inputs.image_ids), len(inputs.point_ids)))
     common = (shows @ shows.T).tocoo()
     tied = (common.data >= TIE_POINTS) & (common.row != common.col)
