@@ -134,6 +134,10 @@ def adjust_tied(
     pool = pool_of(snooping, problem.records, [variances])
 
     def solve(before: TiedSolution | None, use: Bool, tau_m: float) -> TiedSolution:
+        if before is None and deformed and tau_m == 0.0:
+            before = solve_tied(problem, problem.start, use, 0.0, None, coarse=True)
+            if before.added_sigma(robust=True) > 0:  # on the way to an adjustment with that
+                return before
         return solve_tied(problem, problem.start if before is None else before.state, use, tau_m, before)
 
     room: list[Int] = []

@@ -36,8 +36,9 @@ MAX_ITERATIONS = 30
 LINEAR = 1e-5
 """An iteration ends when no residual departs from the linear model by more of its standard deviation."""
 
-ROUNDING = 1e-3
-"""A departure below this that an iteration does not halve is rounding, as where strips of 100 km tie to centimetres."""
+COARSE, ROUNDING = 1e-2, 1e-3
+"""The same for an adjustment that the deformation of the bodies is estimated from, without which strips of 100 km take
+forty iterations; and a departure below which an iteration that does not halve it has come to rounding."""
 
 STEADY = 1e-3
 """Covariances of ties that have turned with their bodies by a smaller share of themselves stay as they are: weights by
@@ -152,8 +153,7 @@ class TiedSolution:
     def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
         """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
         scaled = whitened * np.sqrt(self._variances(rows))
-        in_metres: Float = np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled)
-        return in_metres
+        return np.asarray(np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled))
 
     def _variances(self, rows: Int | slice = slice(None)) -> Float:
         values = self.spread.values[rows] + self.tau_m**2
@@ -183,11 +183,11 @@ class TiedSolution:
 
 
 def solve_tied(
-    problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None
+    problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None, *, coarse: bool = False
 ) -> TiedSolution:
     """Adjust with some active observations and an added standard deviation.
 
-    The covariances of the ties are those of the bodies as they are turned at the end, not at the start.
+    The covariances of the ties are those of the bodies as they are turned at the end; if `coarse`, at the start.
 
     Raises
     ------
@@ -196,16 +196,18 @@ def solve_tied(
     ConvergenceError
         If the iteration does not converge.
     """
-    solution = _solved(problem, state, use, tau_m, before)
-    for _ in range(TURNS):
+    solution = _solved(problem, state, use, tau_m, before, COARSE if coarse else LINEAR)
+    for _ in range(0 if coarse else TURNS):
         if _is_steady(solution.spread, problem.spread(solution.state), tau_m):
             break
-        solution = _solved(problem, solution.state, use, tau_m, solution)
+        solution = _solved(problem, solution.state, use, tau_m, solution, LINEAR)
     return solution
 
 
-def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None) -> TiedSolution:
-    """The same with the covariances that the ties have at a state."""
+def _solved(
+    problem: TiedProblem, state: State, use: Bool, tau_m: float, before: TiedSolution | None, linear: float
+) -> TiedSolution:
+    """The same with the covariances that the ties have at a state, until no residual departs by more than `linear`."""
     spread = problem.spread(state)
     same = before is not None and before.tau_m == tau_m and before.spread.values is spread.values
     whiteners = before.whiteners if before is not None and same else problem.whiteners(spread, tau_m)
@@ -214,9 +216,8 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
     ordered = solved_before.problem if isinstance(solved_before, LinearSolution) else None
     step = _step(problem, use & taking_part, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
-    done = before.iterations if before else 0
+    done, departure = before.iterations if before else 0, np.inf
     course: Course | None = None
-    departure = np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
             solved = step(full)
@@ -224,7 +225,7 @@ def _solved(problem: TiedProblem, state: State, use: Bool, tau_m: float, before:
             kind = GeometryError if isinstance(error, GeometryError) else ConvergenceError
             raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
         departure, before_that = solved.departure, departure
-        if departure <= LINEAR or 0.5 * before_that < departure <= ROUNDING:
+        if departure <= linear or 0.5 * before_that < departure <= ROUNDING:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
         if isinstance(solved, DenseSolution):
             full = solved.state
