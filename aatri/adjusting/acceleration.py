@@ -28,6 +28,9 @@ iteration before: departures shrink with the square of the steps, which shrink b
 DEPTH = 5
 """Differences of steps that are kept: more than the weak modes that blocks were seen to have."""
 
+ROUNDING = 1e-3
+"""Departure, in standard deviations of the observation, that does no harm where rounding keeps it from shrinking."""
+
 
 def accelerated(steps: Sequence[Mapping[str, Float]], taken: Sequence[Mapping[str, Float]]) -> dict[str, Float]:
     """The step to take.
@@ -82,3 +85,15 @@ class Course:
         if not slow:
             return solved.state
         return {**solved.state, **{u.name: u.retract(state[u.name], taken[u.name]) for u in self._unknowns}}
+
+
+def is_rounding(departures: Sequence[float]) -> bool:
+    """Whether two iterations have not halved the departure from the linear model, which is small: it is rounding.
+
+    Parameters
+    ----------
+    departures : sequence of float
+        After each iteration, in standard deviations of the observations.
+    """
+    last = departures[-3:]
+    return len(last) == 3 and last[2] <= ROUNDING and min(last[1:]) > 0.5 * last[0]

@@ -192,10 +192,16 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "internal": [asdict(light) for light in internal],
         "external": [asdict(light) for light in external],
         "observations": [dict(zip(classes.heads, row)) for row in classes.rows] if classes else [],
-        "parameters": next((in_short(*last) for last in run.readable(Solution).items()), {}),
+        "parameters": _estimated(run),
         "counts": _counts(run),
         "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
     }
+
+
+def _estimated(run: RunView) -> dict[str, Any]:
+    """Parameters of the last Solution; nothing where that cannot be read, which the problems say."""
+    solutions, last = run.readable(Solution), [stage.name for stage in run.of_kind(Solution)][-1:]
+    return next((in_short(name, solutions[name]) for name in last if name in solutions), {})
 
 
 def _of_which_block(run: RunView) -> str:

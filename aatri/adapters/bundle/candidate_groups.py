@@ -100,7 +100,7 @@ def _with_lines(images: ImageGroups, ids: Ids, position_m: Float) -> ImageGroups
     if (images.strip != "").any():
         return images
     strip = np.full(len(images.strip), "", dtype=object)
-    for line in flown_lines(position_m, images.time_s, images.sequence):
+    for line in flown_lines(position_m, images.time_s, images.sequence, images.camera):
         strip[line] = f"{ids[line[0]]} to {ids[line[-1]]}"
     return replace(images, strip=strip.astype(np.str_))
 

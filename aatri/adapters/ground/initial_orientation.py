@@ -165,8 +165,9 @@ def _otherwise(
         datum_points = () if done or isinstance(failure, ConvergenceError) else observed_at_datum_points(ground)
         with contextlib.suppress(ConvergenceError, GeometryError):
             if datum_points:
-                placed_there = _beside(replace(ground, beside=datum_points), component, rays, settings, what)[0]
-                return placed_there, [Note("note", f"{BY_DATUM_POINTS}; without them {failure.what}")]
+                placed_there, body = _beside(replace(ground, beside=datum_points), component, rays, settings, what)
+                text = f"{BY_DATUM_POINTS}; without them {failure.what}"
+                return replace(placed_there, oriented=body), [Note("note", text)]
         reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
         return None, [_apart(ground.block, component, reason)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]

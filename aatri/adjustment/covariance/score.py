@@ -32,14 +32,14 @@ from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.threads import run_all
+from aatri.adjustment.threads import one_blas_thread, run_all
 from aatri.arrays import Float, Int
 
 LEAST_SEEN = 1e-6
 """Share of an effect on the observations below which what the unknowns leave of it is rounding, of Q above all."""
 
-ROOM_BYTES = 1e8
-"""Of right-hand sides that are made at a time; then what is not zero is kept of them."""
+ROOM_BYTES, MOST_AT_ONCE = 1e8, 4
+"""Of right-hand sides that a thread makes at a time, and threads that do; then what is not zero is kept of them."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,8 @@ def score(
     at_a_time = max(1, int(ROOM_BYTES / 8 / _length(adjusted.problem, records, by_rays=ray is not None)) // k)
     firsts = range(0, n, at_a_time)
     kept: list[csr_array] = [csr_array((0, 0))] * len(firsts)
+    W = {} if ray is not None else _constraint_reduction(adjusted)
+    held = np.zeros_like(scores.information)  # by exact constraints, which leave more to be seen
 
     def add(number: int) -> None:
         """Some units, which share nothing with others."""
@@ -143,17 +145,19 @@ def score(
         part = Score(scores.gradient[here], scores.total[here], scores.information[here])
         whitened_H = _WhitenedEffects(records, rows[chunk], H, order[chunk])
         if ray is None:
-            right = _add_records(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
+            right, groups = _add_records(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
+            held[here] = _held(W, groups, *part.gradient.shape)
         else:
             right = _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first)
         kept[number] = _nonzero(right)
 
     if ray is not None:
         _ = adjusted.problem.ray_lane, adjusted.problem.ray_columns  # made once, not by each thread
-    with ThreadPoolExecutor(adjusted.problem.threads) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(min(adjusted.problem.threads, MOST_AT_ONCE)) as pool:
         run_all(pool, [partial(add, number) for number in range(len(firsts))])
     if n:
         _subtract_taken_up(scores, adjusted, hstack(kept, format="csr"), least_gain)
+    scores.information[:] += held
     return scores
 
 
@@ -186,8 +190,10 @@ def _add_rays(scores: Score, adjusted: Adjusted, ray: Int, H: Effects, unit: Int
     return reduced_effects(adjusted.problem, adjusted.factored, adjusted.state, ray, H, unit, sums)
 
 
-def _add_records(scores: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int) -> Float:
-    """The same of any records; without the part of the eliminated blocks, and of exact constraints."""
+def _add_records(
+    scores: Score, adjusted: Adjusted, records: Records, rows: Int, H: Float, unit: Int
+) -> tuple[Float, dict[str, Float]]:
+    """The same of any records, without the part of the eliminated blocks; and A'H by group."""
     n, k = scores.gradient.shape
     v, groups = _sides(adjusted, records, rows, H, unit, n)
     np.add.at(scores.gradient, unit, np.einsum("nmk,nm->nk", H, v))
@@ -200,12 +206,22 @@ def _add_records(scores: Score, adjusted: Adjusted, records: Records, rows: Int,
     inner = of_block.reshape(-1, n, k).transpose(1, 2, 0)
     scores.information[:] -= inner @ inner.swapaxes(1, 2)
     scores.gradient[:] -= (of_block.reshape(-1, n * k).T @ factored.block_y[right.block].ravel()).reshape(n, k)
-    W = covariance_reduction(problem, factored, state)
-    if W:
-        common = np.asarray(sum(np.einsum("nkc,nks->sc", W[group], values) for group, values in groups.items()))
-        by_unit = common.reshape(n, k, -1)
-        scores.information[:] += by_unit @ by_unit.swapaxes(1, 2)
-    return kept
+    return kept, groups
+
+
+def _constraint_reduction(adjusted: Adjusted) -> dict[str, Float]:
+    """W by group, by which exact constraints reduce the covariances; empty without any."""
+    assert adjusted.factored is not None
+    return covariance_reduction(adjusted.problem, adjusted.factored, adjusted.state)
+
+
+def _held(W: dict[str, Float], groups: dict[str, Float], n: int, k: int) -> Float:
+    """c'W W'c of each unit, (n, k, k): what exact constraints keep the unknowns from taking up."""
+    if not W:
+        return np.zeros((n, k, k))
+    by_unit = sum(np.einsum("nkc,nks->sc", W[group], values) for group, values in groups.items())
+    common: Float = np.asarray(by_unit).reshape(n, k, -1)
+    return np.asarray(common @ common.swapaxes(1, 2))
 
 
 def _subtract_taken_up(scores: Score, adjusted: Adjusted, right: csr_array, least_gain: float) -> None:
@@ -213,11 +229,13 @@ def _subtract_taken_up(scores: Score, adjusted: Adjusted, right: csr_array, leas
     (n, k), factored = scores.gradient.shape, adjusted.factored
     assert factored is not None
     gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
-    if len(gaining) < n:
-        right = right[:, (gaining[:, None] * k + np.arange(k)).ravel()]
-    squares, products = unit_products(adjusted.problem, factored, right, k)
-    scores.information[gaining] -= squares
-    scores.gradient[gaining] -= products
+    at_a_time = max(1, int(ROOM_BYTES / 8 / max(adjusted.problem.tree.largest_front, 1)) // k)
+    for first in range(0, len(gaining), at_a_time):  # all meet in the last front
+        units = gaining[first : first + at_a_time]
+        of_units = right if len(units) == n else right[:, (units[:, None] * k + np.arange(k)).ravel()]
+        squares, products = unit_products(adjusted.problem, factored, of_units, k)
+        scores.information[units] -= squares
+        scores.gradient[units] -= products
 
 
 def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dict[str, Float]:

@@ -50,7 +50,7 @@ def unit_products(problem: IndexedProblem, factored: Factored, right: csr_array,
     Returns
     -------
     squares, products : (u, k, k), (u, k) float64
-        Summed in the order of the tree: the same bits for any number of threads.
+        Summed in the order of the tree: the same bits for any number of threads, as far as BLAS gives them.
     """
     nodes, n = problem.tree.nodes, right.shape[1] // k
     passed: list[_Passed | None] = [None] * len(nodes)
@@ -80,7 +80,7 @@ def _at_node(
     m = front.panel
     own = right[front.columns[:m]]
     below = [(maps[child], part) for child in front.children if (part := passed[child]) is not None]
-    units = np.unique(np.concatenate([own.indices // k, *(part.units for _, part in below)]))
+    units = np.unique(np.concatenate([own.indices // k, *(part.units for _, part in below)])).astype(np.int64)
     if not len(units):
         return None
     x = np.zeros((front.size, len(units) * k), order="F")
@@ -97,4 +97,4 @@ def _at_node(
         U = x[:m].reshape(m, len(units), k).transpose(1, 2, 0)
         squares += U @ U.swapaxes(1, 2)
         products += U @ factored.y[node]
-    return _Passed(units, x[m:], squares, products)
+    return _Passed(units, x[m:].copy(), squares, products)  # without U

@@ -5,7 +5,7 @@ a map: errors that single tests cannot find, and that spread over good observati
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
 contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
 the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred. So it does where
-a camera asks for another calibration, and has left the one given by more than chance does (`MOVED_SIGMAS`).
+a camera asks for another calibration, and has left that of block.yaml by ten of its standard deviations and more.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -47,7 +47,7 @@ def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> 
     g = accepted.group
     if g.per in (NEIGHBOURHOOD, IMAGE, MARK):
         return False
-    if g.kind == IMAGE_POINT and g.per == "camera" and g.unit in moved_cameras:
+    if g.kind == IMAGE_POINT and g.per == "camera" and g.unit in moved_cameras and not accepted.left_out:
         return True  # calibration or block: who knows
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
     return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)

@@ -115,7 +115,10 @@ def grow_components(
     pose = [IDENTITY] * n_strips
     bodies = {k: _body(points, k) for k in range(n_strips)}
     neighbours = _neighbours(points, n_strips)
-    beside = [{b for pair in neighbours for b in pair if k in pair and b != k} for k in range(n_strips)]
+    beside: list[set[int]] = [set() for _ in range(n_strips)]
+    for a, b in neighbours:
+        beside[a].add(b)
+        beside[b].add(a)
     ties = _ties(bodies, neighbours)
     while True:
         good = [(tie.sigma_rad, pair) for pair, tie in ties.items() if tie.joins(weakly=weakly)]

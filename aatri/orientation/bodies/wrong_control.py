@@ -136,10 +136,10 @@ def exchanged_by_all(
         The levelled body.
     """
     none: Int = np.zeros(0, dtype=np.int64)
-    rows = np.concatenate([none, *(np.full(len(o), o.kind == CONTROL) for o in observed)]).astype(bool)
-    control = np.flatnonzero(rows & use)
-    touched = [dict(o.records.touches).get(POINT, np.full(len(o), -1)) for o in observed]
-    point = np.concatenate([none, *touched])
+    of_kinds = ([o.kind for o in observed], [o.exact or o.holds is not None for o in observed])
+    kind, exact = (np.repeat(values, [*map(len, observed)]) for values in of_kinds)
+    control = np.flatnonzero((rows := kind == CONTROL) & use)
+    point = np.concatenate([none, *(dict(o.records.touches).get(POINT, np.full(len(o), -1)) for o in observed)])
     components = np.concatenate([none, *(observed_components(o).sum(axis=1) for o in observed)])
     own = sum(int(u.free.sum()) for o in observed for u in o.unknowns)
     redundancy = int(components[use].sum()) - own - 7
@@ -168,8 +168,8 @@ def exchanged_by_all(
         ordered = replace(body, xyz=body.xyz[order], covariance=body.covariance[order])
         return cost(ordered, without_rays(a, b), iterations)
 
-    of_others = cost(body, use & ~rows & ~np.isin(point, point[control]), ITERATIONS, searched=False)
-    if np.isfinite(of_others) and of_others >= EXPLAINED * cost(body, use, ITERATIONS):  # no exchange leaves less
+    of_positions = cost(body, use & (kind == POSITION) & ~exact, ITERATIONS, searched=False)
+    if np.isfinite(of_positions) and of_positions >= EXPLAINED * cost(body, use, ITERATIONS):  # whichever is exchanged
         return none
     pairs = list(combinations(control.tolist(), 2))
     costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]

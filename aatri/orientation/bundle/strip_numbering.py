@@ -77,8 +77,8 @@ def strip_numbering(position_m: Float, strip: Int, sequence: Float) -> StripNumb
     return StripNumbering(place, len(parallel), int(np.bincount(strip[in_parallel]).max()))
 
 
-def flown_lines(position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
-    """Images that were taken one after the other on a line, where no strips are declared: rows, line by line.
+def flown_lines(position_m: Float, time_s: Float, sequence: Float, camera: Int) -> list[Int]:
+    """Images that a camera took one after the other on a line, where no strips are declared: rows, line by line.
 
     By time, else by sequence, else as they come. A line ends where the next step turns from the last one by more than
     `TURN_DEG`, or is longer than `LONGEST` median ones.
@@ -88,8 +88,16 @@ def flown_lines(position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
     position_m : (n, 2) or (n, 3) float64, m
         Projection centres; NaN unknown.
     time_s, sequence : (n,) float64
+    camera : (n,) int
+        Heads that expose together have lines of their own.
     """
-    known = np.flatnonzero(np.isfinite(position_m).all(axis=1))
+    known = np.isfinite(position_m).all(axis=1)
+    of_cameras = [np.flatnonzero(known & (camera == k)) for k in np.unique(camera)]
+    return [line for rows in of_cameras for line in _lines(rows, position_m, time_s, sequence)]
+
+
+def _lines(known: Int, position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
+    """Lines of the images of a camera whose positions are known."""
     by = next((values for values in (time_s[known], sequence[known]) if np.isfinite(values).all()), known)
     order = known[np.argsort(by, kind="stable")]
     step = np.diff(position_m[order], axis=0)

@@ -35,7 +35,7 @@ def _condition(rng: np.random.Generator, unknowns, name: str, *touches):
     )
 
 
-def _conditions(unknowns):
+def conditions(unknowns):
     """Among kept blocks far apart; on points alone; between points; between a point and kept blocks."""
     rng = np.random.default_rng(17)
     found = [
@@ -66,7 +66,7 @@ def _solved(unknowns, records, constraints, start):
 @pytest.mark.parametrize("maker", MAKERS)
 def test_solution_and_covariances_under_constraints_equal_the_dense_reference(maker: str) -> None:
     unknowns, records, start = MAKERS[maker](1, n_kept=14, n_points=40)
-    constraints = _conditions(unknowns)
+    constraints = conditions(unknowns)
     result = adjust_large(unknowns, records, start, constraints=constraints, tolerance=1e-9, threads=2)
     assert len(result.problem.tree.nodes) > 2
     state, Q = _solved(unknowns, records, constraints, start)
@@ -88,13 +88,13 @@ def test_solution_and_covariances_under_constraints_equal_the_dense_reference(ma
 def test_redundancy_counts_the_constraints_and_is_the_sum_of_the_redundancy_numbers(maker: str) -> None:
     unknowns, records, start = MAKERS[maker](2, n_kept=14, n_points=40)
     free = adjust_large(unknowns, records, start)
-    result = adjust_large(unknowns, records, start, constraints=_conditions(unknowns), tolerance=1e-9)
+    result = adjust_large(unknowns, records, start, constraints=conditions(unknowns), tolerance=1e-9)
     assert result.observations == free.observations
     assert result.redundancy == free.redundancy + 3 + 4 + 2 + 2
     assert result.sigma0 == pytest.approx(np.sqrt(result.cost / result.redundancy))
     found = marginal_covariances(result)
     J, _ = dense_jacobian(unknowns, records, result.state)
-    _, Q = _solved(unknowns, records, _conditions(unknowns), result.state)
+    _, Q = _solved(unknowns, records, conditions(unknowns), result.state)
     hat = np.einsum("ij,jk,ik->i", J, Q, J)[: 2 * len(found.rays)].reshape(-1, 2)
     some = records[0].active
     np.testing.assert_allclose(np.einsum("nii->ni", found.rays)[some], hat[some], rtol=1e-8, atol=1e-10)

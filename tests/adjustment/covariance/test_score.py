@@ -12,7 +12,9 @@ from aatri.adjustment.covariance.score import moved, score
 from aatri.adjustment.elimination import right_hand_sides
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.threads import thread_control
 from tests.adjustment.block_problem import made_problem
+from tests.adjustment.constraints.test_multipliers import conditions
 from tests.adjustment.reference import dense_jacobian, free_columns
 
 
@@ -91,6 +93,32 @@ def test_units_whose_gain_is_small_with_the_kept_unknowns_held_get_no_more_than_
     limit = float(np.median(bound))
     some = score(result, rays, rows, effect, unit, least_gain=limit).gains([0, 1])[0]
     assert np.allclose(some, np.where(bound >= limit, true, bound), rtol=1e-9)
+
+
+def test_under_exact_constraints_the_information_of_units_is_that_of_the_dense_system(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    unknowns, records, start = made_problem(2, n_kept=14, n_points=40)
+    constraints = conditions(unknowns)
+    result = adjust_large(unknowns, records, start, constraints=constraints, tolerance=1e-9, threads=2)
+    J, _ = dense_jacobian(unknowns, records, result.state)
+    C = dense_jacobian(unknowns, constraints, result.state)[0]
+    bordered = np.block([[J.T @ J, C.T], [C, np.zeros((len(C), len(C)))]])
+    Q = np.linalg.pinv(bordered, hermitian=True)[: J.shape[1], : J.shape[1]]
+    rays, rows, rng = records[0], np.arange(len(records[0].active)), np.random.default_rng(2)
+    effect, unit = rng.normal(size=(len(rows), rays.rows, 2)), rng.permutation(len(rows)) % 12
+    monkeypatch.setattr("aatri.adjustment.covariance.score.ROOM_BYTES", 1e4)  # a few units at a time
+    threads = [one["num_threads"] for one in thread_control().info()]
+    units = score(result, rays, rows, effect, unit)
+    assert [one["num_threads"] for one in thread_control().info()] == threads
+    for k in range(12):
+        H = np.zeros((len(J), 2))
+        H[: rays.rows * len(rows)] = np.where(
+            (rays.active & (unit == k))[:, None, None], rays.whitener @ effect, 0.0
+        ).reshape(-1, 2)
+        assert np.allclose(units.information[k], H.T @ H - H.T @ J @ Q @ J.T @ H, rtol=1e-9, atol=1e-9)
+    bound = score(result, rays, rows, effect, unit, least_gain=np.inf).gains([0, 1])[0]
+    assert (bound <= units.gains([0, 1])[0] + 1e-9).all()
 
 
 def test_what_the_unknowns_take_up_wholly_is_not_seen() -> None:

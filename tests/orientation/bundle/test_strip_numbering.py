@@ -7,7 +7,7 @@ import pytest
 
 from aatri.adjustment.structure.bandwidth import half_bandwidth
 from aatri.adjustment.structure.graph import Graph, border_vertices
-from aatri.orientation.bundle.strip_numbering import strip_numbering
+from aatri.orientation.bundle.strip_numbering import flown_lines, strip_numbering
 
 
 def _flown(strips: int, images: int, azimuth_deg: float = 0.0, jitter: float = 0.0) -> tuple[np.ndarray, ...]:
@@ -76,3 +76,23 @@ def test_the_border_stands_beside_the_band() -> None:
     graph = Graph(np.append(0, np.cumsum(meets.sum(axis=1))), np.nonzero(meets)[1].astype(np.int32))
     size = np.append(np.full(n, 6), 3)
     assert half_bandwidth(graph, np.arange(n + 1), size, border_vertices(graph)) == (3, 18)
+
+
+def test_a_line_of_flight_ends_at_a_turn_and_at_a_gap_and_cameras_have_their_own() -> None:
+    along = np.column_stack([100.0 * np.arange(12), np.zeros((12, 2))])
+    along[5:, 0] += 400.0  # a gap of five bases
+    back = along[::-1] + np.array([0.0, 300.0, 0.0])
+    head = np.concatenate([along, back])
+    position_m = np.concatenate([head, head + np.array([0.0, 0.2, 0.0])])  # two heads that expose together
+    position_m[2] = np.nan
+    time_s = np.tile(np.arange(24.0), 2)
+    shuffled = np.random.default_rng(1).permutation(48)
+    lines = flown_lines(position_m[shuffled], time_s[shuffled], np.zeros(48), np.repeat([0, 1], 24)[shuffled])
+    rows = sorted(shuffled[line].tolist() for line in lines)
+    pieces = [np.r_[0:5], np.r_[5:12], np.r_[12:19], np.r_[19:24]]
+    assert rows == [[0, 1, 3, 4], *(list(piece) for piece in pieces[1:]), *(list(24 + piece) for piece in pieces)]
+
+
+def test_few_images_are_no_line() -> None:
+    assert flown_lines(np.eye(3)[:2], np.arange(2.0), np.zeros(2), np.zeros(2, dtype=np.int64)) == []
+    assert flown_lines(np.full((4, 3), np.nan), np.arange(4.0), np.zeros(4), np.zeros(4, dtype=np.int64)) == []

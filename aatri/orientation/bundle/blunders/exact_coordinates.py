@@ -154,8 +154,9 @@ def exact_as_observed(block: BundleInput, point_covariance_m2: Float) -> tuple[O
     if not new.any() or not any(map(is_testable, block.observed)):
         return None
     sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
-    distance_m = median_distance_m(block.rays, block.poses, block.xyz_m) or 1.0
-    return tuple(softened(o, sigma_m / distance_m if o.unit == "rad" else sigma_m) for o in block.observed)
+    distance_m = median_distance_m(block.rays, block.poses, block.xyz_m)  # 0: there are no rays to test angles by
+    sigma_rad = sigma_m / distance_m if distance_m else 0.0
+    return tuple(softened(o, sigma_rad if o.unit == "rad" else sigma_m) for o in block.observed)
 
 
 def scale_of(test: Float) -> float:
