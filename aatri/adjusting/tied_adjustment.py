@@ -134,7 +134,7 @@ def adjust_tied(
     pool = pool_of(snooping, problem.records, [variances])
 
     def solve(before: TiedSolution | None, use: Bool, tau_m: float) -> TiedSolution:
-        if before is None and after is None and deformed:
+        if before is None and after is None and deformed and not problem.is_small:
             before = solve_tied(problem, problem.start, use, 0.0, None, coarse=True)
             if before.added_sigma(robust=True) > 0:  # on the way to an adjustment with that
                 return before
