@@ -86,15 +86,3 @@ class Course:
         if not slow:
             return solved.state
         return {**solved.state, **{u.name: u.retract(state[u.name], taken[u.name]) for u in self._unknowns}}
-
-
-def is_rounding(departures: Sequence[float]) -> bool:
-    """Whether two iterations have not halved the departure from the linear model, which is small: it is rounding.
-
-    Parameters
-    ----------
-    departures : sequence of float
-        After each iteration, in standard deviations of the observations.
-    """
-    last = departures[-3:]
-    return len(last) == 3 and last[2] <= ROUNDING and min(last[1:]) > 0.5 * last[0]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjusting.acceleration import Course, is_rounding
+from aatri.adjusting.acceleration import ROUNDING, Course
 from aatri.adjusting.added_variance import typical_variance
 from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
@@ -37,8 +37,7 @@ LINEAR = 1e-5
 """An iteration ends when no residual departs from the linear model by more of its standard deviation."""
 
 COARSE = 1e-2
-"""The same for an adjustment that the deformation of bodies is estimated from: strips of 100 km that bend would take
-forty iterations; residuals wrong by a hundredth of their standard deviations give an estimate wrong by 1e-4."""
+"""The same for an adjustment that the deformation of bodies is estimated from: that is then wrong by 1e-4 of itself."""
 
 STEADY = 1e-3
 """Covariances of ties that have turned with their bodies by a smaller share of themselves stay as they are: weights by
@@ -216,7 +215,7 @@ def _solved(
     ordered = solved_before.problem if isinstance(solved_before, LinearSolution) else None
     step = _step(problem, use & taking_part, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
-    done, departures = before.iterations if before else 0, list[float]()
+    done, last = before.iterations if before else 0, list[float]()
     course: Course | None = None
     for iteration in range(1, MAX_ITERATIONS + 1):
         try:
@@ -224,8 +223,9 @@ def _solved(
         except (GeometryError, ConvergenceError) as error:
             kind = GeometryError if isinstance(error, GeometryError) else ConvergenceError
             raise kind(f"{problem.what}: {error.what}", where=error.where, remedy=error.remedy) from error
-        departures.append(solved.departure)
-        if departures[-1] <= linear or is_rounding(departures):
+        last = [*last[-2:], solved.departure]
+        at_rounding = len(last) == 3 and last[2] <= ROUNDING and min(last[1:]) > 0.5 * last[0]  # twice not halved
+        if last[-1] <= linear or at_rounding:
             return TiedSolution(problem, solved, whiteners, spread, tau_m, taking_part, use, done + iteration)
         if isinstance(solved, DenseSolution):
             full = solved.state
