@@ -34,7 +34,7 @@ from aatri.report.facts import accuracy_statement, facts
 from aatri.report.judgement import judgement
 from aatri.report.problems import in_words, problems
 from aatri.report.questions import questions
-from aatri.report.sections.calibration import in_short
+from aatri.report.sections.calibration import parameter_summary
 from aatri.report.sections.parts import PageSection, Surroundings
 from aatri.report.sections.section import section
 from aatri.report.sections.tables import PageTable
@@ -201,7 +201,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
 def _estimated(run: RunView) -> dict[str, Any]:
     """Parameters of the last Solution; nothing where that cannot be read, which the problems say."""
     solutions, last = run.readable(Solution), [stage.name for stage in run.of_kind(Solution)][-1:]
-    return next((in_short(name, solutions[name]) for name in last if name in solutions), {})
+    return next((parameter_summary(name, solutions[name]) for name in last if name in solutions), {})
 
 
 def _of_which_block(run: RunView) -> str:

@@ -9,13 +9,13 @@ import pytest
 
 from aatri.cli.run_ending import say_parameters
 from aatri.formats.results.parameter_units import parameter_units
-from aatri.report.sections.calibration import in_short
+from aatri.report.sections.calibration import parameter_summary
 from aatri.tables.hdf5 import read, write
 from tests.formats.results.test_readable import full_solution
 
 
 def test_values_sigmas_and_units_are_printed_and_film_is_not(capsys: pytest.CaptureFixture[str]) -> None:
-    say_parameters(in_short("bundle", full_solution()))
+    say_parameters(parameter_summary("bundle", full_solution()))
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["cam", "k1", "3.00e-08", "2.0e-09", "mm^-2"] in lines
     assert ["cam", "k2", "removed", "mm^-4"] in lines
@@ -27,7 +27,7 @@ def test_parameters_of_single_images_are_counted(capsys: pytest.CaptureFixture[s
     groups, names = ["film", "velocity", "rolling shutter", "additional"], ["d0", "vx", "readout", "p1"]
     of_images = replace(solution.parameters, group=groups, name=names, sigma=[1e-3, 0.1, 0.01, 1e-6])
     of_images = replace(solution, parameters=of_images, parameter_covariances=None)
-    say_parameters(in_short("bundle", of_images))
+    say_parameters(parameter_summary("bundle", of_images))
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[1] for line in lines if line.startswith("cam ")] == ["readout", "p1"]
     assert lines[-1] == "2 of single images: aatri show RUN:bundle parameters --all"
@@ -40,7 +40,7 @@ def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> No
     assert c is not None
     strong = c.covariance.copy()
     strong[2] = -1.94e-15  # of sigmas 2e-9 and 1e-6
-    say_parameters(in_short("bundle", replace(solution, parameter_covariances=replace(c, covariance=strong))))
+    say_parameters(parameter_summary("bundle", replace(solution, parameter_covariances=replace(c, covariance=strong))))
     assert "cam: k1 and p1 correlate by -0.970" in capsys.readouterr().out
 
 

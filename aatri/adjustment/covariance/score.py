@@ -135,7 +135,7 @@ def score(
     firsts = range(0, n, at_a_time)
     kept: list[csr_array] = [csr_array((0, 0))] * len(firsts)
     W = {} if ray is not None else _constraint_reduction(adjusted)
-    held = np.zeros_like(scores.information)  # by exact constraints, which leave more to be seen
+    by_constraints = np.zeros_like(scores.information)  # which leave more to be seen
 
     def add(number: int) -> None:
         """Some units, which share nothing with others."""
@@ -146,7 +146,7 @@ def score(
         whitened_H = _WhitenedEffects(records, rows[chunk], H, order[chunk])
         if ray is None:
             right, groups = _add_records(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
-            held[here] = _held(W, groups, *part.gradient.shape)
+            by_constraints[here] = _by_constraints(W, groups, *part.gradient.shape)
         else:
             right = _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first)
         kept[number] = _nonzero(right)
@@ -157,7 +157,7 @@ def score(
         run_all(pool, [partial(add, number) for number in range(len(firsts))])
     if n:
         _subtract_taken_up(scores, adjusted, hstack(kept, format="csr"), least_gain)
-    scores.information[:] += held
+    scores.information[:] += by_constraints
     return scores
 
 
@@ -215,7 +215,7 @@ def _constraint_reduction(adjusted: Adjusted) -> dict[str, Float]:
     return covariance_reduction(adjusted.problem, adjusted.factored, adjusted.state)
 
 
-def _held(W: dict[str, Float], groups: dict[str, Float], n: int, k: int) -> Float:
+def _by_constraints(W: dict[str, Float], groups: dict[str, Float], n: int, k: int) -> Float:
     """c'W W'c of each unit, (n, k, k): what exact constraints keep the unknowns from taking up."""
     if not W:
         return np.zeros((n, k, k))

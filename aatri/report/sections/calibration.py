@@ -24,7 +24,7 @@ MOST_ROWS, HARDLY_SEPARATED = 40, 0.9
 """Of parameters and correlations on the first page."""
 
 
-def in_short(stage: str, solution: Solution) -> dict[str, Any]:
+def parameter_summary(stage: str, solution: Solution) -> dict[str, Any]:
     """What a stage estimated, for the first page: at most 40 parameters, and pairs that the data hardly separate.
 
     Parameters
