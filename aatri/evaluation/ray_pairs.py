@@ -9,6 +9,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.observations.poses import Poses
+from aatri.orientation.relative.image_pairs import common_points
 
 FEWEST = 6
 """Common points from which on two images are a model."""
@@ -64,17 +65,17 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> M
     rows, image, point = rows[finite], image[finite], point[finite]
     if not len(rows):
         return None
-    left, right = _pairs(block, image, point)
-    base = np.linalg.norm(poses.position_m[right] - poses.position_m[left], axis=1)
+    images = _candidates(block, image, point)
+    base = np.linalg.norm(poses.position_m[images[:, 1]] - poses.position_m[images[:, 0]], axis=1)
     distance = np.median(np.linalg.norm(xyz_m[point] - poses.position_m[image], axis=1))
-    left, right = left[base > LEAST_BASE * distance], right[base > LEAST_BASE * distance]
-    if not len(left):
+    images = images[base > LEAST_BASE * distance]
+    images, model, both = _common(images, image, point)
+    if not len(images):
         return None
     c = solution.cameras.principal_distance_mm[block.images.camera[image]]
     u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
     xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
-    model, both = _common(left, right, image, point)
-    return ModelRays(left, right, model, point[both[:, 0]], xy[both], sigma[both], c[both])
+    return ModelRays(images[:, 0], images[:, 1], model, point[both[:, 0]], xy[both], sigma[both], c[both])
 
 
 def model_axes(poses: Poses, rays: ModelRays) -> Float:
@@ -88,33 +89,42 @@ def model_axes(poses: Poses, rays: ModelRays) -> Float:
     return np.stack([e1, np.cross(e3, e1), e3], axis=2)
 
 
-def _common(left: Int, right: Int, image: Int, point: Int) -> tuple[Int, Int]:
-    """Points that both images of a model see: the model and the two rays of each, (m,), (m, 2)."""
+def _common(images: Int, image: Int, point: Int) -> tuple[Int, Int, Int]:
+    """Pairs of images that both see enough points, (k, 2); the model and the two rays of each such point, (m,), (m, 2).
+
+    Parameters
+    ----------
+    images : (n_pairs, 2) int
+    image, point : (n,) int
+        Of the rays.
+    """
     n_points = int(point.max()) + 1
     seen, ray = np.unique(image.astype(np.int64) * n_points + point, return_index=True)
-    first, last = np.searchsorted(seen, left * n_points), np.searchsorted(seen, (left + 1) * n_points)
-    model = np.repeat(np.arange(len(left)), last - first)
-    in_left = np.arange(len(model)) + np.repeat(first - np.cumsum(last - first) + (last - first), last - first)
-    key = seen[in_left] + (right - left)[model] * n_points
-    in_right = np.minimum(np.searchsorted(seen, key), len(seen) - 1)
-    common = seen[in_right] == key
-    return model[common], np.stack([ray[in_left], ray[in_right]], axis=1)[common]
+    begin = np.searchsorted(seen, np.arange(int(image.max()) + 2, dtype=np.int64) * n_points)
+    start, in_left, in_right = common_points(images, begin, point[ray])
+    enough = np.diff(start) >= FEWEST
+    common = np.repeat(enough, np.diff(start))
+    model = np.repeat(np.arange(np.count_nonzero(enough)), np.diff(start)[enough])
+    return images[enough], model, np.stack([ray[in_left], ray[in_right]], axis=1)[common]
 
 
-def _pairs(block: Block, image: Int, point: Int) -> tuple[Int, Int]:
-    """Neighbours in a strip, and partners of images without one, that share enough points."""
+def _candidates(block: Block, image: Int, point: Int) -> Int:
+    """Neighbours in a strip, and each image without one with that it shares most points with, (n_pairs, 2)."""
     from scipy.sparse import csr_array  # slow to import
 
-    n = len(block.images)
+    n, strip = len(block.images), block.images.strip
+    used = np.bincount(image, minlength=n) > 0
+    order = np.lexsort((block.images.sequence, strip))
+    order = order[(strip[order] >= 0) & used[order]]
+    pairs = np.stack([order[:-1], order[1:]], axis=1)[strip[order[:-1]] == strip[order[1:]]]
+    alone = np.flatnonzero((strip < 0) & used)
+    if not len(alone):
+        return pairs
     seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
-    shared = (seen @ seen.T).tolil()
-    shared.setdiag(0)
-    strip, sequence = block.images.strip, block.images.sequence
-    order = np.lexsort((sequence, strip))
-    order = order[(strip[order] >= 0) & np.isin(order, image)]
-    pairs = [(a, b) for a, b in zip(order[:-1].tolist(), order[1:].tolist()) if strip[a] == strip[b]]
-    for a in np.flatnonzero((strip < 0) & np.isin(np.arange(n), image)).tolist():
-        row = shared[[a]].toarray()[0]
-        pairs.append((min(a, int(row.argmax())), max(a, int(row.argmax()))))
-    enough = [pair for pair in dict.fromkeys(pairs) if shared[pair] >= FEWEST]
-    return np.array([a for a, _ in enough], dtype=np.int64), np.array([b for _, b in enough], dtype=np.int64)
+    partner = []
+    for a in alone.tolist():
+        shared = (seen @ seen[[a]].T).toarray()[:, 0]
+        shared[a] = 0.0
+        partner.append(int(shared.argmax()))
+    pairs = np.concatenate([pairs, np.sort(np.stack([alone, partner], axis=1), axis=1)])
+    return pairs[np.sort(np.unique(pairs, axis=0, return_index=True)[1])]

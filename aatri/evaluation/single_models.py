@@ -15,26 +15,44 @@ Source: Kraus, Photogrammetry (y-parallaxes of oriented pairs); the quality modu
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int, sums_of
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.ray_pairs import ModelRays, model_axes, ray_pairs
-from aatri.geometry.collinearity import in_image_axes
 from aatri.observations.poses import Poses
 
-CHUNK = 20_000
+CHUNK = 4_000
 """Points restituted at once, which stay in the cache."""
+
+NEXT, AFTER = [1, 2, 0], [2, 0, 1]
+"""Of the three coordinates."""
 
 STEPS = 2
 """From the adjusted point the intersection has converged after two steps."""
 
 PARALLEL = 1e-12
 """Determinant of normal equations of mean diagonal 1: about the square of the angle between the two rays, rad."""
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """One ray each of points, coordinate by coordinate."""
+
+    position_m: Float
+    """(3, m), m."""
+    ground_from_image: Float
+    """(3, 3, m)."""
+    xy_mm: Float
+    sigma_mm: Float
+    """(2, m), mm."""
+    c_mm: Float
+    """(m,), mm."""
 
 
 def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, Float, Float]:
@@ -52,53 +70,70 @@ def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, F
     parallax_mm : (m,) float64, mm
         y-parallax; NaN where the base points along the view.
     """
-    images = (rays.left[rays.model], rays.right[rays.model])
     X, w, parallax = np.empty_like(start_m), np.empty(len(start_m)), np.empty(len(start_m))
-    for first in range(0, len(X), CHUNK):
-        chunk = slice(first, first + CHUNK)
-        pair = [(poses.position_m[i[chunk]], poses.ground_from_image[i[chunk]]) for i in images]
-        of_chunk = replace(
-            rays, model=rays.model[chunk], xy_mm=rays.xy_mm[chunk], sigma_mm=rays.sigma_mm[chunk], c_mm=rays.c_mm[chunk]
-        )
-        X[chunk], w[chunk] = _least_squares(pair, of_chunk, start_m[chunk])
-        parallax[chunk] = y_parallax(poses, of_chunk)
+    axes = model_axes(poses, rays)
+
+    def chunks(first: int, last: int) -> None:
+        for k in range(first, last):
+            chunk = slice(k * CHUNK, (k + 1) * CHUNK)
+            pair = _pair_of(poses, rays, chunk)
+            X[chunk], w[chunk] = _least_squares(pair, start_m[chunk].T)
+            parallax[chunk] = _y_parallax(pair, axes[rays.model[chunk]].transpose(1, 2, 0))
+
+    in_threads(-(-len(X) // CHUNK), chunks, worth=1)
     return X, w, parallax
 
 
-def _least_squares(pair: list[tuple[Float, Float]], rays: ModelRays, X: Float) -> tuple[Float, Float]:
-    """Points of the two rays each, and the lengths of the residuals; NaN of rays that do not meet.
+def _pair_of(poses: Poses, rays: ModelRays, chunk: slice) -> list[_Rays]:
+    """The left and the right rays of points."""
+    model, pair = rays.model[chunk], list[_Rays]()
+    for k, images in enumerate((rays.left, rays.right)):
+        image = images[model]
+        R = np.ascontiguousarray(poses.ground_from_image[image].transpose(1, 2, 0))
+        xy, sigma = (np.ascontiguousarray(values[chunk, k].T) for values in (rays.xy_mm, rays.sigma_mm))
+        pair.append(_Rays(poses.position_m[image].T, R, xy, sigma, rays.c_mm[chunk, k]))
+    return pair
+
+
+def _least_squares(pair: list[_Rays], X: Float) -> tuple[Float, Float]:
+    """Points of the two rays each, (m, 3), and the lengths of the residuals, (m,); NaN of rays that do not meet.
 
     x = -c u / w with (u, v, w) in the axes of the image, i, j and k: dx/dX = -c / w (i - u / w k).
+
+    Parameters
+    ----------
+    X : (3, m) float64, m
+        Where they begin.
     """
-    meet = np.ones(len(X), dtype=bool)
+    m = X.shape[1]
+    meet = np.ones(m, dtype=bool)
     for step in range(STEPS + 1):
-        N, right, squares = np.zeros((len(X), 3, 3)), np.zeros((len(X), 3)), np.zeros(len(X))
-        for k, (X0, R) in enumerate(pair):
-            u = in_image_axes(X0, R, X)
-            scale = -rays.c_mm[:, k] / u[:, 2]
-            for axis in (0, 1):
-                v = (rays.xy_mm[:, k, axis] - scale * u[:, axis]) / rays.sigma_mm[:, k, axis]
-                squares += v**2
-                B = R[:, :, axis] - (u[:, axis] / u[:, 2])[:, None] * R[:, :, 2]
-                B *= (scale / rays.sigma_mm[:, k, axis])[:, None]
-                N += np.einsum("ni,nj->nij", B, B)
-                right += v[:, None] * B
+        N, right, squares = np.zeros((3, 3, m)), np.zeros((3, m)), np.zeros(m)
+        for ray in pair:
+            R = ray.ground_from_image
+            u = (R * (X - ray.position_m)[:, None]).sum(axis=0)
+            scale = -ray.c_mm / u[2]
+            v = (ray.xy_mm - scale * u[:2]) / ray.sigma_mm
+            squares += (v**2).sum(axis=0)
+            if step < STEPS:
+                B = (R[:, :2] - R[:, 2:] * (u[:2] / u[2])) * (scale / ray.sigma_mm)
+                N += (B[:, None] * B).sum(axis=2)
+                right += (B * v).sum(axis=1)
         if step < STEPS:
-            cofactors = np.cross(N[:, [1, 2, 0]], N[:, [2, 0, 1]])
-            determinant = np.einsum("ni,ni->n", N[:, 0], cofactors[:, 0])
-            meet &= determinant > PARALLEL * (np.einsum("nii->n", N) / 3) ** 3
-            X = X + np.einsum("nij,nj->ni", cofactors, right) / np.where(meet, determinant, np.inf)[:, None]
-    return np.where(meet[:, None], X, np.nan), np.where(meet, np.sqrt(squares), np.nan)
+            cofactors = N[NEXT][:, NEXT] * N[AFTER][:, AFTER] - N[NEXT][:, AFTER] * N[AFTER][:, NEXT]
+            determinant = (N[0] * cofactors[0]).sum(axis=0)
+            meet &= determinant > PARALLEL * ((N[0, 0] + N[1, 1] + N[2, 2]) / 3) ** 3
+            X = X + (cofactors * right).sum(axis=1) / np.where(meet, determinant, np.inf)
+    return np.where(meet, X, np.nan).T, np.where(meet, np.sqrt(squares), np.nan)
 
 
-def y_parallax(poses: Poses, rays: ModelRays) -> Float:
-    """y' - y'' in the normal case of each model, at the scale of its left camera, (m,) mm."""
-    _, e2, e3 = model_axes(poses, rays)[rays.model].transpose(2, 0, 1)
+def _y_parallax(pair: list[_Rays], axes: Float) -> Float:
+    """y' - y'' in the normal case, at the scale of the left camera, (m,) mm; axes of models (3, 3, m) by columns."""
     y = []
-    for k, image in enumerate((rays.left[rays.model], rays.right[rays.model])):
-        in_camera = np.column_stack([rays.xy_mm[:, k], -rays.c_mm[:, k]])
-        d = np.einsum("nij,nj->ni", poses.ground_from_image[image], in_camera)
-        y.append(-rays.c_mm[:, 0] * (d * e2).sum(axis=1) / (d * e3).sum(axis=1))
+    for ray in pair:
+        in_camera = np.concatenate([ray.xy_mm, -ray.c_mm[None]])
+        d = (ray.ground_from_image * in_camera).sum(axis=1)
+        y.append(-pair[0].c_mm * (d * axes[:, 1]).sum(axis=0) / (d * axes[:, 2]).sum(axis=0))
     return np.asarray(y[0] - y[1])
 
 
