@@ -119,7 +119,7 @@ def _candidates(block: Block, image: Int, point: Int) -> Int:
     pairs = np.stack([order[:-1], order[1:]], axis=1)[strip[order[:-1]] == strip[order[1:]]]
     alone = np.flatnonzero((strip < 0) & used)
     if not len(alone):
-        return pairs
+        return np.asarray(pairs)
     seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
     partner = []
     for a in alone.tolist():

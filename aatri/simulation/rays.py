@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int
 from aatri.simulation import earth, forward
 from aatri.simulation.geodetic import GeodeticEarth
@@ -106,15 +107,20 @@ def taken(photography: Photography, local_m: Float) -> SimulatedRays:
     points_m = photography.cartesian(local_m)
     tree = cKDTree(local_m[:, :2])
     reach = _reach_m(photography, float(local_m[:, 2].min()))
-    parts = []
-    for start in range(0, len(photography.station_m), CHUNK):
-        stations = slice(start, start + CHUNK)
-        near = tree.query_ball_point(photography.station_m[stations, :2], reach, return_sorted=True)
-        image = start + np.repeat(np.arange(len(near)), [len(n) for n in near])
-        point = np.concatenate([np.asarray(n, dtype=np.int64) for n in near])
-        parts.append(_imaged(photography, points_m, image, point))
+    stations_m, rotations = photography.cartesian(photography.station_m), photography.cartesian_rotations()
+    parts: dict[int, SimulatedRays] = {}
+
+    def chunks(first: int, last: int) -> None:
+        for k in range(first, last):
+            near = tree.query_ball_point(photography.station_m[k * CHUNK : (k + 1) * CHUNK, :2], reach)
+            image = k * CHUNK + np.repeat(np.arange(len(near)), [len(n) for n in near])
+            point = np.concatenate([np.sort(np.asarray(n, dtype=np.int64)) for n in near])
+            u = forward.camera_frame(points_m[point], stations_m[image], rotations[image])
+            parts[k] = _imaged(photography, image, point, u)
+
+    in_threads(-(-len(stations_m) // CHUNK), chunks, worth=1)
     return SimulatedRays(
-        *(np.concatenate([getattr(r, name) for r in parts]) for name in ("image", "point", "photo_mm"))
+        *(np.concatenate([getattr(parts[k], name) for k in sorted(parts)]) for name in ("image", "point", "photo_mm"))
     )
 
 
@@ -126,11 +132,9 @@ def _reach_m(photography: Photography, lowest_m: float) -> float:
     return float(height * np.tan(min(corner + tilt, np.deg2rad(80.0))))
 
 
-def _imaged(photography: Photography, points_m: Float, image: Int, point: Int) -> SimulatedRays:
+def _imaged(photography: Photography, image: Int, point: Int, u: Float) -> SimulatedRays:
     camera, c = photography.camera, photography.camera.principal_distance_mm
     station_m = photography.station_m
-    stations_m, rotations = photography.cartesian(station_m), photography.cartesian_rotations()
-    u = forward.camera_frame(points_m[point], stations_m[image], rotations[image])
     half = np.array(camera.half_format_mm)
     near = (u[:, 2] < 0) & (np.abs(u[:, :2]) * c <= -1.1 * half * u[:, 2:] + 1.0).all(axis=1)
     image, point, u = image[near], point[near], u[near]

@@ -13,6 +13,9 @@ from aatri.arrays import Float
 OUTERMOST = 1000
 """Number of points the way to which is tested."""
 
+CHUNK = 10_000
+"""Points at a time, whose derivatives stay in the cache."""
+
 
 def first_folded(derivative: Callable[[Float], Float], points: Float) -> int | None:
     """The first point that lies beyond a fold, or None.
@@ -31,7 +34,8 @@ def first_folded(derivative: Callable[[Float], Float], points: Float) -> int | N
     """
     every, most = np.arange(len(points)), min(OUTERMOST, len(points))
     outermost = np.argpartition(-(points**2) @ np.ones(2), most - 1)[:most] if most else every
-    for rows, share in [(every, 1.0), *((outermost, s) for s in np.linspace(0.1, 0.9, 9))]:
+    chunks = [every[first : first + CHUNK] for first in range(0, len(every), CHUNK)]
+    for rows, share in [*((chunk, 1.0) for chunk in chunks), *((outermost, s) for s in np.linspace(0.1, 0.9, 9))]:
         J = derivative(share * points[rows])
         folded = ~(J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0] > 0)
         if folded.any():

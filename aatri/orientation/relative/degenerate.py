@@ -1,13 +1,14 @@
 """Pairs whose points determine no orientation, whatever the start.
 
 Too few points; the same coordinates in both images; points on a line; images that differ by a rotation only (no base).
-Nearly all pairs are clearly free of these (`plain_pairs`, all at once); the others are looked at one by one.
+Nearly all pairs are clearly free of these (`plain_pairs`); the others are looked at one by one.
 
 Source: docs/formulas.md 3.3.
 """
 
 import numpy as np
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
@@ -22,6 +23,9 @@ NO_BASE = 2.0
 
 CLEARLY = 1.05
 """Factor by which bounds that call for a closer look are kept."""
+
+PORTION = 200
+"""Pairs that are judged together, whose points stay in the cache."""
 
 
 def degenerate_pairs(rays: RayPairs, start: Int, fewest: int) -> dict[int, str]:
@@ -65,8 +69,22 @@ def angle_sigmas(rays: RayPairs) -> Float:
 
 def plain_pairs(rays: RayPairs, start: Int, fewest: int) -> Bool:
     """Pairs without any of the defects, clearly."""
-    n = np.diff(start)
-    plain = np.asarray(n >= fewest)
+    plain = np.diff(start) >= fewest
+    portions = [plain[k : k + PORTION] for k in range(0, len(plain), PORTION)]  # views, to be filled
+
+    def judge(first: int, last: int) -> None:
+        for k in range(first, last):
+            of_portion = start[k * PORTION : (k + 1) * PORTION + 1]
+            rows = slice(int(of_portion[0]), int(of_portion[-1]))
+            portions[k][:] = _plain_pairs(rays.take(rows), of_portion - of_portion[0], portions[k])
+
+    in_threads(len(portions), judge, worth=1)
+    return plain
+
+
+def _plain_pairs(rays: RayPairs, start: Int, enough: Bool) -> Bool:
+    """The same of those with enough points, all at once."""
+    n, plain = np.diff(start), enough.copy()
     if not plain.any():
         return plain
     if not plain.all():

@@ -246,21 +246,25 @@ def _adjust(joints: JointTable, a: int, b: int, observed: Float, sigma: Float, A
 def _spreads(models: ModelTable, joints: JointTable) -> Float:
     """Extent across the track of the points used at each joint over that of all, as seen from the common image."""
     b = models.base[joints.second]
-    across = np.column_stack([-b[:, 1], b[:, 0], np.zeros(len(b))])
+    across, depth = np.column_stack([-b[:, 1], b[:, 0], np.zeros(len(b))]), np.tile([0.0, 0.0, 1.0], (len(b), 1))
     joint_1, row_1 = _rows_of(models.start, joints.first)
     joint_2, row_2 = _rows_of(models.start, joints.second)
-    from_right = models.xyz[row_1] - models.base[joints.first][joint_1]
-    seen = np.concatenate(
-        [(from_right[:, None, :] @ models.left_from_right[joints.first][joint_1])[:, 0], models.xyz[row_2]]
-    )
-    of_all = _extents(seen, np.concatenate([joint_1, joint_2]), across)
-    of_used = _extents(models.xyz[joints.second_row[joints.active]], joints.of_row()[joints.active], across)
+    from_right, R = models.xyz[row_1] - models.base[joints.first][joint_1], models.left_from_right[joints.first]
+    first = _places(from_right, joint_1, (R @ across[:, :, None])[:, :, 0], R[:, :, 2])
+    second = _places(models.xyz[row_2], joint_2, across, depth)
+    of_all = _extents(np.concatenate([first, second]), np.concatenate([joint_1, joint_2]), len(b))
+    used = joints.of_row()[joints.active]
+    of_used = _extents(_places(models.xyz[joints.second_row[joints.active]], used, across, depth), used, len(b))
     return np.where((of_all > 0) & (joints.used() > 0), of_used / np.where(of_all > 0, of_all, 1.0), 0.0)
 
 
-def _extents(xyz: Float, joint: Int, across: Float) -> Float:
-    place = np.einsum("ni,ni->n", xyz, across[joint]) / np.abs(xyz[:, 2])
-    lowest, highest = np.full(len(across), np.inf), np.full(len(across), -np.inf)
+def _places(xyz: Float, joint: Int, across: Float, depth: Float) -> Float:
+    """Coordinates along the axes across over those along the depths of the joints, (n,)."""
+    return np.asarray((xyz * across[joint]).sum(axis=1) / np.abs((xyz * depth[joint]).sum(axis=1)))
+
+
+def _extents(place: Float, joint: Int, n: int) -> Float:
+    lowest, highest = np.full(n, np.inf), np.full(n, -np.inf)
     np.minimum.at(lowest, joint, place)
     np.maximum.at(highest, joint, place)
     return np.where(highest >= lowest, highest - lowest, 0.0)
