@@ -6,7 +6,7 @@ from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution, StripTransformations
 from aatri.geometry.rotations import angles_from_rotation
-from aatri.ids import natural_order
+from aatri.ids import natural_order, rows_of
 from aatri.report.drawing.charts import residual_histogram
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.vectors import both, image_vectors, tie_pictures
@@ -145,8 +145,7 @@ def position_pictures(solution: Solution) -> list[Picture]:
     if len(rows) < 2:
         return []
     ids = residuals.image[rows]
-    order = np.argsort(images.id, kind="stable")
-    xyz = images.position_m[order[np.searchsorted(images.id[order], ids)]]
+    xyz = images.position_m[rows_of(ids, images.id)]
     by_kind = {"position": (xyz, residuals.residual[rows], ids.tolist())}
     return both("positions", by_kind, "Residuals of observed positions", "adjusted minus observed")
 
@@ -157,9 +156,7 @@ def tie_residuals(solution: Solution) -> list[Picture]:
     rows = np.flatnonzero((r.kind == "strip_tie") & r.active)
     if not len(rows):
         return []
-    ids = solution.points.id
-    order = np.argsort(ids, kind="stable")
-    xyz = solution.points.xyz_m[order[np.searchsorted(ids[order], r.point[rows])]]
+    xyz = solution.points.xyz_m[rows_of(r.point[rows], solution.points.id)]
     strips, strip = np.unique(r.image[rows], return_inverse=True)
     members = np.split(np.argsort(strip, kind="stable"), np.cumsum(np.bincount(strip))[:-1])
     by_strip = {str(strips[k]): members[k] for k in natural_order(strips)}
