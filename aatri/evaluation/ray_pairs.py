@@ -117,14 +117,14 @@ def _candidates(block: Block, image: Int, point: Int) -> Int:
     order = np.lexsort((block.images.sequence, strip))
     order = order[(strip[order] >= 0) & used[order]]
     pairs = np.stack([order[:-1], order[1:]], axis=1)[strip[order[:-1]] == strip[order[1:]]]
-    alone = np.flatnonzero((strip < 0) & used)
-    if not len(alone):
+    single = np.flatnonzero((strip < 0) & used)
+    if not len(single):
         return np.asarray(pairs)
     seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
     partner = []
-    for a in alone.tolist():
+    for a in single.tolist():
         shared = (seen @ seen[[a]].T).toarray()[:, 0]
         shared[a] = 0.0
         partner.append(int(shared.argmax()))
-    pairs = np.concatenate([pairs, np.sort(np.stack([alone, partner], axis=1), axis=1)])
+    pairs = np.concatenate([pairs, np.sort(np.stack([single, partner], axis=1), axis=1)])
     return pairs[np.sort(np.unique(pairs, axis=0, return_index=True)[1])]

@@ -73,7 +73,6 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
         with ThreadPoolExecutor(1) as beside, h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
             digesting = beside.submit(content_digest, artifact)
-            _describe_by(file.id, aatri_kind=artifact.kind)
             file.attrs["schema_version"] = artifact.schema_version
             for name, declared in attributes_of(type(artifact)).items():
                 value = getattr(artifact, name)
@@ -90,7 +89,7 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
                 notes = Notes(level=np.full(len(warnings), "warning"), text=np.array(texts))
                 _write_table(file.create_group(NOTES), notes)
             digest = digesting.result()
-            _describe_by(file.id, content_digest=digest)
+            _describe_by(file.id, aatri_kind=artifact.kind, content_digest=digest)
             if in_memory:
                 file.flush()
                 image = file.id.get_file_image()
@@ -125,10 +124,8 @@ def _equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
     if a.shape != b.shape or a.dtype.kind == "U" or a.dtype != b.dtype:
         return np.array_equal(a, b)
     one, other = (np.ascontiguousarray(x).reshape(-1).view(np.uint8) for x in (a, b))
-    words = len(one) // 8 * 8
-    return np.array_equal(one[:words].view(np.uint64), other[:words].view(np.uint64)) and np.array_equal(
-        one[words:], other[words:]
-    )
+    words = len(one) // 8 * 8  # bit by bit eight bytes at a time
+    return np.array_equal(*(x[:words].view(np.uint64) for x in (one, other))) and (one[words:] == other[words:]).all()
 
 
 def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:
@@ -284,9 +281,8 @@ def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
     missing = [name for name in declared if name not in present and not may_be_absent(cls, name)]
     if missing:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
-    return cls(
-        **{name: _read_column(group, name, c, f"{where}/{name}") for name, c in declared.items() if name in present}
-    )
+    columns = {name: c for name, c in declared.items() if name in present}
+    return cls(**{name: _read_column(group, name, c, f"{where}/{name}") for name, c in columns.items()})
 
 
 def _read_column(group: h5py.Group, name: str, declared: Column, where: str) -> npt.NDArray[Any]:
