@@ -124,8 +124,9 @@ def _equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
     if a.shape != b.shape or a.dtype.kind == "U" or a.dtype != b.dtype:
         return np.array_equal(a, b)
     one, other = (np.ascontiguousarray(x).reshape(-1).view(np.uint8) for x in (a, b))
-    words = len(one) // 8 * 8  # bit by bit eight bytes at a time
-    return np.array_equal(*(x[:words].view(np.uint64) for x in (one, other))) and (one[words:] == other[words:]).all()
+    words = len(one) // 8 * 8
+    by_words = np.array_equal(one[:words].view(np.uint64), other[:words].view(np.uint64))
+    return by_words and np.array_equal(one[words:], other[words:])
 
 
 def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:
@@ -278,8 +279,7 @@ def _read_table(group: h5py.Group, cls: type[Table], where: str) -> Table:
     for name in present:
         if name not in declared:
             raise ArtifactError(f"unknown column {name!r}{did_you_mean(name, declared)}", where=where)
-    missing = [name for name in declared if name not in present and not may_be_absent(cls, name)]
-    if missing:
+    if missing := [name for name in declared if name not in present and not may_be_absent(cls, name)]:
         raise ArtifactError(f"columns missing: {', '.join(missing)}", where=where)
     columns = {name: c for name, c in declared.items() if name in present}
     return cls(**{name: _read_column(group, name, c, f"{where}/{name}") for name, c in columns.items()})
