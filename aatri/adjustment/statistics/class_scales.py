@@ -83,10 +83,11 @@ def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> Clas
     usable = (group >= 0) & np.isfinite(v) & (redundancy > LEAST_SHARE)
     scale, total = np.ones(n_groups), np.zeros(n_groups)
     for g in range(n_groups):
-        rows = np.flatnonzero(usable & (group == g)) if n_groups > 1 else np.flatnonzero(usable)
-        total[g] = redundancy[rows].sum()
+        rows = usable & (group == g) if n_groups > 1 else usable
+        of_group = redundancy[rows]
+        total[g] = of_group.sum()
         if total[g] >= ESTIMABLE:
-            scale[g] = robust_scale(v[rows], redundancy[rows])
+            scale[g] = robust_scale(v[rows], of_group)
     estimable = (scale > 0) & (total >= ESTIMABLE)
     return ClassScales(np.where(scale > 0, scale, 1.0), total, estimable)
 
@@ -100,12 +101,13 @@ def robust_scale(v: Float, redundancy: Float) -> float:
     redundancy : (n,) float64
         Above zero.
     """
-    w = np.abs(v) / np.sqrt(redundancy)
+    w = np.abs(v)
+    w /= np.sqrt(redundancy)
     scale = float(np.median(w)) / MEDIAN_OF_NORMAL
-    squares = v**2
     for _ in range(_ITERATIONS if scale > 0 else 0):
         inside = w <= K * scale
-        better = float(np.sqrt(squares @ inside / (_CONSISTENT * (redundancy @ inside))))
+        squares, share = np.einsum("n,n,n->", v, v, inside), np.einsum("n,n->", redundancy, inside)
+        better = float(np.sqrt(squares / (_CONSISTENT * share)))
         if abs(better - scale) <= 1e-3 * scale:
             return better
         scale = better

@@ -14,7 +14,7 @@ from scipy.special import chdtri
 from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.statistics.variance_components import LEAST_SHARE
-from aatri.arrays import Float, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.blunders.tested_block import residuals_beside
@@ -58,26 +58,35 @@ def noisiest_image(
     apart : sequence of int
         Images that have classes of their own.
     """
-    parts: list[tuple[Float, Float, Int]] = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
+    n_images = len(result.image_adjusted)
+    parts: list[tuple[Float, Float, Int]] = [(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros(0, dtype=np.int64))]
+    redundancy, squares = np.zeros(n_images), np.zeros(n_images)
     for i, observations in enumerate(result.observations):
         o, rows = observations.observed, np.flatnonzero(observations.used)
         if is_of_images(o) and len(rows):
             v, r = residuals_beside(result, least_squares, i, rows)
-            usable = np.isfinite(v) & (r > LEAST_SHARE)
-            group = number[i][rows][usable]
-            of_classes = class_scales(v[usable], r[usable], group, 1 + int(group.max(initial=0)))
-            image = np.broadcast_to(dict(o.records.touches)[POSE][rows][:, None], v.shape)
-            parts.append((v[usable] / of_classes.scale[group], r[usable], image[usable]))
-    v, r, image = (np.concatenate(values) for values in zip(*parts))
-    redundancy = np.bincount(image, r)
-    large = np.bincount(image, v**2) > SUSPICIOUS**2 * redundancy
-    large[[k for k in apart if k < len(large)]] = False
+            group, image = number[i][rows], dict(o.records.touches)[POSE][rows]
+            of_classes = class_scales(v.ravel(), r.ravel(), group.ravel(), 1 + int(group.max(initial=0)))
+            r = np.where(np.isfinite(v) & (r > LEAST_SHARE), r, 0.0)
+            v = np.where(r > 0, v, 0.0) / of_classes.scale[group]
+            redundancy += np.bincount(image, r.sum(axis=1), n_images)
+            squares += np.bincount(image, np.einsum("nk,nk->n", v, v), n_images)
+            parts.append((v, r, image))
+    large = (squares > SUSPICIOUS**2 * redundancy) & (redundancy >= LEAST_REDUNDANCY)
+    large[list(apart)] = False
+    v, r, image = (np.concatenate(values) for values in zip(*(_of_images(*part, large) for part in parts)))
     freedom = EFFICIENCY * np.maximum(redundancy, 1.0)
-    by_chance = np.sqrt(chdtri(freedom, ALARM / max(len(redundancy), 1)) / freedom)
-    scale, order = np.zeros(len(redundancy)), np.argsort(image, kind="stable")
-    last = np.cumsum(np.bincount(image))
-    for k in np.flatnonzero(large & (redundancy >= LEAST_REDUNDANCY)).tolist():
+    by_chance = np.sqrt(chdtri(freedom, ALARM / max(n_images, 1)) / freedom)
+    scale, order = np.zeros(n_images), np.argsort(image, kind="stable")
+    last = np.cumsum(np.bincount(image, minlength=n_images))
+    for k in np.flatnonzero(large).tolist():
         rows = order[last[k - 1] if k else 0 : last[k]]
         of_image = robust_scale(v[rows], r[rows])
         scale[k] = of_image if max(SUSPICIOUS, by_chance[k]) < of_image < MISNAMED else 0.0
     return int(np.argmax(scale)) if scale.any() else None
+
+
+def _of_images(v: Float, r: Float, image: Int, chosen: Bool) -> tuple[Float, Float, Int]:
+    """Components of the chosen images that have a redundancy, and their images."""
+    use = chosen[image][:, None] & (r > 0)
+    return v[use], r[use], np.broadcast_to(image[:, None], r.shape)[use]

@@ -132,13 +132,14 @@ class Classes:
         self, result: BundleResult, least_squares: BundleResult | None, *, predicted: bool = False
     ) -> tuple[Float, Float, Int]:
         """Whitened residuals, redundancy numbers and classes of all components in use, and of predicted ones."""
-        parts = [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))]
-        for i, (observations, number) in enumerate(zip(result.observations, self.number)):
-            o, rows = observations.observed, observations.rows if predicted else np.flatnonzero(observations.used)
-            if o.is_measured and len(rows):
-                v, r = residuals_beside(result, least_squares, i, rows)
-                parts.append((v.ravel(), r.ravel(), np.where(r > 0, number[rows], -1).ravel()))
-        v, r, group = (np.concatenate(values) for values in zip(*parts))
+        measured = [(i, o) for i, o in enumerate(result.observations) if o.observed.is_measured]
+        rows = [o.rows if predicted else np.flatnonzero(o.used) for _, o in measured]
+        last = np.cumsum([0, *(len(k) * o.observed.records.rows for k, (_, o) in zip(rows, measured))])
+        v, r, group = np.empty(last[-1]), np.empty(last[-1]), np.empty(last[-1], dtype=np.int32)
+        for (i, _), chosen, here in zip(measured, rows, map(slice, last[:-1], last[1:])):
+            if len(chosen):
+                v[here], r[here] = (values.ravel() for values in residuals_beside(result, least_squares, i, chosen))
+                group[here] = np.where(r[here] > 0, self.number[i][chosen].ravel(), -1)
         return v, r, group
 
     def _pooled_by_kind(self, scales: ClassScales, v: Float, r: Float, group: Int) -> ClassScales:
