@@ -178,7 +178,8 @@ class TiedSolution:
         whitened = np.concatenate([tests.whitened for tests in self._tests_of_ties])
         share = np.concatenate([np.einsum("nii->n", tests.redundancy) / 3 for tests in self._tests_of_ties])
         share = np.where((self.use & self.taking_part)[: len(share)], share, np.nan)
-        return common_sigma(whitened**2 * self._variances(), values, share, robust=robust)
+        np.multiply(np.square(whitened, out=whitened), self._variances(), out=whitened)
+        return common_sigma(whitened, values, share, robust=robust)
 
 
 def solve_tied(

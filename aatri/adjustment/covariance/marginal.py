@@ -206,7 +206,8 @@ class _Down:
                 blocks[is_kept] = self.vertex_covariance[vertex[is_kept], part, part]
             if u.eliminated and self.problem.rays is not None:
                 runaway = self.problem.hold[:, 0, 0] > 0
-                blocks[self.problem.rays.block] = np.where(runaway[:, None, None], np.nan, self.block)
+                blocks[self.problem.rays.block] = self.block
+                blocks[self.problem.rays.block[runaway]] = np.nan
             groups[u.name] = blocks
         rays = self.problem.rays
         if self.blocks:

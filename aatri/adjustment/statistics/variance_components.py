@@ -36,6 +36,9 @@ LEAST_SHARE = 0.02
 ESTIMABLE = 10.0
 """Least redundancy of a group whose standard deviation is estimated."""
 
+CHUNK = 1 << 15
+"""Records at a time, whose terms stay in the cache."""
+
 
 def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust: bool = False) -> float:
     """The standard deviation that records of m components have beyond what is known.
@@ -62,9 +65,9 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
     if not known_variance.any() and not robust:
         total = m * float(share[usable].sum())
         return float(np.sqrt(max(float(squares[usable].sum()), 0.0) / total)) if total > 0 else 0.0
-    rows = np.flatnonzero((share > LEAST_SHARE) & usable)
-    q, values, share = squares[rows].T.copy(), known_variance[rows].T.copy(), share[rows]
-    terms, sums, half = np.empty_like(q), np.empty_like(share), len(share) // 2
+    usable &= share > LEAST_SHARE
+    q, values, share = squares.T[:, usable], known_variance.T[:, usable], share[usable]
+    sums, half = np.empty_like(share), len(share) // 2
     largest, total = float(values.max(initial=0.0)), m * float(share.sum())
     middle = 2 * float(gammaincinv(m / 2, 0.5)) * share  # the median of chi squared
     if largest <= 0:
@@ -74,12 +77,15 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
     np.maximum(values, 1e-12 * largest, out=values)
 
     def excess(tau: float) -> float:
-        np.divide(q, np.add(values, tau**2, out=terms), out=terms)
+        of_all = 0.0
+        for part in (slice(first, first + CHUNK) for first in range(0, len(sums), CHUNK)):
+            terms = q[:, part] / (values[:, part] + tau**2)
+            of_all += float(terms.sum())
+            np.divide(np.add.reduce(terms), middle[part], out=sums[part])
         if robust:
-            np.divide(np.add.reduce(terms, out=sums), middle, out=sums)
             sums.partition([half - 1, half] if len(sums) % 2 == 0 else half)
             return float((sums[half] if len(sums) % 2 else 0.5 * (sums[half - 1] + sums[half])) - 1)
-        return float(terms.sum() / total - 1)
+        return of_all / total - 1
 
     if excess(0.0) <= 0:
         return 0.0
