@@ -85,7 +85,7 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
         if robust:
             sums.partition([half - 1, half] if len(sums) % 2 == 0 else half)
             return float((sums[half] if len(sums) % 2 else 0.5 * (sums[half - 1] + sums[half])) - 1)
-        return of_all / total - 1
+        return float(of_all / total - 1)
 
     if excess(0.0) <= 0:
         return 0.0
