@@ -172,14 +172,13 @@ class TiedSolution:
 
     def added_sigma(self, *, robust: bool) -> float:
         """The deformation that the residuals of the bodies' points ask for, m."""
-        values = self.spread.values
-        if not values.any():
+        if not self.spread.values.any():
             return 0.0
-        whitened = np.concatenate([tests.whitened for tests in self._tests_of_ties])
+        squares = np.concatenate([tests.whitened for tests in self._tests_of_ties]) ** 2
+        squares *= self._variances()
         share = np.concatenate([np.einsum("nii->n", tests.redundancy) / 3 for tests in self._tests_of_ties])
         share = np.where((self.use & self.taking_part)[: len(share)], share, np.nan)
-        np.multiply(np.square(whitened, out=whitened), self._variances(), out=whitened)
-        return common_sigma(whitened, values, share, robust=robust)
+        return common_sigma(squares, self.spread.values, share, robust=robust)
 
 
 def solve_tied(
