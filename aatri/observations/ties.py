@@ -88,10 +88,6 @@ class Ties(Generic[S]):
         start : S
             Of the bodies.
         """
-
-        def spread(state: State) -> Spread:
-            return Spread(*self.spectrum(state[BODY]), spread)
-
         own: Mapping[str, Any] = {BODY: start}
         return Observed(
             self.records(kind),
@@ -100,8 +96,12 @@ class Ties(Generic[S]):
             "m",
             unknowns=(self.unknowns,),
             start=own,
-            spread=spread(own),
+            spread=self._spread(own),
         )
+
+    def _spread(self, state: State) -> Spread:
+        """The covariances at a state; no function that refers to itself, which would keep all arrays of the ties."""
+        return Spread(*self.spectrum(state[BODY]), self._spread)
 
     def places(self, bodies: S, n: int) -> Float:
         """Ground coordinates of n points, (n, 3), by the first body that has each; zero where none has."""

@@ -69,23 +69,24 @@ def nested_dissection(graph: Graph, position: Float, leaf: int = LEAF) -> list[O
     last = border_vertices(graph) | ~np.isfinite(position).all(axis=1)
     nodes: list[OrderedNode] = []
     side = np.full(graph.n, -1, dtype=np.int32)
-
-    def cut(vertices: Int) -> int:
-        if len(vertices) <= leaf:
-            nodes.append(OrderedNode(vertices, ()))
-            return len(nodes) - 1
-        left, separator, right = _halves(graph, position, vertices, side)
-        if not len(separator):  # nothing joins the halves; a node has a vertex all the same
-            left, separator = left[1:], left[:1]
-        children = tuple(cut(part) for part in (left, right) if len(part))
-        nodes.append(OrderedNode(separator, children))
-        return len(nodes) - 1
-
     inner = np.flatnonzero(~last)
-    children = (cut(inner),) if len(inner) else ()
+    children = (_cut(graph, position, inner, side, leaf, nodes),) if len(inner) else ()
     if last.any() or not nodes:
         nodes.append(OrderedNode(np.flatnonzero(last), children))
     return nodes
+
+
+def _cut(graph: Graph, position: Float, vertices: Int, side: Int, leaf: int, nodes: list[OrderedNode]) -> int:
+    """Add the nodes of some vertices; the number of the last, which separates the others."""
+    if len(vertices) <= leaf:
+        nodes.append(OrderedNode(vertices, ()))
+        return len(nodes) - 1
+    left, separator, right = _halves(graph, position, vertices, side)
+    if not len(separator):  # nothing joins the halves; a node has a vertex all the same
+        left, separator = left[1:], left[:1]
+    children = tuple(_cut(graph, position, part, side, leaf, nodes) for part in (left, right) if len(part))
+    nodes.append(OrderedNode(separator, children))
+    return len(nodes) - 1
 
 
 def _halves(graph: Graph, position: Float, vertices: Int, side: Int) -> tuple[Int, Int, Int]:

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.records import residuals
+from aatri.adjustment.records import Records, residuals
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float
 from aatri.observations.image_points import KIND as IMAGE_POINT
@@ -151,13 +151,13 @@ def _with_parameters(block: BundleInput, parameters: tuple[ParameterRows, ...]) 
     """The block with other terms; weights, rejections and start values stay."""
     assert block.rays is not None
     o = _image_points(block)
-    rays = observed_image_points(block.rays, parameters, o.names, o.group)[0]
+    records = observed_image_points(block.rays, parameters, o.names, o.group)[0].records
+    observed = tuple(_with_records(other, records) if other is o else other for other in block.observed)
+    return replace(block, observed=observed, parameters=parameters)
 
-    def of(unchanged: Observed) -> Observed:
-        records = replace(rays.records, whitener=unchanged.records.whitener, active=unchanged.records.active)
-        unreduced = None if unchanged.unreduced is None else of(unchanged.unreduced)
-        return replace(unchanged, records=records, unreduced=unreduced)
 
-    return replace(
-        block, observed=tuple(of(other) if other is o else other for other in block.observed), parameters=parameters
-    )
+def _with_records(unchanged: Observed, records: Records) -> Observed:
+    """Observations by other records, with the weights and rejections that they have."""
+    records = replace(records, whitener=unchanged.records.whitener, active=unchanged.records.active)
+    unreduced = None if unchanged.unreduced is None else _with_records(unchanged.unreduced, records)
+    return replace(unchanged, records=records, unreduced=unreduced)
