@@ -140,8 +140,9 @@ def adjusted(
         return adjusted_with_terms(inputs, once, roughly)
     except GeometryError as error:
         names = tuple(name for p in inputs.parameters for name in p.labels)
-        advice = rank_advice(error, names, column_kinds(inputs), free_datum=options.datum == "free")
-        if not advice and options.datum == "given" and not {"control", "position"} & {o.kind for o in inputs.observed}:
+        tied = not {"control", "position"}.isdisjoint(o.kind for o in inputs.observed)
+        advice = rank_advice(error, names, column_kinds(inputs), free_datum=options.datum == "free", tied=tied)
+        if not advice and options.datum == "given" and not tied:
             advice = "give control or observed positions, or set `datum: free` or `datum: minimal`"
         error.remedy = advice or error.remedy  # of its own class: the search tells an open datum by it
         raise

@@ -33,6 +33,7 @@ def used(
     own = ("images.strip", "cameras.distortion", "earth_curvature:frame", "undulation", *CAMERAS)
     optional = (
         ("ground_points.datum", marked),
+        ("ground_points.datum:placed", marked),
         ("images.session", sessions),
         ("images.flight", flights or "flight" in levels),
         ("image_points.group", "group" in levels),

@@ -11,7 +11,7 @@ Neither strips nor an order of the images nor any start value is used. Pairs are
 points in common; with `models` those are taken and no others. Components that share enough points are joined; what
 stays apart is listed by its ids. Without control and positions the datum is free: attitudes turn it, distances scale
 it, and without these the first base is 1. What control and positions leave open the approximate coordinates of the
-points marked `datum: yes` close.
+points marked `datum: yes` close, all of it where there are neither.
 
 Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et al. 2024 (positions); Kraus,
 Photogrammetry (absolute orientation).
@@ -75,7 +75,7 @@ class GraphOptions(Options):
 
 @stage(
     version=4,
-    uses=("cameras.distortion", *USES),
+    uses=("cameras.distortion", "ground_points.datum", *USES),
 )
 def graph(
     block: Block,

@@ -17,6 +17,7 @@ from aatri.tables.schema import columns_of, tables_of
 from tests.formats.tables.block_folder import replaced, write_folder
 from tests.reading import read_block
 from tests.stages.chain import simulated
+from tests.stages.hand_block import ground_rows, hand, read
 
 READ_BY_EVERY_STAGE = {
     "files": {"path"},
@@ -187,3 +188,17 @@ def test_positions_in_no_drift_group_say_where_a_block_lies_and_are_not_told_as_
     ):
         need, _ = bundle_needs(BundleOptions.model_validate({"positions": positions}))
         assert bool(set(need.one_of) & {o.name for o in offers_of(given)}) == found
+
+
+def test_datum_marks_are_for_an_initial_orientation_where_coordinates_do_not_place_the_block(tmp_path: Path) -> None:
+    """With three places known in full they are for a bundle over marked points alone."""
+    of = hand()
+    for known, name in (([1, 2], "ground_points.datum"), ([1, 2, 3], "ground_points.datum:placed")):
+        ground = ground_rows(of, known, tail=",control,no", head=",role,datum") + "p09,1.0,2.0,3.0,approximate,yes\n"
+        block, _ = read(tmp_path / name.replace(":", "_"), of, ground=ground)
+        assert {n for n in _offers(block) if n.startswith("ground_points.datum")} == {name}
+    registry = find_stages()
+    begin = registry.card("initial_orientation/graph").used_with(None)
+    free = registry.card("bundle_adjustment/bundle").used_with(BundleOptions(datum="free", datum_over="marked"))
+    assert "ground_points.datum" in (begin or ())
+    assert {"ground_points.datum", "ground_points.datum:placed"} <= set(free or ())

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved
-from aatri.arrays import Float, finite_rows
+from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -93,19 +93,20 @@ def observed_by_neighbours(
     return tuple(observed)
 
 
-def observed_at_datum_points(ground: GroundObserved) -> tuple[Observed, ...]:
-    """Approximate coordinates of the points that a free datum rests on; none where the block marks none."""
+def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observed, ...]]:
+    """Points that a free datum rests on, and their approximate coordinates; none where the block marks none."""
     table, frame = ground.block.ground_points, ground.frame
     xyz = (table.xyz_m if frame is None else frame.from_block(table.xyz_m)) - ground.origin_m
     known, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
     row = np.flatnonzero(known & chosen)
     sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0
     if not (len(row) and sigma_m > 0):
-        return ()
+        return np.zeros(0, dtype=np.str_), ()
     point, all_ = table.point[row].astype(np.int32), np.ones((len(row), 3), dtype=bool)
     C = np.tile(sigma_m**2 * np.eye(3), (len(row), 1, 1))
     approximate = Control(np.full(len(row), -1, dtype=np.int32), point, xyz[row], C, all_, ~all_)
-    return observed_control(approximate, np.zeros(3), ground.block.points.id[point], kind=NEIGHBOUR)
+    ids = ground.block.points.id[point]
+    return ids, observed_control(approximate, np.zeros(3), ids, kind=NEIGHBOUR)
 
 
 def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:

@@ -114,10 +114,12 @@ class GroundObserved:
 def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> GroundObserved:
     """What is observed of a block, given in its own frame and in that of the adjustment."""
     observed = use_positions and len(inside.exterior)
-    position_m = positions_of(inside).position_m if observed else np.zeros((0, 3))
+    position_m, control = positions_of(inside).position_m if observed else np.zeros((0, 3)), control_of(inside)
+    if not (len(position_m) or len(control.point)):
+        position_m = inside.ground_points.xyz_m[inside.ground_points.datum]
     without = {name: getattr(as_given, name).take(np.zeros(0, dtype=np.int64)) for name in LEFT_TO_THE_BUNDLE}
     frame = frame_of(as_given)
-    origin = pieces.origin_of(control_of(inside), position_m)
+    origin = pieces.origin_of(control, position_m)
     return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy_of(as_given, frame))
 
 

@@ -1,7 +1,7 @@
 """Free components to the ground by all that is observed of it."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
     HARDLY,
-    Chosen,
     GroundObserved,
     by_time_offsets,
     everything,
@@ -26,9 +25,10 @@ from aatri.adapters.ground.initial_tests import (
     fits_as_it_bends,
     two_that_differ,
     with_uncertain_distances,
+    without_one,
 )
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
-from aatri.arrays import finite_rows
+from aatri.arrays import Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
@@ -37,10 +37,8 @@ from aatri.geometry.similarity import IDENTITY, Similarity, compose
 from aatri.ids import several, shown
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
-from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.wrong_control import MirroredError
@@ -51,6 +49,7 @@ IMAGES_ALONE = (
     "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "
     "`positions: {use: false}`"
 )
+NOTHING_PLACES = "no control and no observed positions: the datum is free"
 BY_DATUM_POINTS = "the datum points place it, to begin a bundle with `datum: free` and `datum_over: marked`"
 FEWEST_OTHERS, MOST_SHARED = 4, 30
 """Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
@@ -72,6 +71,8 @@ class OnGround:
     """Ground from component."""
     free: bool = False
     """Nothing tells where it lies."""
+    datum: Text | None = None
+    """Points by whose approximate coordinates it lies there."""
     left: tuple[Observed, ...] = ()
     """What is left out, as it contradicts all else."""
 
@@ -94,7 +95,9 @@ def to_ground(
     block, settings = ground.block, OrientationSettings(limit, stiff=True)
     done, notes, failed = list[OnGround](), list[Note](), list[tuple[ImageComponent, str, AatriError]]()
     if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(IDENTITY)) for c in components):
-        part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
+        part, notes = _at_datum_points(ground, components[0], rays, settings, NOTHING_PLACES) or _free(
+            ground, components[0], rays, replace(settings, weakest=OPEN, free=True)
+        )
         return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
     for number, component in enumerate(components, 1):
         what = f"component {number} ({several(int(component.images.sum()), 'image')})"
@@ -162,15 +165,24 @@ def _otherwise(
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        datum_points = () if done or isinstance(failure, ConvergenceError) else observed_at_datum_points(ground)
-        with contextlib.suppress(ConvergenceError, GeometryError):
-            if datum_points:
-                placed_there, body = _beside(replace(ground, beside=datum_points), component, rays, settings, what)
-                text = f"{BY_DATUM_POINTS}; without them {failure.what}"
-                return replace(placed_there, oriented=body), [Note("note", text)]
+        alone = not (done or isinstance(failure, ConvergenceError))
+        if alone and (lies := _at_datum_points(ground, component, rays, settings, failure.what)):
+            return lies
         reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
         return None, [_apart(ground.block, component, reason)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
+
+
+def _at_datum_points(
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, why: str
+) -> tuple[OnGround, list[Note]] | None:
+    """A component by the points that a free datum rests on, and what is observed; None where that leaves it open."""
+    ids, near = observed_at_datum_points(ground)
+    with contextlib.suppress(ConvergenceError, GeometryError):
+        if len(ids):
+            part, body = _beside(replace(ground, beside=near), component, rays, settings, "the block")
+            return replace(part, oriented=body, datum=ids), [Note("note", f"{BY_DATUM_POINTS}; without them {why}")]
+    return None
 
 
 def _by_neighbours(
@@ -228,7 +240,7 @@ def _free(
     turned = sum(len(o) for o in observed if o.kind == ATTITUDE)
     datum = [f"its scale that of {several(scaled, 'distance')}" if scaled else "the first base is 1"]
     datum += [f"its rotation that of {several(turned, 'attitude')}"] if turned else []
-    note = Note("note", f"no control and no observed positions: the datum is free, {', '.join(datum)}")
+    note = Note("note", f"{NOTHING_PLACES}, {', '.join(datum)}")
     if not observed:
         return OnGround(own, None, similarity, free=True), [note]
     images, points = ground.block.images.id, ground.block.points.id
@@ -273,7 +285,7 @@ def _oriented(
         return part(seated), [*notes, *notes_of(seated)]
     if timed := by_time_offsets(ground, body, settings, what):
         return part(timed[0]), [timed[1], *notes_of(timed[0])]
-    for kind, others in _without_one(seated.tied.problem.ground):
+    for kind, others in without_one(seated.tied.problem.ground):
         try:
             reduced, by_attitudes = oriented_by(ground, body, settings, what, chosen=others)
         except (ConvergenceError, GeometryError):
@@ -284,14 +296,3 @@ def _oriented(
             note = contradiction_note(ground.block, left, reduced.state, kind, what)
             return part(reduced, left), [note, *notes_of(reduced)]
     return part(seated), [*deformation_notes(seated, precision(component, rays), what), *notes_of(seated)]
-
-
-def _without_one(observed: Sequence[Observed]) -> Iterator[tuple[str, Chosen]]:
-    """One kind that may contradict all else, and whether an observation is of the others: distances, positions,
-    control."""
-    kinds = {o.kind for o in observed if len(o)}
-    if kinds & set(DISTANCES):
-        yield "distances", lambda o: o.kind not in DISTANCES
-    if {CONTROL, POSITION} <= kinds:
-        yield "observed positions", lambda o: o.kind != POSITION
-        yield "control", lambda o: o.kind != CONTROL

@@ -90,9 +90,10 @@ def initial_solution(
         tests=stacked([Tests.empty(), *(tests_of(o.tied) for o in oriented)]) if tests else None,
         components=stacked([VarianceComponents.empty(), *(components_of(o.tied) for o in oriented)]) if tests else None,
     )
-    if free:
-        return replace(solution, datum=DatumCarriers(kind=np.array(["held"]), id=np.array([""])))
-    return solution
+    carriers = np.array([""]) if free else parts[0].datum
+    if carriers is None:
+        return solution
+    return replace(solution, datum=DatumCarriers(np.full(len(carriers), "held" if free else "point"), carriers))
 
 
 def _placed(block: Block, rays: ImagePointRows, parts: Sequence[OnGround], origin_m: Float) -> _Placed:

@@ -1,11 +1,11 @@
 """What of control, positions, distances and attitudes fits an initial orientation: residuals, suspects and notes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import DISTANCES, GroundObserved
+from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved
 from aatri.adapters.solution import suspect_rows
 from aatri.adjustment.records import times
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
@@ -17,9 +17,11 @@ from aatri.geometry.similarity import Similarity
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, generators
+from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
@@ -221,3 +223,14 @@ def _in_use(oriented: OrientedBody, active: Bool) -> list[Observed]:
     observed = [o.without(~in_use) for o, in_use in zip(problem.ground, used)]
     observed += [o for o in problem.priors if BODY not in dict(o.records.touches)]
     return [replace(o, start={name: state[name] for name in o.start}) for o in observed]
+
+
+def without_one(observed: Sequence[Observed]) -> Iterator[tuple[str, Chosen]]:
+    """One kind that may contradict all else, and whether an observation is of the others: distances, positions,
+    control."""
+    kinds = {o.kind for o in observed if len(o)}
+    if kinds & set(DISTANCES):
+        yield "distances", lambda o: o.kind not in DISTANCES
+    if {CONTROL, POSITION} <= kinds:
+        yield "observed positions", lambda o: o.kind != POSITION
+        yield "control", lambda o: o.kind != CONTROL

@@ -47,9 +47,19 @@ _FREE = (
     "(`blunders: robust_snooping`), or measure more points that join its images"
 )
 
+_HARDLY_SEEN = (
+    "a free datum leaves it to the control and positions there are, which hardly tell it: give such as do, "
+    "or make them `approximate`"
+)
+
 
 def rank_advice(
-    error: GeometryError, names: tuple[str, ...], kinds: Mapping[str, str], *, free_datum: bool = False
+    error: GeometryError,
+    names: tuple[str, ...],
+    kinds: Mapping[str, str],
+    *,
+    free_datum: bool = False,
+    tied: bool = False,
 ) -> str:
     """The remedy for a rank defect, or an empty text where there is none of its own.
 
@@ -59,6 +69,8 @@ def rank_advice(
         Names of additional and camera parameters.
     kinds : mapping
         What the additional ones do.
+    tied : bool
+        There are control or positions.
     """
     combinations = error.combinations if isinstance(error, OpenError) else ()
     unknowns = [unknown for one in combinations for unknown in one.unknowns]
@@ -77,7 +89,7 @@ def rank_advice(
         reasons["weight the parameters: `self_calibration.sigma_um`"] = None
     carried = [_MOUNT] * any(group == MOUNT for _, group in unknowns) + [_BORESIGHT] * (BORESIGHTS.labels[2] in labels)
     motions = _of_motions(combinations, shifted)
-    motions = [_FREE] if free_datum and motions else motions
+    motions = [_HARDLY_SEEN if tied else _FREE] if free_datum and motions else motions
     return "; ".join([*reasons, *carried, *(motions if motions != [_SET] or not carried else ())])
 
 

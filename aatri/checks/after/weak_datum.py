@@ -31,7 +31,7 @@ def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) ->
         Of the standard deviations of image points in use, which the covariances follow, over those given.
     """
     distance, adjusted = median_distance_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
-    if distance is None or inputs.rays is None or result.free is not None:
+    if distance is None or inputs.rays is None:
         return []
     if not adjusted.has_factor or POINT not in result.covariances:
         return []

@@ -25,8 +25,10 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm, qr
 
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.s_transformation import STransformation, s_transformation
 from aatri.adjustment.elimination.backsolve import cost_of
+from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.adjustment.openness.unseen_motions import unseen_combinations
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjusted import Adjusted
@@ -117,13 +119,17 @@ def onto_inner_constraints(
     GeometryError
         If the datum does not carry what is open: too few points or images, or all on a line.
     ConvergenceError
+        If no similarity fits the block onto its start; where control ties it, what that hardly tells is named.
     """
     moved: dict[str, Any] = dict(adjusted.state)
     for _ in range(MOST_MOVES):
         H = similarity_directions(free, moved)
         V = open_directions(free, moved, H)
         q = -V @ _shift_along(free, moved, H, V)
-        moved = _moved(free, moved, H, q)
+        try:
+            moved = _moved(free, moved, H, q)
+        except ConvergenceError as error:
+            raise (_run_away(adjusted, error) if V.shape[1] < 7 else error) from None
         if np.abs(q).max() < 1e-13:
             break
     else:
@@ -141,6 +147,16 @@ def onto_inner_constraints(
             remedy="use `datum: minimal`, or leave out control or positions",
         )
     return replace(adjusted, state=moved)
+
+
+def _run_away(adjusted: Adjusted, error: ConvergenceError) -> ConvergenceError:
+    """Why a block that something ties to the ground has run away: mostly what control hardly tells."""
+    factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
+    weakest = least_certain(adjusted.problem, factored, adjusted.state)
+    return ConvergenceError(
+        f"{error.what}; hardly determined is the {weakest}",
+        remedy=f"give control or positions that tell it, or make `approximate` what hardly does; or {error.remedy}",
+    )
 
 
 def free_covariances(free: FreeDatum, adjusted: Adjusted, groups: Mapping[str, Float]) -> dict[str, Float]:

@@ -193,6 +193,7 @@ def test_a_free_datum_is_not_asked_for_control(case: str) -> None:
     found = rank_advice(error, ("c",), {"c": "c"}, free_datum=True)
     assert "look for gross errors" in found
     assert words not in found or case == "boresight"
+    assert "which hardly tell it" in rank_advice(error, ("c",), {"c": "c"}, free_datum=True, tied=True)
 
 
 def test_a_part_is_joined_by_more_points() -> None:
