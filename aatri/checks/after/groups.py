@@ -4,8 +4,9 @@ Seen: positions off by a constant, heights that count from another surface, a ca
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
 contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
-the limit of |w| for as many tests as there are coordinates, exceeded in one right block in a hundred. So it does where
-a camera asks for another calibration, and has left that of block.yaml by ten of its standard deviations and more.
+the root of chi-square of as many degrees as it has parameters, exceeded in one right block in a hundred. By these all
+coordinates move together: there is one test, not one for each. So it does where a camera asks for another calibration,
+and has left that of block.yaml by ten of its standard deviations and more.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -14,7 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.special import chdtri
 
-from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.adjustment.statistics.limits import FALSE_ALARM
 from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
@@ -50,7 +51,8 @@ def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> 
     if g.kind == IMAGE_POINT and g.per == "camera" and g.unit in moved_cameras and not accepted.left_out:
         return True  # calibration or block: who knows
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
-    return g.harm > limit_of_tests(g.coordinates) and (of_datum or not accepted.left_out)
+    by_chance = float(np.sqrt(chdtri(len(g.value), FALSE_ALARM)))
+    return g.harm > by_chance and (of_datum or not accepted.left_out)
 
 
 def wrong_groups(

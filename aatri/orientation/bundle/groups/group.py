@@ -34,8 +34,6 @@ class Group:
     """With the parameters."""
     harm: float = 0.0
     """Largest change of a coordinate of a point or of a projection centre, in its standard deviations."""
-    coordinates: int = 0
-    """Of which it is the largest."""
     change_m: float = 0.0
     """That change; of a point where one changes by more than its standard deviation."""
     moved: str = ""

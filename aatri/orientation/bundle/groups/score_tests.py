@@ -272,7 +272,6 @@ def _with_harm(block: BundleInput, result: BundleResult, group: Group, change: d
         sigma = group.sigma0 * np.sqrt(np.einsum("nii->ni", result.covariances[name])[:, :3])
         by = np.abs(change[name][:, :3])
         ratio = np.divide(by, sigma, out=np.zeros_like(by), where=sigma > 0)
-        group = replace(group, coordinates=group.coordinates + int((sigma > 0).sum()))
         row, axis = np.unravel_index(int(ratio.argmax()), ratio.shape)
         if ratio[row, axis] > max(group.harm, 1.0) or (name == POINT and ratio[row, axis] > 0):
             harmless, group = group.harm <= 1.0, replace(group, harm=float(ratio[row, axis]))
