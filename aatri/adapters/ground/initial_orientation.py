@@ -165,9 +165,9 @@ def _otherwise(
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        alone = not (done or isinstance(failure, ConvergenceError))
-        if alone and (lies := _at_datum_points(ground, component, rays, settings, failure.what)):
-            return lies
+        may_begin = not (done or isinstance(failure, ConvergenceError))
+        if may_begin and (by_datum := _at_datum_points(ground, component, rays, settings, failure.what)):
+            return by_datum
         reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
         return None, [_apart(ground.block, component, reason)]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]

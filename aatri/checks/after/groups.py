@@ -4,9 +4,8 @@ Seen: positions off by a constant, heights that count from another surface, a ca
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
 contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
-the root of chi-square of as many degrees as it has parameters, exceeded in one right block in a hundred. By these all
-coordinates move together: there is one test, not one for each. So it does where a camera asks for another calibration,
-and has left that of block.yaml by ten of its standard deviations and more.
+the root of chi-square of as many degrees as it has parameters, at 1 %, as all coordinates move by these, together. So
+it does where a camera asks for another calibration, and has left that of block.yaml by ten of its standard deviations.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
