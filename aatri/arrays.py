@@ -22,6 +22,18 @@ def sums_of(values: Float, of: Int, n: int) -> Float:
     return sums.reshape(n, *values.shape[1:])
 
 
+def ranges(first: Int, count: Int) -> Int:
+    """Whole numbers from each first one on, `count` of each, one range after the other.
+
+    Examples
+    --------
+    >>> ranges(np.array([5, 0]), np.array([3, 2]))
+    array([5, 6, 7, 0, 1])
+    """
+    before = np.cumsum(count) - count
+    return np.asarray(np.repeat(first - before, count) + np.arange(count.sum()))
+
+
 def finite_rows(values: npt.ArrayLike) -> Bool:
     """Whether all numbers of each row are given.
 

@@ -1,4 +1,4 @@
-"""The examples in the docstrings of the geometry and of what `import aatri` gives are what comes out."""
+"""The examples in the docstrings of the geometry, of arrays and of what `import aatri` gives are what comes out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 import aatri.api
 import aatri.geometry
 
-MODULES = [
+MODULES = ["aatri.arrays"] + [
     f"{room.__name__}.{module.name}"
     for room in (aatri.geometry, aatri.api)
     for module in pkgutil.iter_modules(room.__path__)

@@ -24,7 +24,7 @@ from aatri.adjustment.structure.index import EliminatedRecords, part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import one_blas_thread
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, ranges
 
 RAYS = 100_000
 """Rays whose parts E are in memory at a time: some 0.1 GB."""
@@ -128,7 +128,7 @@ def _subtract_piece(
 ) -> None:
     count = rays.ray_start[block + 1] - rays.ray_start[block]
     place = np.repeat(np.arange(len(block)), count)
-    ray = np.arange(count.sum()) + np.repeat(rays.ray_start[block] - (np.cumsum(count) - count), count)
+    ray = ranges(rays.ray_start[block], count)
     _, jacobians = whitened(rays.records, state, rays.rows[ray])
     touches = [group for group, _ in rays.records.touches]
     B = jacobians[touches.index(problem.layout.eliminated)] * problem.block_free[block[place]][:, None, :]

@@ -33,7 +33,7 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFac
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import one_blas_thread, run_all
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, ranges
 
 LEAST_PIECE, MOST_PIECE = 200, 2000
 """Unknowns of a piece; more where one vertex has more."""
@@ -108,7 +108,7 @@ class _Pieces:
             offset = np.cumsum(size[part]) - size[part]
             n = int(size[part].sum())
             self.piece_of[part], self.row_of[part] = q, offset
-            self.columns.append(np.repeat(problem.layout.start[part] - offset, size[part]) + np.arange(n))
+            self.columns.append(ranges(problem.layout.start[part], size[part]))
             self.sums.append((np.zeros((n, n), order="F"), np.zeros(n), np.zeros(n)))
 
     def take_update(self, work: Work, head: int) -> None:
@@ -119,7 +119,7 @@ class _Pieces:
             return
         size = np.diff(node.offset)[node.own :]
         vertex = np.repeat(node.vertices[node.own :], size)
-        within = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
+        within = ranges(np.zeros_like(size), size)
         row = node.panel + np.arange(len(vertex))
         for q in np.unique(self.piece_of[vertex]):
             in_piece = self.piece_of[vertex] == q

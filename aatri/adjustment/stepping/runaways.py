@@ -27,7 +27,7 @@ from aatri.adjustment.records import CHUNK, Records, prepared_lane, whitened
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, ranges
 
 STEPS = 20
 """Most steps of a block."""
@@ -143,7 +143,7 @@ def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tup
     assert rays is not None
     count = np.diff(rays.ray_start)[blocks]
     first = np.cumsum(count) - count
-    ray = np.repeat(rays.ray_start[blocks] - first, count) + np.arange(count.sum())
+    ray = ranges(rays.ray_start[blocks], count)
     v, B = _of_rays(problem, rays.records, state, rays.rows[ray])
     B *= np.repeat(problem.block_free[blocks], count, axis=0)[:, None, :]
     costs = (v**2).sum(axis=1) if rays.records.loss is None else rays.records.loss.costs(v)

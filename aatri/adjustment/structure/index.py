@@ -16,7 +16,7 @@ from aatri.adjustment.structure.layout import Layout
 from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import Unknowns
-from aatri.arrays import Int
+from aatri.arrays import Int, ranges
 
 SORTED_IMAGES = 12
 """Images by which the blocks of a node are sorted: blocks of nearly the same images are eliminated at once."""
@@ -140,8 +140,7 @@ def index_rays(
     first, block = counting_order(len(tree.nodes), node_of_block[by_images])
     block = by_images[block]
     ray_start = np.concatenate([[0], np.cumsum(count[block])]).astype(np.int64)
-    within = np.arange(len(rows)) - np.repeat(ray_start[:-1], count[block])
-    order = taken(order, np.repeat(start[block], count[block]) + within)
+    order = taken(order, ranges(start[block], count[block]))
     ordered = Parts(taken(parts.vertex, order), parts.shift, parts.size, parts.start)
     loc = _places(ordered, np.repeat(node_of_block[block], count[block]), tree)
     original = np.flatnonzero(layout.block >= 0)[block]

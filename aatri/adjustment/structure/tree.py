@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.structure.graph import Graph, OrderedNode
-from aatri.arrays import Int
+from aatri.arrays import Int, ranges
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def build_tree(graph: Graph, order: list[OrderedNode], size: Int, start: Int) ->
     for k, ordered in enumerate(order):
         vertices = np.concatenate([ordered.own, boundaries[k]]).astype(np.int64)
         offset = np.concatenate([[0], np.cumsum(size[vertices])]).astype(np.int64)
-        columns = np.repeat(start[vertices] - offset[:-1], size[vertices]) + np.arange(offset[-1])
+        columns = ranges(start[vertices], size[vertices])
         nodes.append(FrontNode(vertices, len(ordered.own), offset, columns, int(parent[k]), ordered.children))
     return Tree(tuple(nodes), node_of, place, tuple(_map(node, nodes, graph.n) for node in nodes))
 
@@ -123,5 +123,4 @@ def _map(node: FrontNode, nodes: list[FrontNode], n_vertices: int) -> Int:
     row[parent.vertices] = parent.offset[:-1]
     boundary = node.vertices[node.own :]
     size = np.diff(node.offset)[node.own :]
-    first = np.cumsum(size) - size
-    return np.asarray(np.repeat(row[boundary] - first, size) + np.arange(size.sum()), dtype=np.int32)
+    return ranges(row[boundary], size).astype(np.int32)

@@ -8,7 +8,7 @@ that see too few known points start from an orientation that is offered, if thei
 
 import numpy as np
 
-from aatri.arrays import Float, Int, finite_rows
+from aatri.arrays import Float, Int, finite_rows, ranges
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.observations.image_point_rows import ImagePointRows
@@ -103,7 +103,7 @@ def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_poin
     begin, end = (np.searchsorted(rays.point[rows], pair_point, side) for side in ("left", "right"))
     count = end - begin
     pair = np.repeat(np.arange(len(pairs)), count)
-    row = rows[np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count) + begin[pair]]
+    row = rows[ranges(begin, count)]
     off = _off_mm(rays, poses, row, met[pair])
     order = np.lexsort((off, pair))
     median = off[order[np.cumsum(count) - count + count // 2]] if len(pairs) else np.zeros(0)

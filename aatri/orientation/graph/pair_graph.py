@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, ranges
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class PairGraph:
         """The chosen pairs."""
         pairs = np.flatnonzero(pairs) if pairs.dtype == bool else pairs
         count = self.inliers[pairs]
-        rows = np.repeat(self.start[pairs] - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
+        rows = ranges(self.start[pairs], count)
         return PairGraph(
             self.images,
             self.left[pairs],

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, ranges
 from aatri.geometry.rotations import exp_rotation, log_rotation
 from aatri.orientation.graph.differences import STEPS, fitted, robust_weights
 
@@ -51,7 +51,7 @@ def closing_triangles(n: int, left: Int, right: Int, left_from_right: Float, sig
     first = np.searchsorted(low[order], np.arange(n + 1))
     count = (first[1:] - first[:-1])[high]
     ab = np.repeat(np.arange(m), count)  # pair a-b, then every pair b-c with c > b
-    bc = order[np.repeat(first[high], count) + np.arange(len(ab)) - np.repeat(np.cumsum(count) - count, count)]
+    bc = order[ranges(first[high], count)]
     closing_key = low[ab].astype(np.int64) * n + high[bc]
     place = np.minimum(np.searchsorted(key, closing_key), max(m - 1, 0))
     has_pair = key[place] == closing_key if m else np.zeros(0, dtype=bool)

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from aatri.adjustment.threads import in_threads, items_between
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, ranges
 from aatri.orientation.strips.kernels.joints import join
 from aatri.orientation.strips.kernels.log_scale import log_scales
 from aatri.orientation.strips.model_errors import root_of
@@ -181,9 +181,7 @@ def _common(models: ModelTable, first: Int, second: Int) -> tuple[Int, Int, Int]
 def _rows_of(start: Int, chosen: Int) -> tuple[Int, Int]:
     """Rows of the chosen items, one after the other: the item's place among the chosen, the row."""
     count = np.diff(start)[chosen]
-    item = np.repeat(np.arange(len(chosen)), count)
-    row = np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start[:-1][chosen], count)
-    return item, row
+    return np.repeat(np.arange(len(chosen)), count), ranges(start[:-1][chosen], count)
 
 
 def _of_models(models: ModelTable) -> tuple[Int | Float, ...]:
