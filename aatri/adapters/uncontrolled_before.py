@@ -35,7 +35,8 @@ def seen_by_one(block: Block, models: Models, rows: Int, redundancy: Float | Non
     model, point = p.model[rows], p.point[rows].astype(np.int64)
     R, b, X = o.left_from_right[model], o.base[model], p.xyz[rows]
     left = _along(b, X)
-    right = _along(_times(R.swapaxes(1, 2), b), _times(R.swapaxes(1, 2), X - b))
+    to_right = R.swapaxes(1, 2)
+    right = _along((to_right @ b[:, :, None])[:, :, 0], (to_right @ (X - b)[:, :, None])[:, :, 0])
     image = np.concatenate([o.left[model], o.right[model]]).astype(np.int64)
     direction = np.full((2 * len(rows), 3), np.nan)
     d = np.concatenate([left, right])
@@ -105,10 +106,6 @@ def _along(b: Float, X: Float) -> Float:
     d = b[:, :2] * X[:, 2:] - X[:, :2] * b[:, 2:]
     length = np.linalg.norm(d, axis=1, keepdims=True)
     return np.asarray(np.where(length > 0, d, 1.0) / np.where(length > 0, length, np.sqrt(2.0)))  # on the base: any
-
-
-def _times(matrices: Float, vectors: Float) -> Float:
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def _rows_in_block(block: Block, image: Int, point: Int) -> Int:

@@ -28,10 +28,6 @@ iteration before: departures shrink with the square of the steps, which shrink b
 DEPTH = 5
 """Differences of steps that are kept: more than the weak modes that blocks were seen to have."""
 
-ROUNDING = 1e-4
-"""Departure, in standard deviations of the observation, below which rounding may keep it from shrinking: strips of
-100 km that tie to centimetres stay at 2e-5 to 5e-5, while contradicting points creep from 1e-3 to 1e-4."""
-
 
 def accelerated(steps: Sequence[Mapping[str, Float]], taken: Sequence[Mapping[str, Float]]) -> dict[str, Float]:
     """The step to take.

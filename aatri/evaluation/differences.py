@@ -44,15 +44,15 @@ def control_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at control coordinates, the rejected ones included."""
     ground = block.ground_points
     measured = ((solution.points.rays > 0) | _of_geodetic_observations(block, solution))[ground.point]
-    variance = _variances(solution.points.covariance_m2)[ground.point]
+    variance = np.einsum("nii->ni", solution.points.covariance_m2)[ground.point]
     return _differences(block, solution, (ground.role == CONTROL) & measured[:, None], variance)
 
 
 def check_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at check coordinates."""
     ground = block.ground_points
-    variance = _variances(solution.points.covariance_m2)[ground.point] + _variances(ground.covariance_m2)
-    return _differences(block, solution, ground.role == CHECK, variance)
+    of_both = np.einsum("nii->ni", solution.points.covariance_m2[ground.point] + ground.covariance_m2)
+    return _differences(block, solution, ground.role == CHECK, of_both)
 
 
 def truth_differences(block: Block, solution: Solution) -> PointDifferences:
@@ -62,7 +62,7 @@ def truth_differences(block: Block, solution: Solution) -> PointDifferences:
     point = block.true_points.point
     difference = solution.points.xyz_m[point] - block.true_points.xyz_m
     rows = is_new(block)[point] & np.isfinite(difference).all(axis=1)
-    sigma = np.sqrt(_variances(solution.points.covariance_m2))[point]
+    sigma = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2))[point]
     return PointDifferences(point, difference, sigma).take(rows)
 
 
@@ -100,7 +100,3 @@ def _differences(block: Block, solution: Solution, takes_part: Bool, variance: F
     sigma = np.where(takes_part, np.sqrt(variance), np.nan)
     rows = np.asarray(np.isfinite(difference).any(axis=1))
     return PointDifferences(ground.point, difference, sigma).take(rows)
-
-
-def _variances(covariance: Float) -> Float:
-    return np.asarray(np.einsum("nii->ni", covariance))

@@ -1,4 +1,4 @@
-"""Directions: unit vectors and their tangents."""
+"""Unit vectors, their tangents, and lengths."""
 
 import numpy as np
 import numpy.typing as npt
@@ -37,3 +37,8 @@ def tangents(direction: npt.ArrayLike) -> Float:
     first = unit(axis - b * np.take_along_axis(b, following, axis=-1))
     second = np.cross(b, first) * np.sign(np.take_along_axis(b, main, axis=-1))
     return np.stack([first, second], axis=-1)
+
+
+def largest_length(xy: Float) -> float:
+    """Largest length of vectors (n, 2), in their unit; 0 of none."""
+    return float(np.hypot(*xy.T).max(initial=0.0))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
+from aatri.adapters.frame.adjustment_frame import frame_of, points_into, solution_into
 from aatri.adapters.interior.photo_coordinates import half_format_of
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Float, Int, finite_rows
@@ -72,11 +72,9 @@ class RunOrientation:
         self.block, self.solution = block, solution
         self.row = {str(name): k for k, name in enumerate(block.images.id)}
         self.frame = frame_of(block)
-        images = solution.images
-        poses = poses_into(self.frame, images.position_m, images.ground_from_image)
+        poses, self.xyz_m = solution_into(self.frame, solution)
         self.position_m, self.ground_from_image = poses.position_m, poses.ground_from_image
         self.oriented = finite_rows(self.position_m)
-        self.xyz_m = points_into(self.frame, solution.points.xyz_m)
         self.point_row = {str(name): k for k, name in enumerate(solution.points.id)}
         self.rays = MeasuredRays(block, image_points, solution)
         self.c_mm = self.rays.c_mm

@@ -55,6 +55,12 @@ class Control:
         """Coordinates that are control, (n, 3)."""
         return self.observed | self.exact
 
+    def row_in_full(self, points: int) -> Int:
+        """Row here of each of so many points, (points,); -1 of those that are not control in all coordinates."""
+        row, full = np.full(points, -1), np.flatnonzero(self.given.all(axis=1))
+        row[self.point[full]] = full
+        return row
+
     def take(self, rows: Int) -> Control:
         """The chosen points."""
         return Control(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))

@@ -6,7 +6,9 @@ the bias is the mean of d. Every stereo pair is restituted by itself too, with t
 Definitions: docs/methods/accuracy.md.
 """
 
-from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
+from functools import partial
+
+from aatri.adapters.frame.adjustment_frame import frame_of, points_out_of, solution_into
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
@@ -39,12 +41,9 @@ def evaluation(
     """Empirical and theoretical accuracy of a Solution."""
     result = evaluate(block, solution, confidence=options.confidence, enough=options.enough_check_points)
     frame = frame_of(block)
-    poses = poses_into(frame, solution.images.position_m, solution.images.ground_from_image)
-    xyz_m = points_into(frame, solution.points.xyz_m)
+    poses, xyz_m = solution_into(frame, solution)
     compared = in_frame_of_check(block, solution)
-    models = single_models(
-        block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X), compared=compared
-    )
+    models = single_models(block, solution, poses, xyz_m, partial(points_out_of, frame), compared=compared)
     result = with_models(result, models, compared=compared)
     context.log(result.verdict)
     tell(check_notes(result, block, solution), context)

@@ -11,9 +11,11 @@ models with y-parallaxes beyond 3 sigma are named. Beside it stand the single mo
 Coordinates are those of the adjustment's Cartesian frame. Source: see aatri/evaluation/set_ups.py.
 """
 
+from functools import partial
+
 import numpy as np
 
-from aatri.adapters.frame.adjustment_frame import frame_of, points_into, poses_into
+from aatri.adapters.frame.adjustment_frame import frame_of, points_out_of, solution_into
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.artifacts.solution import Solution
@@ -50,13 +52,10 @@ def plotter(
         If no two images of the solution make a model.
     """
     frame = frame_of(block)
-    poses = poses_into(frame, solution.images.position_m, solution.images.ground_from_image)
-    xyz_m = points_into(frame, solution.points.xyz_m)
+    poses, xyz_m = solution_into(frame, solution)
     rays = ray_pairs(block, solution, poses, xyz_m)
     compared = in_frame_of_check(block, solution)
-    models = single_models(
-        block, solution, poses, xyz_m, lambda X: X if frame is None else frame.to_block(X), compared=compared
-    )
+    models = single_models(block, solution, poses, xyz_m, partial(points_out_of, frame), compared=compared)
     if rays is None or models is None:
         raise InputError(
             "no stereo model: no two neighbouring images share six points with residuals",

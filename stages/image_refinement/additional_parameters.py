@@ -11,7 +11,7 @@ Source: Kraus, Photogrammetry, calibration over a test field; parameter sets: aa
 """
 
 from aatri.adapters.cameras.calibration import calibrated_correction, calibration_of
-from aatri.adapters.refinement.corrections import largest_length, with_corrections
+from aatri.adapters.refinement.corrections import with_corrections
 from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -20,6 +20,7 @@ from aatri.camera.parameters.catalogue import parameter_set, with_interior
 from aatri.camera.parameters.user import user_set
 from aatri.errors import SpecError
 from aatri.formats.text.text_file import read_lines
+from aatri.geometry.vectors import largest_length
 from aatri.plugin import SILENT, CodePath, Context, Field, Options, stage
 
 
@@ -53,7 +54,7 @@ def additional_parameters(
     parameters = with_interior(parameters) if calibrated.interior else parameters
     correction_mm = calibrated_correction(block, image_points, parameters, calibrated)
     m = image_points.measurements
-    largest = largest_length(correction_mm, m.active & finite_rows(correction_mm))
+    largest = largest_length(correction_mm[m.active & finite_rows(correction_mm)])
     units = ", ".join(id for part in calibrated.parts if part.per != "image" for id in part.ids[:4])
     context.log(f"{calibrated.set} of {units}: at most {1e3 * largest:.2f} um")
     return with_corrections(image_points, m.xy_mm + correction_mm, ["additional parameters"], [largest])

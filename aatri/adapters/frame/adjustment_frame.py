@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import Float, Text, finite_rows
+from aatri.arrays import Float, finite_rows
 from aatri.artifacts.block import Block, Exterior, GroundPoints
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError, InputError
@@ -142,6 +142,17 @@ def points_into(frame: TangentFrame | None, xyz: Float) -> Float:
     return xyz if frame is None else frame.from_block(xyz)
 
 
+def points_out_of(frame: TangentFrame | None, xyz_m: Float) -> Float:
+    """Points of the adjustment in the frame of the block."""
+    return xyz_m if frame is None else frame.to_block(xyz_m)
+
+
+def solution_into(frame: TangentFrame | None, solution: Solution) -> tuple[Poses, Float]:
+    """Poses and points (n, 3) of a Solution in the frame of the adjustment."""
+    images = solution.images
+    return poses_into(frame, images.position_m, images.ground_from_image), points_into(frame, solution.points.xyz_m)
+
+
 def result_out_of(frame: TangentFrame | None, result: BundleResult) -> BundleResult:
     """An adjusted block with poses, points and their covariances in the frame of the block.
 
@@ -196,15 +207,11 @@ def in_tangent_frame(block: Block, initial: Solution | None = None) -> InTangent
     moved = replace(
         block,
         earth_curvature="ignore",
-        frames=replace(block.frames, crs=_tangent_crs(block.frames.crs)),
+        frames=replace(block.frames, crs=np.array(["local", *block.frames.crs[1:]], dtype=np.str_)),
         ground_points=_ground(block, frame, initial),
         exterior=_exterior(block, frame, initial),
     )
     return InTangentFrame(moved, _turned_solution(frame, initial, into=True) if initial else None, frame)
-
-
-def _tangent_crs(crs: Text) -> Text:
-    return np.array(["local", *crs[1:]], dtype=np.str_)
 
 
 def _ground(block: Block, frame: TangentFrame, near: Solution | None) -> GroundPoints:

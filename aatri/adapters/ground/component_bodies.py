@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aatri.adapters.frame.adjustment_frame import points_into
 from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved
 from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import Block
@@ -27,7 +28,8 @@ FREE_SHARE = 0.1
 """Standard deviation of a principal distance of which nothing is said, as a share of it."""
 
 DATUM_SHARE = 0.1
-"""Standard deviation of approximate coordinates over their extent: control says what it can, they the rest."""
+"""Standard deviation of approximate coordinates over their extent: control says what it can, they the rest. A block
+turned by 0.1 rad and moved by a tenth of its flying height converges in each trial of docs/convergence.md."""
 
 
 def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
@@ -96,7 +98,7 @@ def observed_by_neighbours(
 def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observed, ...]]:
     """Points that a free datum rests on, and their approximate coordinates; none where the block marks none."""
     table, frame = ground.block.ground_points, ground.frame
-    xyz = (table.xyz_m if frame is None else frame.from_block(table.xyz_m)) - ground.origin_m
+    xyz = points_into(frame, table.xyz_m) - ground.origin_m
     known, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
     row = np.flatnonzero(known & chosen)
     sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0

@@ -18,6 +18,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import InputError
 from aatri.geometry.plane_transformations import transform_plane
+from aatri.geometry.vectors import largest_length
 
 
 def image_points_of(
@@ -51,8 +52,8 @@ def image_points_of(
     if film_deformation is not None:
         rigid = film_deformation[measured.image]
         undeformed = np.einsum("nij,nj->ni", rigid[:, :, :2], measured.xy) + rigid[:, :, 2]
-        corrections["film_deformation"] = _largest(np.nan_to_num(photo - undeformed), active)
-    corrections["principal_point"] = _largest(principal_point, active)
+        corrections["film_deformation"] = largest_length(np.nan_to_num(photo - undeformed)[active])
+    corrections["principal_point"] = largest_length(principal_point[active])
     return ImagePoints(
         images=ImageIds(id=block.images.id),
         points=PointIds(id=block.points.id),
@@ -135,10 +136,6 @@ def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
     squares = np.where(np.isfinite(matrix[:, :, :2]), matrix[:, :, :2], np.eye(2)) ** 2
     share = squares / (squares[:, :, :1] + squares[:, :, 1:])
     return np.asarray(np.sqrt(np.einsum("nij,nj->ni", share, sigma_mm**2)))
-
-
-def _largest(correction: Float, active: Bool) -> float:
-    return float(np.hypot(*correction[active].T).max(initial=0.0))
 
 
 def _outside_suspects(block: Block, photo: Float, camera: Int, outside: Bool) -> Suspects:

@@ -8,12 +8,13 @@ import numpy as np
 from aatri.adapters.refinement.earth import earth_correction
 from aatri.adapters.refinement.heights import stations_of
 from aatri.adapters.refinement.lens import lens_correction
-from aatri.arrays import Bool, Float
+from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.corrections.atmosphere import Atmosphere
 from aatri.errors import SpecError
+from aatri.geometry.vectors import largest_length
 from aatri.notes import Note
 
 IN_ORDER = ("distortion", "refraction", "earth_curvature")
@@ -40,11 +41,6 @@ def with_corrections(
             largest_mm=np.concatenate([done.largest_mm, largest_mm]),
         ),
     )
-
-
-def largest_length(correction_mm: Float, used: Bool) -> float:
-    """Largest length of the corrections of the chosen points, mm; 0 of none."""
-    return float(np.hypot(*correction_mm[used].T).max(initial=0.0))
 
 
 def systematically_corrected(
@@ -84,7 +80,7 @@ def systematically_corrected(
             correction, more = earth_correction(name, block, stations, image, xy[rows], m.sigma_mm[rows], atmosphere)
         notes += more
         xy[rows] += correction
-        largest.append(largest_length(correction, m.active[rows]))
+        largest.append(largest_length(correction[m.active[rows]]))
         notes.append(Note("note", f"{name}: at most {1e3 * largest[-1]:.2f} um"))
     return with_corrections(image_points, xy, requested, largest), tuple(notes)
 

@@ -56,7 +56,7 @@ def findings_after(
     arms, boresights = (
         dict(zip(cameras.id.tolist(), values)) for values in (cameras.lever_arm_m, cameras.boresight_rad)
     )
-    moved = {finding.where for finding in moved_cameras(result)}
+    moved = moved_cameras(result)
     named = wrong_groups(groups, arms, boresights, moved)
     wrong = [one for one in groups if contradicts(one, moved)]
     explained = done.scale != 1.0 or bool(wrong)

@@ -57,10 +57,10 @@ def parameter_findings(inputs: BundleInput, result: BundleResult) -> list[Findin
     return findings
 
 
-def moved_cameras(result: BundleResult) -> list[Finding]:
-    """Warnings of cameras that have left their given values, which `parameter_findings` has too."""
+def moved_cameras(result: BundleResult) -> set[str]:
+    """Cameras, or sessions and images with parameters of their own, that have left their given values."""
     cameras = [g for g in result.parameters if g.given.group == CAMERA and not g.given.calibrated]
-    return [finding for group in cameras for k in range(len(group.value)) for finding in _moved(group, k)]
+    return {str(g.given.ids[k]) for g in cameras for k in range(len(g.value)) if _moved(g, k)}
 
 
 def _calibrated(group: AdjustedParameters) -> list[Finding]:

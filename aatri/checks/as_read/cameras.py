@@ -103,8 +103,7 @@ def distances_by_scale(block: Block, xy_mm: Float, usable: Bool) -> tuple[Int, F
     usable : (k,) bool
     """
     control, points, c = control_of(block), block.image_points, block.cameras
-    number = np.full(len(block.points), -1)
-    number[control.point[control.given.all(axis=1)]] = np.flatnonzero(control.given.all(axis=1))
+    number = control.row_in_full(len(block.points))
     rows = np.flatnonzero(usable & (number[points.point] >= 0))
     rows = rows[np.argsort(points.image[rows], kind="stable")]
     first, second = rows[:-1], rows[1:]

@@ -5,7 +5,7 @@ Test: those of orientations and exchanged control only where the start comes fro
 been checked by the stage that made it, and starts of a geocentric frame have no heights.
 """
 
-from aatri.adapters.frame.adjustment_frame import poses_out_of
+from aatri.adapters.frame.adjustment_frame import points_out_of, poses_out_of
 from aatri.checks.at_start.attitude_convention import attitude_conventions
 from aatri.checks.at_start.conventions import other_conventions
 from aatri.checks.at_start.exchanged_control import exchanged_control
@@ -32,8 +32,7 @@ def findings_at_start(source: ObservationSource, inputs: BundleInput, *, of_the_
     """
     block, frame = source.block, source.frame
     poses = poses_out_of(frame, inputs.poses.shifted(inputs.origin_m))
-    xyz = inputs.xyz_m + inputs.origin_m
-    xyz = xyz if frame is None else frame.to_block(xyz)
+    xyz = points_out_of(frame, inputs.xyz_m + inputs.origin_m)
     findings: list[Finding | Note] = [
         *other_conventions(block, inputs),
         *neglected_by_the_frame(block, frame, poses.position_m, xyz),

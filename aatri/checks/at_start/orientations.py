@@ -89,8 +89,7 @@ def _is_upright(block: Block) -> bool:
 def control_outside(block: Block, position_m: Float, ground_from_image: Float) -> list[Finding]:
     """How much of the control projects into the images that show it; what does not, by name."""
     control, points = control_of(block), block.image_points
-    number = np.full(len(block.points), -1)
-    number[control.point[control.given.all(axis=1)]] = np.flatnonzero(control.given.all(axis=1))
+    number = control.row_in_full(len(block.points))
     c, camera = block.cameras, block.images.camera[points.image]
     half = half_format_mm(np.asarray(c.kind == "digital"), c.format, c.pixel_size_mm)
     usable: Bool = points.active & block.images.active[points.image] & (number[points.point] >= 0)

@@ -66,8 +66,8 @@ STIFF, LEFT = 2.0, 4
 """Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
 
 FEW = 4
-"""One in so many may be far from the start for gross errors to be what bends the body: of six observations three may be
-so for a principal distance that is 2 % off, and the other three fit any."""
+"""One in so many may be far from the start for gross errors to bend the body: of eight, over two are wrong in 4 %, if
+one in ten is (Hampel et al. 1986, Robust Statistics, 1.2c). Where c is 2 % off half are far, and the others fit any."""
 
 NOTHING = "it holds no control point and no observed position"
 ENOUGH = "at least two points known in plan and three in height, not on a line, or as many observed positions"

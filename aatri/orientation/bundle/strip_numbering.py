@@ -21,7 +21,9 @@ import numpy as np
 from aatri.arrays import Float, Int
 
 TURN_DEG, LONGEST, FEWEST_OF_LINE = 45.0, 3.0, 3
-"""Where a line of flight ends: nearer to across than to along; images left out; fewer images are no line."""
+"""Where a line of flight ends: half of the least turn between the lines of a plan, those that cross at right angles;
+three bases, as images with the textbook's overlap of 60 % have no ground in common beyond 2.5; two images show no
+direction that a third one could keep."""
 
 
 @dataclass(frozen=True)

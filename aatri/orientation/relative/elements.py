@@ -51,7 +51,7 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
     slopes = base[:, 1:] / base[:, :1]
     by_t = (T[:, 1:] - slopes[:, :, None] * T[:, :1]) / base[:, :1, None]
     of_slopes = by_t @ covariance[:, 3:, 3:] @ by_t.swapaxes(1, 2)
-    variances = np.concatenate([_diagonal(of_angles), _diagonal(of_slopes)], axis=1)
+    variances = np.concatenate([np.einsum("nii->ni", of_angles), np.einsum("nii->ni", of_slopes)], axis=1)
     return np.concatenate([angles, slopes], axis=1), np.sqrt(variances)
 
 
@@ -77,7 +77,7 @@ def independent_elements(left_from_right: Float, base: Float, covariance: Float)
     left = angles_from_rotation(R1, "phi-omega-kappa")[:, [0, 2]]
     values = np.concatenate([left, angles_from_rotation(R2, "phi-omega-kappa")], axis=1)
     of_left = of_left @ covariance[:, 3:, 3:] @ of_left.swapaxes(1, 2)
-    return values, np.sqrt(np.concatenate([_diagonal(of_left), _diagonal(of_right)], axis=1))
+    return values, np.sqrt(np.concatenate([np.einsum("nii->ni", of_left), np.einsum("nii->ni", of_right)], axis=1))
 
 
 def left_rotation(base: Float) -> Float:
@@ -103,7 +103,3 @@ def turn_of_left(base: Float) -> Float:
     axes[:, 1, 0] = -1.0  # phi turns about -Y
     axes[:, 0, 1], axes[:, 2, 1] = -np.sin(phi), np.cos(phi)  # kappa about the third axis of R(phi)
     return np.asarray(axes @ left_angle_rates(base))
-
-
-def _diagonal(matrices: Float) -> Float:
-    return np.asarray(np.einsum("nii->ni", matrices))
